@@ -1,0 +1,1 @@
+"""The algorithms of Streetloom: arrays in, arrays out."""
