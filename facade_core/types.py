@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from shapely import LineString, Polygon
 
 
 @dataclass(frozen=True, slots=True)
@@ -63,3 +67,28 @@ class Synthesis:
     labels: np.ndarray
     tiles: np.ndarray
     energy: float
+
+
+@dataclass(frozen=True, slots=True)
+class Building:
+    """A footprint to extrude, in the block's metric frame (metres, z up).
+
+    height is from the ground to the roof; height_source says where it is from: "height", "levels" or "default".
+    levels is the number of storeys where the source states it.
+    """
+
+    id: str
+    footprint: Polygon
+    height: float
+    height_source: str
+    levels: int | None = None
+    name: str | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Street:
+    """A street centreline in the block's metric frame (metres)."""
+
+    id: str
+    name: str | None
+    line: LineString
