@@ -1,0 +1,31 @@
+"""The texture atlas in chunked zarr (Icechunk): its shape, its store, its journal and what wins on a texel."""
+
+from facade_core.atlas.journal import STAGES, atlas_digest, read_journal, write_record
+from facade_core.atlas.provenance import INPAINTED, PHOTO, PROVENANCE, SYNTHESISED, TRANSLATED, UNSEEN, resolve
+from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.atlas.store import commit, create_arrays, open_repository, open_table, write_table
+
+__all__ = [
+    "INPAINTED",
+    "PHOTO",
+    "PROVENANCE",
+    "STAGES",
+    "SYNTHESISED",
+    "TRANSLATED",
+    "UNSEEN",
+    "AtlasSpec",
+    "Rasters",
+    "atlas_digest",
+    "chunk_digests",
+    "commit",
+    "create_arrays",
+    "open_repository",
+    "open_table",
+    "read_journal",
+    "read_rasters",
+    "resolve",
+    "write_rasters",
+    "write_record",
+    "write_table",
+]

@@ -1,0 +1,52 @@
+"""The journal: one record per unit of work, in the same commit as the unit's data.
+
+Each stage has a string array, one element and one chunk per unit. A record is JSON with at least `unit` and `key`; a unit is
+done when its record's key equals the key that its inputs have now.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from typing import Any
+
+import zarr
+
+STAGES = ("exemplars", "facades", "viewpoints", "streets")
+
+# Fields of a record that may differ between two runs of the same unit on the same input.
+VOLATILE = ("worker", "seconds", "started")
+
+
+def read_journal(group: zarr.Group, stage: str) -> list[dict[str, Any] | None]:
+    """All records of a stage by unit index; None where there is none."""
+    return [json.loads(text) if text else None for text in group[f"journal/{stage}"][:]]
+
+
+def write_record(group: zarr.Group, stage: str, index: int, record: dict[str, Any]) -> None:
+    group[f"journal/{stage}"][index] = json.dumps(record, sort_keys=True, allow_nan=False)
+
+
+def unit_key(*parts: Any) -> str:
+    """The key of a unit: a digest of everything that its result depends on (strings, numbers, nested lists and dicts)."""
+    return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
+
+
+def latest_chunks(facades: list[dict[str, Any] | None], streets: list[dict[str, Any] | None]) -> dict[str, str]:
+    """Digest of every chunk as its last writer left it: facade stages first, then streets in the order of their waves."""
+    chunks: dict[str, str] = {}
+    for record in facades:
+        if record:
+            chunks.update(record.get("chunks", {}))
+    for record in sorted((r for r in streets if r), key=lambda r: (r["wave"], r["unit"])):
+        chunks.update(record["chunks"])
+    return chunks
+
+
+def atlas_digest(group: zarr.Group) -> str:
+    """One digest of the whole atlas: of the chunks' digests in (page, row, column) order."""
+    chunks = latest_chunks(read_journal(group, "facades"), read_journal(group, "streets"))
+    digest = hashlib.sha256()
+    for name in sorted(chunks, key=lambda n: tuple(int(v) for v in n.split("/"))):
+        digest.update(f"{name}:{chunks[name]}\n".encode())
+    return digest.hexdigest()

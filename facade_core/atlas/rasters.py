@@ -1,0 +1,93 @@
+"""Chart rasters between memory and the atlas pages: whole chunks, gutters replicated."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+import numpy as np
+import zarr
+
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.geometry.packing import Placement
+
+
+@dataclass(frozen=True)
+class Rasters:
+    """The texels of some charts laid end to end, row-major within a chart.
+
+    charts (k,) chart ids in their order in memory; offset (n,) int64 over ALL charts of the block: texel (row, column) of
+    chart c is at offset[c] + row * width[c] + column, and -1 where the chart is not held; total texels in all.
+    """
+
+    charts: np.ndarray
+    offset: np.ndarray
+    total: int
+
+    @classmethod
+    def of(cls, placement: Placement, charts: Iterable[int]) -> Rasters:
+        held = np.array(list(charts), np.int64)
+        size = placement.width[held].astype(np.int64) * placement.height[held]
+        offset = np.full(len(placement.page), -1, np.int64)
+        offset[held] = np.cumsum(size) - size
+        return cls(held, offset, int(size.sum()))
+
+    def slice(self, placement: Placement, chart: int) -> slice:
+        start = int(self.offset[chart])
+        return slice(start, start + int(placement.width[chart]) * int(placement.height[chart]))
+
+
+def read_rasters(array: zarr.Array, placement: Placement, rasters: Rasters) -> np.ndarray:
+    """The held charts' texels of a (page, y, x, ...) array: (total, ...)."""
+    flat = np.empty((rasters.total, *array.shape[3:]), array.dtype)
+    for c in rasters.charts:
+        y, x = int(placement.y[c]), int(placement.x[c])
+        block = array[int(placement.page[c]), y : y + int(placement.height[c]), x : x + int(placement.width[c])]
+        flat[rasters.slice(placement, c)] = np.asarray(block).reshape(-1, *array.shape[3:])
+    return flat
+
+
+def write_rasters(array: zarr.Array, spec: AtlasSpec, placement: Placement, rasters: Rasters, flat: np.ndarray) -> None:
+    """Write the held charts' texels (total, ...) and their gutters into a (page, y, x, ...) array.
+
+    A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones share theirs, and
+    zarr reads and rewrites it: only the unit that owns the building may do that.
+    """
+    for c in rasters.charts:
+        height, width = int(placement.height[c]), int(placement.width[c])
+        raster = flat[rasters.slice(placement, c)].reshape(height, width, *array.shape[3:])
+        y, x = int(placement.y[c]) - spec.gutter, int(placement.x[c]) - spec.gutter
+        colour = [(0, 0)] * (raster.ndim - 2)
+        block = np.pad(raster, [(spec.gutter,) * 2, (spec.gutter,) * 2, *colour], mode="edge")
+        if max(block.shape[:2]) > spec.chunk // 2:
+            rows, columns = (-size % spec.chunk for size in block.shape[:2])
+            block = np.pad(block, [(0, rows), (0, columns), *colour])
+        array[int(placement.page[c]), y : y + block.shape[0], x : x + block.shape[1]] = block
+
+
+def chunk_digests(
+    colour: zarr.Array, provenance: zarr.Array, spec: AtlasSpec, placement: Placement, charts: Iterable[int]
+) -> dict[str, str]:
+    """Digest of colour and provenance of every chunk that holds one of `charts`: "page/row/column" -> hex."""
+    digests: dict[str, str] = {}
+    for c in charts:
+        chunks = placement.chunks(int(c), spec.chunk, spec.gutter)
+        page, row, column = (int(v) for v in chunks[0])
+        if f"{page}/{row}/{column}" in digests:
+            continue
+        rows, columns = (int(v) for v in chunks[-1, 1:] - chunks[0, 1:] + 1)
+        region = (
+            page,
+            slice(row * spec.chunk, (row + rows) * spec.chunk),
+            slice(column * spec.chunk, (column + columns) * spec.chunk),
+        )
+        blocks = [np.asarray(a[region]) for a in (colour, provenance)]
+        for r in range(rows):
+            for k in range(columns):
+                digest = hashlib.blake2b(digest_size=8)
+                for block in blocks:
+                    part = block[r * spec.chunk : (r + 1) * spec.chunk, k * spec.chunk : (k + 1) * spec.chunk]
+                    digest.update(np.ascontiguousarray(part).tobytes())
+                digests[f"{page}/{row + r}/{column + k}"] = digest.hexdigest()
+    return digests

@@ -1,0 +1,127 @@
+"""The block's store: an Icechunk repository with tables, atlas pages, panoramas and the journal."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from itertools import combinations
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import icechunk
+import numpy as np
+import zarr
+
+from facade_core.atlas.journal import STAGES
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.errors import StoreError
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+BRANCH = "main"
+
+# name -> (dtype, trailing dimension, meaning)
+ATLAS_ARRAYS = {
+    "seed": ("uint8", "rgb", "colour from the facade stages"),
+    "seed_evidence": ("uint8", None, "provenance of seed, 0 where there is none"),
+    "street": ("uint8", "rgb", "colour from the street stage, Eq. 1"),
+    "street_views": ("uint16", None, "views blended into street"),
+    "colour": ("uint8", "rgb", "resolved colour"),
+    "provenance": ("uint8", None, "source of colour: 0 unseen, 1 translated, 2 synthesised, 3 inpainted, 4 photo"),
+}
+FACADE_ARRAYS = {
+    "evidence": ("uint8", "rgb", "facade image before completion"),
+    "labels": ("uint8", None, "class id as in facade_core.labels, 255 unknown"),
+    "occluded": ("bool", None, "hidden in the facade image"),
+}
+
+
+def open_repository(path: Path, *, create: bool = False) -> icechunk.Repository:
+    """The repository in folder `path`. Raises StoreError when there is none (and `create` is False) or it is damaged."""
+    storage = icechunk.local_filesystem_storage(str(path))
+    try:
+        return icechunk.Repository.open_or_create(storage) if create else icechunk.Repository.open(storage)
+    except icechunk.IcechunkError as error:
+        raise StoreError(
+            f"{path}: no usable store ({str(error).splitlines()[0]}); run the block first, or remove it"
+        ) from error
+
+
+def create_arrays(
+    group: zarr.Group, spec: AtlasSpec, *, viewpoints: int, panorama_width: int, units: Mapping[str, int]
+) -> None:
+    """Empty atlas pages, facade maps, panoramas and journal: metadata only, no chunk is written.
+
+    units: how many units each stage of the journal has.
+    """
+    pages = (spec.pages, spec.page, spec.page)
+    for folder, arrays in (("atlas", ATLAS_ARRAYS), ("facade_maps", FACADE_ARRAYS)):
+        for name, (dtype, last, meaning) in arrays.items():
+            group.create_array(
+                f"{folder}/{name}",
+                shape=(*pages, 3) if last else pages,
+                chunks=(1, spec.chunk, spec.chunk, 3) if last else (1, spec.chunk, spec.chunk),
+                dtype=dtype,
+                dimension_names=("page", "y", "x", *([last] if last else [])),
+                fill_value=0,
+                attributes={"long_name": meaning},
+                overwrite=True,
+            )
+        group[folder].attrs.update(texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel")
+    group.create_array(
+        "panoramas/rgb",
+        shape=(viewpoints, panorama_width // 2, panorama_width, 3),
+        chunks=(1, panorama_width // 2, panorama_width, 3),
+        dtype="uint8",
+        dimension_names=("viewpoint", "row", "column", "rgb"),
+        fill_value=0,
+        attributes={"long_name": "translated equirectangular panorama; the truth of street texturing"},
+        overwrite=True,
+    )
+    for stage in STAGES:
+        group.create_array(
+            f"journal/{stage}",
+            shape=(units.get(stage, 0),),
+            chunks=(1,),
+            dtype=str,
+            dimension_names=(stage.removesuffix("s"),),
+            attributes={"long_name": f"record of each unit of {stage}, JSON; empty until it is done"},
+            overwrite=True,
+        )
+
+
+def write_table(session: icechunk.Session, group: str, table: xr.Dataset) -> None:
+    """Write a table (a Dataset with one dimension per kind of row) over whatever the group held."""
+    table.to_zarr(session.store, group=group, mode="w", consolidated=False)
+
+
+def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
+    import xarray as xr
+
+    return xr.open_zarr(session.store, group=group, consolidated=False, chunks=None)
+
+
+def commit(session: icechunk.Session, message: str, forks: Sequence[Any] = ()) -> str:
+    """Merge what workers wrote and commit it; the one place where history grows. Returns the snapshot id.
+
+    Raises StoreError when two forks wrote one chunk: merging would silently lose one of the writes.
+    """
+    written = [_chunks_written(fork) for fork in forks]
+    for (i, one), (j, other) in combinations(enumerate(written), 2):
+        if both := one & other:
+            raise StoreError(
+                f"workers {i} and {j} wrote the same chunk {sorted(both)[0]}; their units must not share it"
+            )
+    if forks:
+        session.merge(*forks)
+    return session.commit(message, rebase_with=icechunk.ConflictDetector())
+
+
+def _chunks_written(fork: Any) -> set[tuple[str, tuple[int, ...]]]:
+    changed = fork.status().updated_chunks
+    return {(path, tuple(int(i) for i in index)) for path, indices in changed.items() for index in indices}
+
+
+def text_column(values: Sequence[str]) -> np.ndarray:
+    """Strings as a column that zarr keeps with variable length."""
+    return np.array(list(values), dtype=object) if len(values) else np.array([], dtype="U1")

@@ -1,0 +1,77 @@
+"""Viewpoints along street centrelines (street paper, 3) and the waves in which streets may run side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from shapely import LineString, Polygon
+
+
+@dataclass(frozen=True)
+class Viewpoint:
+    """An upright panoramic camera: position (3,) metres, forward (2,) horizontal unit vector along the street."""
+
+    id: int
+    street: int
+    position: np.ndarray
+    forward: np.ndarray
+
+
+def viewpoints(
+    centreline: LineString,
+    *,
+    spacing: float = 5.0,
+    height: float = 2.5,
+    obstacles: Sequence[Polygon] = (),
+    clearance: float = 0.3,
+) -> tuple[np.ndarray, np.ndarray]:
+    """Positions (n, 3) and forward directions (n, 2) every `spacing` metres along a centreline, `height` above z = 0.
+
+    The first stands half a spacing in, so that two streets that meet do not share a viewpoint. None stands inside
+    an obstacle or nearer to one than `clearance` metres.
+    """
+    distance = np.arange(spacing / 2, centreline.length, spacing)
+    if len(distance) == 0:
+        return np.empty((0, 3)), np.empty((0, 2))
+    points = shapely.get_coordinates(shapely.line_interpolate_point(centreline, distance))
+    step = min(0.5, spacing / 4)
+    ahead = shapely.get_coordinates(
+        shapely.line_interpolate_point(centreline, np.minimum(distance + step, centreline.length))
+    )
+    behind = shapely.get_coordinates(shapely.line_interpolate_point(centreline, np.maximum(distance - step, 0)))
+    forward = ahead - behind
+    length = np.linalg.norm(forward, axis=1)
+    free = length > 1e-9
+    if len(obstacles):
+        tree = shapely.STRtree(np.asarray(obstacles, dtype=object))
+        hit = tree.query(shapely.points(points), predicate="dwithin", distance=clearance)[0]
+        free[hit] = False
+    forward = forward[free] / length[free, None]
+    return np.column_stack([points[free], np.full(free.sum(), height)]), forward
+
+
+def colour_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
+    """Wave of each street, (n,) int32: streets of one wave never touch a chunk that the other writes.
+
+    Greedy colouring of the conflict graph, streets with most conflicts first (ties: lower index), lowest free wave.
+    """
+    n = len(writes)
+    readers: dict = {}
+    for street, chunks in enumerate(reads):
+        for chunk in chunks:
+            readers.setdefault(chunk, set()).add(street)
+    conflicts: list[set[int]] = [set() for _ in range(n)]
+    for street, chunks in enumerate(writes):
+        for chunk in chunks:
+            for other in readers.get(chunk, ()):
+                if other != street:
+                    conflicts[street].add(other)
+                    conflicts[other].add(street)
+    wave = np.full(n, -1, np.int32)
+    for street in sorted(range(n), key=lambda s: (-len(conflicts[s]), s)):
+        taken = {int(wave[other]) for other in conflicts[street]}
+        wave[street] = next(w for w in range(n + 1) if w not in taken)
+    return wave

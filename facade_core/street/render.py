@@ -1,0 +1,78 @@
+"""The partially textured panorama of a viewpoint (street paper, 3 Rendering)."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.atlas.provenance import UNSEEN
+from facade_core.errors import GeometryError
+from facade_core.geometry.raycast import MISS
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.scene import Scene
+from facade_core.street.window import Window
+
+# Soft daylight: a hemisphere of sky plus a low sun from the south-west.
+SUN = np.array([-0.45, -0.6, 0.66])
+AMBIENT = 0.72
+# Grey of geometry beyond the visibility range: it is neither read nor written.
+BEYOND = 160
+
+
+@dataclass(frozen=True)
+class Panorama:
+    """rgb (h, w, 3) uint8: textured parts in colour, the rest in grey, sky black; textured (h, w) bool; depth (h, w) float32
+    metres, inf for sky; chart (h, w) int32, -1 for sky and beyond the visibility range; points (h, w, 3) float64, world points
+    of the pixels."""
+
+    viewpoint: Viewpoint
+    rgb: np.ndarray
+    textured: np.ndarray
+    depth: np.ndarray
+    chart: np.ndarray
+    points: np.ndarray
+
+
+def shade(normals: np.ndarray) -> np.ndarray:
+    """Grey of a white surface under the soft daylight, (...,) in 0..1, for unit normals (..., 3)."""
+    sky = 0.5 + 0.5 * normals[..., 2]
+    sun = np.clip(normals @ (SUN / np.linalg.norm(SUN)), 0, 1)
+    return np.clip(AMBIENT + 0.12 * sky + 0.16 * sun, 0, 1)
+
+
+def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
+    """Render a viewpoint with the texels that the window `atlas` holds; size = (height, width) pixels, width = 2 height.
+
+    A texel of provenance 0, and every chart that the window does not hold, counts as untextured. Raises GeometryError for
+    another shape of panorama.
+    """
+    height, width = size
+    if width != 2 * height:
+        raise GeometryError(
+            f"an equirectangular panorama is twice as wide as high, not {width} x {height}; change the size"
+        )
+    rays, depth, chart = scene.look(viewpoint, width)
+    seen = chart != MISS
+    hit = chart[seen]
+    points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
+    relative = points[seen] - scene.charts.origin[hit]
+    placement, density = scene.placement, scene.spec.texels_per_metre
+    column = (np.einsum("ij,ij->i", relative, scene.charts.axis_u[hit]) * density).astype(np.int64)
+    row = (np.einsum("ij,ij->i", relative, scene.charts.axis_v[hit]) * density).astype(np.int64)
+    column = np.clip(column, 0, placement.width[hit] - 1)
+    row = np.clip(row, 0, placement.height[hit] - 1)
+    held = atlas.rasters.offset[hit] >= 0
+    texel = (atlas.rasters.offset[hit] + row * placement.width[hit] + column)[held]
+
+    pixels = np.repeat((255 * shade(scene.charts.normal()[hit])).astype(np.uint8)[:, None], 3, axis=1)
+    known = np.zeros(len(hit), bool)
+    known[held] = atlas.provenance[texel] > UNSEEN
+    pixels[known] = atlas.colour[texel[known[held]]]
+
+    rgb = np.zeros((height, width, 3), np.uint8)
+    rgb[np.isfinite(depth) & ~seen] = BEYOND
+    rgb[seen] = pixels
+    textured = np.zeros((height, width), bool)
+    textured[seen] = known
+    return Panorama(viewpoint, rgb, textured, depth.astype(np.float32), chart, points)
