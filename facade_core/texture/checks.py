@@ -1,0 +1,38 @@
+"""What every public function of this package asks of its images, labels and masks."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.errors import ImageError
+
+
+def check_image(image: np.ndarray) -> None:
+    """Raise ImageError unless image is uint8 RGB (H, W, 3) of at least 16 x 16 px."""
+    if not isinstance(image, np.ndarray) or image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3:
+        found = f"{getattr(image, 'dtype', type(image).__name__)} {getattr(image, 'shape', '')}"
+        raise ImageError(f"texture: the image is {found}; pass uint8 RGB of shape (H, W, 3)")
+    if min(image.shape[:2]) < 16:
+        raise ImageError(
+            f"texture: the image is {image.shape[1]} x {image.shape[0]} px; pass one of at least 16 x 16 px"
+        )
+
+
+def check_labels(image: np.ndarray, labels: np.ndarray) -> None:
+    """Raise ImageError unless labels is uint8 (H, W) of the image's size."""
+    if not isinstance(labels, np.ndarray) or labels.dtype != np.uint8 or labels.shape != image.shape[:2]:
+        found = f"{getattr(labels, 'dtype', type(labels).__name__)} {getattr(labels, 'shape', '')}"
+        raise ImageError(
+            f"texture: the labels are {found}; pass uint8 class ids of shape {image.shape[:2]}, e.g. parse(image).labels"
+        )
+
+
+def check_mask(image: np.ndarray, mask: np.ndarray) -> None:
+    """Raise ImageError unless mask is bool (H, W) of the image's size and leaves something known."""
+    if not isinstance(mask, np.ndarray) or mask.dtype != bool or mask.shape != image.shape[:2]:
+        found = f"{getattr(mask, 'dtype', type(mask).__name__)} {getattr(mask, 'shape', '')}"
+        raise ImageError(f"inpaint: the mask is {found}; pass bool of shape {image.shape[:2]}, True = missing")
+    if mask.all():
+        raise ImageError(
+            "inpaint: the mask covers the whole image; pass a mask with visible pixels, or retarget an exemplar"
+        )

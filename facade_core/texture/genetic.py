@@ -1,0 +1,114 @@
+"""The genetic algorithm that assigns exemplar tiles to grid nodes (tiles paper, section 3.3, Algo. 2)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from facade_core.texture.consistency import Tables, refresh, total
+
+POPULATION = 10
+ELITE = 4
+BLOCK = 5
+_DRAWS = 20  # random numbers that one pair of children uses
+
+
+def evolve(
+    tab: Tables,
+    population: np.ndarray,
+    *,
+    shape: tuple[int, int],
+    rows: np.ndarray,
+    columns: np.ndarray,
+    frozen: np.ndarray,
+    usable: np.ndarray,
+    generations: int,
+    rng: np.random.Generator,
+) -> tuple[np.ndarray, float]:
+    """The fittest tiling (M, N) int32 after some generations, and its energy (Eq. 4).
+
+    population (POPULATION, M, N) int32 holds the first generation; shape is the exemplar grid's. A node (y, x) takes
+    tile (i, j) only if rows[y, i], columns[x, j] (bool, (M, rows) and (N, columns)) and usable[i, j]; frozen (M, N)
+    nodes never change. Blocks are up to 5 x 5 (U = 5); 2-tournaments; the 4 best survive (Q = 10, q = 4).
+    """
+    return _evolve(
+        population.astype(np.int32),
+        rng.random((generations, (POPULATION - ELITE) // 2, _DRAWS)),
+        shape[0],
+        shape[1],
+        rows.astype(np.int64),
+        columns.astype(np.int64),
+        frozen,
+        usable,
+        *tab.arguments,
+    )
+
+
+@njit(cache=True)
+def _pick(number: float, count: int) -> int:
+    return min(int(number * count), count - 1)
+
+
+@njit(cache=True)
+def _mutate(tiles, u, height, width, rows, columns, frozen, usable):  # fmt: skip
+    """Copy a block of the exemplar grid over a block of the new one, as far as the nodes may take it."""
+    h, w = 1 + _pick(u[0], BLOCK), 1 + _pick(u[1], BLOCK)
+    y, x = _pick(u[2], tiles.shape[0]), _pick(u[3], tiles.shape[1])
+    nth, i = _pick(u[4], rows[y].sum()), -1
+    while nth >= 0:
+        i += 1
+        nth -= rows[y, i]
+    nth, j = _pick(u[5], columns[x].sum()), -1
+    while nth >= 0:
+        j += 1
+        nth -= columns[x, j]
+    h, w = min(h, tiles.shape[0] - y, height - i), min(w, tiles.shape[1] - x, width - j)
+    for a in range(h):
+        for b in range(w):
+            if rows[y + a, i + a] and columns[x + b, j + b] and usable[i + a, j + b] and not frozen[y + a, x + b]:
+                tiles[y + a, x + b] = (i + a) * width + j + b
+    return y, y + h, x, x + w
+
+
+@njit(cache=True)
+def _evolve(population, draws, height, width, rows, columns, frozen, usable,
+            right, below, kind, distance, across, down, scale_right, scale_below):  # fmt: skip
+    count, tall, wide = population.shape
+    cost = np.zeros((count, 4, tall, wide))
+    fitness = np.empty(count)
+    for k in range(count):
+        refresh(cost[k], population[k], 0, tall, 0, wide,
+                right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
+        fitness[k] = total(cost[k])
+    heirs, heir_cost, heir_fitness = population.copy(), cost.copy(), fitness.copy()
+    for generation in range(draws.shape[0]):
+        order = np.argsort(fitness)
+        for k in range(ELITE):
+            heirs[k], heir_cost[k], heir_fitness[k] = population[order[k]], cost[order[k]], fitness[order[k]]
+        for pair in range(draws.shape[1]):
+            u = draws[generation, pair]
+            a, b = _pick(u[0], count), _pick(u[1], count)
+            mother = a if fitness[a] <= fitness[b] else b
+            a, b = _pick(u[2], count), _pick(u[3], count)
+            father = a if fitness[a] <= fitness[b] else b
+            first, second = ELITE + 2 * pair, ELITE + 2 * pair + 1
+            heirs[first], heir_cost[first] = population[mother], cost[mother]
+            heirs[second], heir_cost[second] = population[father], cost[father]
+            y, x = _pick(u[4], tall), _pick(u[5], wide)
+            y1, x1 = min(tall, y + 1 + _pick(u[6], BLOCK)), min(wide, x + 1 + _pick(u[7], BLOCK))
+            for i in range(y, y1):
+                for j in range(x, x1):
+                    heirs[first, i, j], heirs[second, i, j] = heirs[second, i, j], heirs[first, i, j]
+            for k in range(2):
+                child = first + k
+                refresh(heir_cost[child], heirs[child], y, y1, x, x1,
+                        right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
+                t, b, l, r = _mutate(heirs[child], u[8 + 6 * k :], height, width, rows, columns, frozen, usable)
+                refresh(heir_cost[child], heirs[child], t, b, l, r,
+                        right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
+                heir_fitness[child] = total(heir_cost[child])
+        population, heirs = heirs, population
+        cost, heir_cost = heir_cost, cost
+        fitness, heir_fitness = heir_fitness, fitness
+    best = np.argmin(fitness)
+    return population[best].copy(), fitness[best]
