@@ -1,0 +1,129 @@
+import numpy as np
+import pytest
+
+from facade_core.errors import LayoutError, ModelError
+from facade_core.layout import complete
+from facade_core.types import Element
+
+DOMAIN = (0.0, 0.0, 200.0, 160.0)
+LEFT = [(0.0, 0.0, 100.0, 160.0)]
+
+
+def box(label, cx, cy, w, h):
+    return Element(label, cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2)
+
+
+def facade():
+    """Windows 5 x 3 with balconies on the middle floor, and the door."""
+    windows = [box("window", x, y, 16, 24) for y in (30, 70, 110) for x in (20, 60, 100, 140, 180)]
+    balconies = [box("balcony", x, 80, 24, 8) for x in (20, 60, 100, 140, 180)]
+    return [*windows, *balconies, box("door", 60, 148, 16, 24)]
+
+
+def see(elements, region):
+    def meets(e):
+        return any(min(e.x1, r[2]) > max(e.x0, r[0]) and min(e.y1, r[3]) > max(e.y0, r[1]) for r in region)
+
+    return [e for e in elements if meets(e)]
+
+
+def overlapping(a, b):
+    return min(a.x1, b.x1) > max(a.x0, b.x0) and min(a.y1, b.y1) > max(a.y0, b.y0)
+
+
+def sound(completion, seen, domain, region):
+    elements = completion.elements
+    assert elements[: len(seen)] == tuple(seen)
+    for i, e in enumerate(elements[len(seen) :], len(seen)):
+        assert e.x0 >= domain[0]
+        assert e.y0 >= domain[1]
+        assert e.x1 <= domain[2]
+        assert e.y1 <= domain[3]
+        assert not any(overlapping(e, Element("", *r)) for r in region)
+        assert not any(overlapping(e, o) for o in elements[:i] if {o.label, e.label} != {"window", "balcony"})
+
+
+def test_hidden_right_half_of_a_regular_facade_is_found():
+    seen = see(facade(), LEFT)
+    (best,) = complete(seen, DOMAIN, LEFT)
+    sound(best, seen, DOMAIN, LEFT)
+    truth = {e for e in facade() if e not in seen and e.label != "door"}
+    proposed = {e for e in best.elements[len(seen) :] if e.label != "door"}
+    rounded = {(e.label, *np.round((e.x0, e.y0, e.x1, e.y1), 3)) for e in proposed}
+    assert rounded == {(e.label, e.x0, e.y0, e.x1, e.y1) for e in truth}
+
+
+def test_hidden_top_floor_is_found():
+    region = [(0.0, 50.0, 200.0, 160.0)]
+    seen = see(facade(), region)
+    (best,) = complete(seen, DOMAIN, region)
+    sound(best, seen, DOMAIN, region)
+    assert {(e.x0, e.y0) for e in best.elements[len(seen) :]} == {(x - 8, 18) for x in (20, 60, 100, 140, 180)}
+
+
+def test_alternatives_are_distinct_ranked_and_sound():
+    seen = see(facade(), LEFT)
+    options = complete(seen, DOMAIN, LEFT, n=3)
+    assert len({frozenset(c.elements) for c in options}) == len(options) == 3
+    assert [c.score for c in options] == sorted((c.score for c in options), reverse=True)
+    for option in options:
+        sound(option, seen, DOMAIN, LEFT)
+    assert options == complete(seen, DOMAIN, LEFT, n=3, seed=9)
+
+
+def test_random_regions_stay_sound():
+    rng = np.random.default_rng(3)
+    for _ in range(20):
+        x, y = rng.uniform(20, 150), rng.uniform(20, 120)
+        region = [(0.0, 0.0, x, 160.0), (x, y, 200.0, 160.0)]
+        seen = see(facade(), region)
+        for option in complete(seen, DOMAIN, region, n=5):
+            sound(option, seen, DOMAIN, region)
+
+
+def test_doors_stay_on_the_ground_line():
+    seen = see(facade(), LEFT)
+    for option in complete(seen, DOMAIN, LEFT, n=8):
+        assert {(e.y0, e.y1) for e in option.elements if e.label == "door"} == {(136, 160)}
+
+
+def test_nothing_is_added_when_all_is_seen():
+    (best,) = complete(facade(), DOMAIN, [DOMAIN], n=3)
+    assert best.elements == tuple(facade())
+
+
+def test_one_element_is_mirrored():
+    lone = box("window", 40, 70, 16, 24)
+    (best, *_) = complete([lone], DOMAIN, LEFT)
+    assert best.elements == (lone, box("window", 160, 70, 16, 24))
+
+
+def test_bare_wall_and_duplicates():
+    assert complete([], DOMAIN, LEFT)[0].elements == ()
+    seen = see(facade(), LEFT)
+    assert complete([*seen, seen[0]], DOMAIN, LEFT) == complete(seen, DOMAIN, LEFT)
+
+
+@pytest.mark.parametrize(
+    ("observed", "domain", "region", "message"),
+    [
+        ([Element("window", 300, 10, 310, 20)], DOMAIN, [DOMAIN], "outside the domain"),
+        ([Element("window", 10, 10, 10, 20)], DOMAIN, [DOMAIN], "no area"),
+        ([Element("gate", 10, 10, 20, 20)], DOMAIN, [DOMAIN], "unknown label"),
+        ([Element("window", 150, 10, 160, 20)], DOMAIN, LEFT, "outside the observed region"),
+        ([], DOMAIN, [], "nothing was seen"),
+        ([], DOMAIN, [(5, 5, 5, 9)], "needs an area"),
+        ([], DOMAIN, [(500, 5, 510, 9)], "needs an area"),
+        ([], (0, 0, 0, 10), [DOMAIN], "domain"),
+    ],
+)
+def test_bad_input(observed, domain, region, message):
+    with pytest.raises(LayoutError, match=message):
+        complete(observed, domain, region)
+
+
+def test_model_and_n_are_checked():
+    with pytest.raises(ModelError, match="model=None"):
+        complete([], DOMAIN, LEFT, model=object())
+    with pytest.raises(LayoutError, match="n must be"):
+        complete([], DOMAIN, LEFT, n=0)
