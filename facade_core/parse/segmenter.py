@@ -1,0 +1,122 @@
+"""Parsing of a rectified facade: forest votes on a grid, averaged in superpixels (tiles paper, sections 3.1, 4.1)."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+
+import numpy as np
+from scipy import ndimage
+
+from facade_core.errors import ImageError
+from facade_core.labels import CLASSES
+from facade_core.parse import features
+from facade_core.parse.checks import check_image
+from facade_core.parse.forest import FIRST, SECOND, Forests, load
+from facade_core.types import Parsing
+
+# The image is shrunk to at most this many pixels, and this many along a side, before anything else is done.
+_WORKING_AREA = 250_000
+_WORKING_SIDE = 2048
+# About 1000 segments in a facade of 540 x 330 pixels.
+_SEGMENT_AREA = 180
+_SLIC_ROUNDS = 5
+# Rows of the full image written at once, so that memory beyond the result is bounded.
+_BAND = 128
+
+
+def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
+    """Label each pixel of a rectified facade with one of the seven classes.
+
+    image: (H, W, 3) uint8 RGB, or (H, W, 4) RGBA where alpha < 128 hides a pixel. model: another .onnx file with its
+    .json beside it. A first forest votes from appearance, a second one from appearance and the first one's votes
+    around; the second one's votes are averaged in superpixels and the class of most votes wins.
+
+    confidence sums to 1 in each pixel. occluded marks hidden pixels; they take the confidence, and so the label, of
+    the nearest visible place, and their colours are not looked at. Without an alpha channel nothing is occluded.
+    Time and memory are bounded whatever the image's size, but for the returned arrays themselves.
+
+    Raises ImageError for an image of another kind or without a visible pixel, ModelError for an unusable model.
+    """
+    check_image(image)
+    forests = load(model)
+    height, width = image.shape[:2]
+    occluded = image[..., 3] < 128 if image.shape[2] == 4 else np.zeros((height, width), bool)
+    if occluded.all():
+        raise ImageError("image: alpha hides every pixel; pass the image without its alpha channel, or a visible one")
+    small, nearest = _shrink(image[..., :3], occluded)
+    confidence = _confidence(small, forests)
+    if nearest is not None:
+        confidence = confidence[nearest]
+    labels, confidence = _enlarge(confidence, height, width)
+    return Parsing(labels, confidence, occluded)
+
+
+def _shrink(image: np.ndarray, occluded: np.ndarray) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
+    """The image at working size, hidden places filled from the nearest visible ones, and where each is filled from."""
+    import cv2
+
+    height, width = occluded.shape
+    scale = min(1.0, math.sqrt(_WORKING_AREA / (height * width)), _WORKING_SIDE / max(height, width))
+    size = (max(1, round(width * scale)), max(1, round(height * scale)))
+    small = np.ascontiguousarray(image)
+    if scale < 1:
+        small = cv2.resize(small, size, interpolation=cv2.INTER_AREA)
+    if not occluded.any():
+        return small, None
+    hidden = cv2.resize(occluded.view(np.uint8) * np.uint8(255), size, interpolation=cv2.INTER_AREA)
+    # A working pixel that covers hidden ones has their colour mixed in: only the purest count as visible.
+    rows, columns = ndimage.distance_transform_edt(hidden > hidden.min(), return_distances=False, return_indices=True)
+    return small[rows, columns], (rows, columns)
+
+
+def _confidence(image: np.ndarray, forests: Forests) -> np.ndarray:
+    """Votes at working size: (H, W, 3) uint8 -> (H, W, 7) float32."""
+    seen = features.appearance(image)
+    first = forests.vote(FIRST, seen)
+    second = forests.vote(SECOND, features.context(first, seen))
+    return _average_in_segments(image, _cells_to_pixels(second, *image.shape[:2]))
+
+
+def _cells_to_pixels(votes: np.ndarray, height: int, width: int) -> np.ndarray:
+    import cv2
+
+    size = (votes.shape[1] * features.CELL, votes.shape[0] * features.CELL)
+    return cv2.resize(votes, size, interpolation=cv2.INTER_LINEAR)[:height, :width]
+
+
+def _average_in_segments(image: np.ndarray, votes: np.ndarray) -> np.ndarray:
+    from skimage.segmentation import slic
+
+    count = max(1, round(image.shape[0] * image.shape[1] / _SEGMENT_AREA))
+    segments = slic(image, n_segments=count, compactness=8, max_num_iter=_SLIC_ROUNDS, start_label=0).reshape(-1)
+    flat = votes.reshape(-1, len(CLASSES))
+    sums = np.stack([np.bincount(segments, column) for column in flat.T], axis=1)
+    means = sums / sums.sum(1, keepdims=True)
+    return means[segments].reshape(votes.shape).astype(np.float32)
+
+
+def _enlarge(confidence: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
+    """Labels and confidence at full size, confidence interpolated linearly, in bands of rows."""
+    labels = np.empty((height, width), np.uint8)
+    if confidence.shape[:2] == (height, width):
+        full = confidence
+    else:
+        full = np.empty((height, width, len(CLASSES)), np.float32)
+        top, bottom, down = _neighbours(height, confidence.shape[0])
+        left, right, across = _neighbours(width, confidence.shape[1])
+    for start in range(0, height, _BAND):
+        band = slice(start, start + _BAND)
+        if full is not confidence:
+            share = down[band, None, None]
+            rows = confidence[top[band]] * (1 - share) + confidence[bottom[band]] * share
+            full[band] = rows[:, left] * (1 - across[:, None]) + rows[:, right] * across[:, None]
+        labels[band] = full[band].argmax(2)
+    return labels, full
+
+
+def _neighbours(length: int, small: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """For each pixel centre the two small ones beside it and the share of the second."""
+    position = np.clip((np.arange(length) + 0.5) * small / length - 0.5, 0, small - 1)
+    first = np.floor(position).astype(np.intp)
+    return first, np.minimum(first + 1, small - 1), (position - first).astype(np.float32)

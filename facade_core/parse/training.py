@@ -1,0 +1,224 @@
+"""Training of the two forests, and the files they are shipped in.
+
+Needs the `train` extra (onnx, skl2onnx). The second forest sees the first one's votes (auto-context); it learns from
+votes on facades that the voting forest was not trained on, as it will meet them later.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Callable, Iterable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from facade_core.errors import ImageError
+from facade_core.labels import CLASSES, UNKNOWN
+from facade_core.parse import features
+from facade_core.parse.forest import FIRST, SECOND, load
+
+if TYPE_CHECKING:
+    from sklearn.ensemble import RandomForestClassifier
+
+Sample = tuple[np.ndarray, np.ndarray]
+Progress = Callable[[str, int, int], None]
+
+_TREES = 36
+_LEAVES = 1000
+_FOLDS = 3
+_FOLD_TREES = 14
+_VIEWS = 4
+_CELLS = 1500
+_ROWS_PER_TREE = 100_000
+
+
+def train(samples: Iterable[Sample], *, seed: int, progress: Progress | None = None) -> bytes:
+    """Train the parser: (image, labels) pairs -> ONNX file content.
+
+    images are (H, W, 3) uint8, labels (H, W) uint8 with the ids of `facade_core.labels` (UNKNOWN is left out).
+    progress is called with the name of the step, the units done and their number. Equal samples in equal order and
+    an equal seed give an equal model. Raises ImageError for samples that cannot be used.
+    """
+    report = progress or (lambda step, done, total: None)
+    samples = _checked(samples)
+    rng = np.random.default_rng(seed)
+    views = [view for sample in samples for view in _views(sample, rng)]
+    origin = np.repeat(np.arange(len(samples)), _VIEWS)
+    picks = [_pick(labels, rng) for _, labels in views]
+    target = np.concatenate([_cell_labels(labels)[pick] for (_, labels), pick in zip(views, picks, strict=True)])
+    group = np.concatenate([np.full(len(pick), name) for pick, name in zip(picks, origin, strict=True)])
+
+    rows = []
+    for done, ((image, _), pick) in enumerate(zip(views, picks, strict=True)):
+        report("features", done, len(views))
+        rows.append(_flat(features.appearance(image))[pick])
+    first_rows = np.concatenate(rows)
+    report("first forest", 0, 1)
+    first = _fit(first_rows, target, _TREES, rng)
+
+    fold = rng.permutation(len(samples)) % min(_FOLDS, len(samples))
+    rows = [np.empty(0)] * len(views)
+    for number in range(int(fold.max()) + 1):
+        report("held-out votes", number, int(fold.max()) + 1)
+        others = fold[group] != number
+        voter = _fit(first_rows[others], target[others], _FOLD_TREES, rng) if others.any() else first
+        for index in np.flatnonzero(fold[origin] == number):
+            seen = features.appearance(views[index][0])
+            vote = _vote(voter, _flat(seen)).reshape(*seen.shape[:2], len(CLASSES))
+            rows[index] = _flat(features.context(vote, seen))[picks[index]]
+    report("second forest", 0, 1)
+    second = _fit(np.concatenate(rows), target, _TREES, rng)
+    return _to_onnx(first, second)
+
+
+def save(
+    model: bytes, path: Path, *, training_set: Sequence[str], seed: int, figures: dict[str, Any] | None = None
+) -> None:
+    """Write a trained model and, beside it, the .json that `parse` checks it against.
+
+    training_set names the facades trained on; figures are the scores measured on facades that were not.
+    """
+    path = Path(path)
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(model)
+    record = {
+        "sha256": hashlib.sha256(model).hexdigest(),
+        "classes": list(CLASSES),
+        "feature_version": features.FEATURE_VERSION,
+        "seed": seed,
+        "training_set": list(training_set),
+        "figures": figures or {},
+    }
+    path.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n")
+    load(path)
+
+
+def _checked(samples: Iterable[Sample]) -> list[Sample]:
+    checked = []
+    for number, (image, labels) in enumerate(samples):
+        if image.dtype != np.uint8 or image.ndim != 3 or image.shape[2] != 3 or image.size == 0:
+            raise ImageError(f"training sample {number}: image must be uint8 RGB (H, W, 3), not {image.shape}")
+        if labels.shape != image.shape[:2]:
+            raise ImageError(f"training sample {number}: labels {labels.shape} must have the image's size")
+        known = labels[labels != UNKNOWN]
+        if known.size == 0 or known.max() >= len(CLASSES):
+            raise ImageError(f"training sample {number}: map its labels to the ids 0..6 and 255, some of them 0..6")
+        checked.append((image, labels))
+    if not checked:
+        raise ImageError("no training samples: give at least one labelled facade")
+    return checked
+
+
+def _views(sample: Sample, rng: np.random.Generator) -> list[Sample]:
+    """The facade itself and crops of it: rectified textures often end below the roof or above the shops."""
+    return [sample] + [_jitter(_scale(_crop(sample, rng), rng), rng) for _ in range(_VIEWS - 1)]
+
+
+def _crop(sample: Sample, rng: np.random.Generator) -> Sample:
+    image, labels = sample
+    height, width = labels.shape
+    top = rng.uniform(0.1, 0.4) if rng.random() < 0.6 else 0.0
+    bottom = rng.uniform(0.05, 0.3) if rng.random() < 0.3 else 0.0
+    left, right = rng.uniform(0, 0.3, 2) * (rng.random(2) < 0.4)
+    y0, y1 = int(top * height), max(height - int(bottom * height), int(top * height) + 1)
+    x0, x1 = int(left * width), max(width - int(right * width), int(left * width) + 1)
+    image, labels = image[y0:y1, x0:x1], labels[y0:y1, x0:x1]
+    if rng.random() < 0.5:
+        image, labels = image[:, ::-1], labels[:, ::-1]
+    return image, labels
+
+
+def _scale(sample: Sample, rng: np.random.Generator) -> Sample:
+    import cv2
+
+    image, labels = sample
+    factor = np.exp(rng.uniform(np.log(0.65), np.log(1.4)))
+    size = tuple(max(1, round(side * factor)) for side in labels.shape[::-1])
+    mode = cv2.INTER_AREA if factor < 1 else cv2.INTER_LINEAR
+    return (
+        cv2.resize(np.ascontiguousarray(image), size, interpolation=mode),
+        cv2.resize(np.ascontiguousarray(labels), size, interpolation=cv2.INTER_NEAREST),
+    )
+
+
+def _jitter(sample: Sample, rng: np.random.Generator) -> Sample:
+    image, labels = sample
+    light = (image / 255.0) ** np.exp(rng.normal(0, 0.25)) * np.exp(rng.normal(0, 0.1))
+    grey = light.mean(2, keepdims=True)
+    tinted = (grey + (light - grey) * rng.uniform(0.4, 1.3)) * np.exp(rng.normal(0, 0.06, 3))
+    return np.rint(np.clip(tinted, 0, 1) * 255).astype(np.uint8), labels
+
+
+def _cell_labels(labels: np.ndarray) -> np.ndarray:
+    """The label in the middle of each cell, flat and row-major."""
+    height, width = labels.shape
+    rows = np.minimum(np.arange(0, height, features.CELL) + features.CELL // 2, height - 1)
+    columns = np.minimum(np.arange(0, width, features.CELL) + features.CELL // 2, width - 1)
+    return labels[np.ix_(rows, columns)].reshape(-1)
+
+
+def _pick(labels: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Indices of the cells of a view to learn from; rare classes are drawn somewhat more often than they occur."""
+    cells = _cell_labels(labels)
+    known = np.flatnonzero(cells != UNKNOWN)
+    if known.size == 0:
+        return known
+    share = np.bincount(cells[known], minlength=len(CLASSES)) / known.size
+    odds = share[cells[known]] ** -0.3
+    return rng.choice(known, min(_CELLS, known.size), replace=False, p=odds / odds.sum())
+
+
+def _flat(rows: np.ndarray) -> np.ndarray:
+    return rows.reshape(-1, rows.shape[-1])
+
+
+def _fit(rows: np.ndarray, target: np.ndarray, trees: int, rng: np.random.Generator) -> RandomForestClassifier:
+    from sklearn.ensemble import RandomForestClassifier
+
+    forest = RandomForestClassifier(
+        trees,
+        max_leaf_nodes=_LEAVES,
+        min_samples_leaf=4,
+        max_features=0.15,
+        max_samples=min(1.0, _ROWS_PER_TREE / len(rows)),
+        random_state=int(rng.integers(2**31)),
+        n_jobs=2,
+    )
+    return forest.fit(rows, target)
+
+
+def _vote(forest: RandomForestClassifier, rows: np.ndarray) -> np.ndarray:
+    votes = np.zeros((len(rows), len(CLASSES)), np.float32)
+    votes[:, forest.classes_] = forest.predict_proba(rows)
+    return votes
+
+
+def _to_onnx(first: RandomForestClassifier, second: RandomForestClassifier) -> bytes:
+    """One graph with both forests side by side, each from its own rows to (n, 7) votes."""
+    from onnx import compose
+
+    both = compose.merge_models(_graph(first, FIRST), _graph(second, SECOND), io_map=[])
+    return both.SerializeToString()
+
+
+def _graph(forest: RandomForestClassifier, name: str) -> Any:
+    from onnx import TensorProto, compose, helper, numpy_helper
+    from skl2onnx import to_onnx
+    from skl2onnx.common.data_types import FloatTensorType
+
+    model = to_onnx(
+        forest,
+        initial_types=[("rows", FloatTensorType([None, forest.n_features_in_]))],
+        options={"zipmap": False, "output_class_labels": False},
+        target_opset={"": 17, "ai.onnx.ml": 3},
+    )
+    # A class without a training pixel has no vote of its own: spread the known classes over all seven columns.
+    spread = np.eye(len(CLASSES), dtype=np.float32)[forest.classes_]
+    graph = model.graph
+    graph.initializer.append(numpy_helper.from_array(spread, "spread"))
+    graph.node.append(helper.make_node("MatMul", ["probabilities", "spread"], ["votes"]))
+    del graph.output[:]
+    graph.output.append(helper.make_tensor_value_info("votes", TensorProto.FLOAT, [None, len(CLASSES)]))
+    return compose.add_prefix(model, name + "_")

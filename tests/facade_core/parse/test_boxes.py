@@ -1,0 +1,99 @@
+import numpy as np
+import pytest
+
+from facade_core.errors import ImageError
+from facade_core.labels import BALCONY, DOOR, SHOP, UNKNOWN, WALL, WINDOW
+from facade_core.parse import elements
+from facade_core.types import Element, Parsing
+
+
+def wall(height=200, width=160):
+    return np.full((height, width), WALL, np.uint8)
+
+
+def test_rectangles_come_back_exactly_and_in_reading_order():
+    labels = wall()
+    truth = [
+        Element("window", 100, 20, 120, 50),
+        Element("window", 20, 20, 40, 50),
+        Element("balcony", 15, 50, 45, 60),
+        Element("door", 70, 150, 90, 200),
+        Element("shop", 100, 140, 160, 200),
+    ]
+    ids = {"window": WINDOW, "balcony": BALCONY, "door": DOOR, "shop": SHOP}
+    for element in truth:
+        labels[int(element.y0) : int(element.y1), int(element.x0) : int(element.x1)] = ids[element.label]
+    assert elements(labels) == sorted(truth, key=lambda element: (element.y0, element.x0))
+
+
+def test_noise_is_dropped_and_a_ragged_edge_is_cleaned():
+    labels = wall()
+    labels[40:80, 60:90] = WINDOW
+    labels[50, 90:97] = WINDOW  # a spike
+    labels[80:83, 70] = WINDOW
+    labels[45:48, 62:64] = WALL  # a hole
+    labels[150:152, 20:22] = WINDOW  # a speck
+    assert elements(labels) == [Element("window", 60, 40, 90, 80)]
+
+
+def test_windows_joined_by_a_bridge_are_parted():
+    labels = wall()
+    labels[40:80, 20:40] = WINDOW
+    labels[40:80, 50:70] = WINDOW
+    labels[40:80, 80:100] = WINDOW
+    labels[55:61, 40:80] = WINDOW
+    assert elements(labels) == [Element("window", x, 40, x + 20, 80) for x in (20, 50, 80)]
+
+
+def test_windows_joined_one_above_the_other_are_parted():
+    labels = wall()
+    labels[20:60, 30:50] = WINDOW
+    labels[60:70, 38:42] = WINDOW
+    labels[70:110, 30:50] = WINDOW
+    assert elements(labels) == [Element("window", 30, 20, 50, 60), Element("window", 30, 70, 50, 110)]
+
+
+def test_a_running_balcony_with_posts_stays_one():
+    labels = wall()
+    labels[100:110, 10:150] = BALCONY
+    labels[90:100, 10:13] = BALCONY
+    labels[90:100, 147:150] = BALCONY
+    assert elements(labels) == [Element("balcony", 10, 100, 150, 110)]
+
+
+def test_hidden_boxes_are_no_observation():
+    labels = wall()
+    labels[20:50, 20:40] = WINDOW
+    labels[20:50, 100:120] = WINDOW
+    occluded = np.zeros(labels.shape, bool)
+    occluded[:, 90:112] = True  # more than half of the second
+    confidence = np.full((*labels.shape, 7), 1 / 7, np.float32)
+    assert elements(Parsing(labels, confidence, occluded)) == [Element("window", 20, 20, 40, 50)]
+    assert len(elements(labels)) == 2
+
+
+def test_small_and_empty_maps():
+    assert elements(wall(1, 1)) == []
+    assert elements(np.full((1, 1), WINDOW, np.uint8)) == [Element("window", 0, 0, 1, 1)]
+    assert elements(np.full((5, 5), UNKNOWN, np.uint8)) == []
+
+
+def test_refuses_what_is_no_label_map():
+    with pytest.raises(ImageError, match="uint8"):
+        elements(np.zeros((3, 3), np.int64))
+    with pytest.raises(ImageError, match="id 9"):
+        elements(np.full((3, 3), 9, np.uint8))
+
+
+def test_boxes_stay_inside_and_filled_on_random_maps():
+    rng = np.random.default_rng(5)
+    for _ in range(20):
+        coarse = rng.integers(0, 4, (12, 15)).astype(np.uint8)
+        labels = np.kron(coarse, np.ones((6, 5), np.uint8))
+        found = elements(labels)
+        assert found
+        for element in found:
+            assert 0 <= element.x0 < element.x1 <= labels.shape[1]
+            assert 0 <= element.y0 < element.y1 <= labels.shape[0]
+            inside = labels[int(element.y0) : int(element.y1), int(element.x0) : int(element.x1)]
+            assert (inside == ("wall", "window", "balcony", "door").index(element.label)).any()
