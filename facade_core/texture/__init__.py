@@ -1,7 +1,8 @@
 """Facade textures: synthesis from tiles, metric retargeting, inpainting of what was hidden."""
 
+from facade_core.texture.inpainting import inpaint
 from facade_core.texture.retargeting import retarget
 from facade_core.texture.scale import exemplar_scale
 from facade_core.texture.tiles import synthesize
 
-__all__ = ["exemplar_scale", "retarget", "synthesize"]
+__all__ = ["exemplar_scale", "inpaint", "retarget", "synthesize"]
