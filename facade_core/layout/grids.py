@@ -71,16 +71,29 @@ def grids(elements: Sequence[Element]) -> list[Grid]:
     columns make one grid. So the rows of interleaved patterns fall into grids of their own, and grids may overlap.
     Largest grid of a label first, labels in the order of CLASSES. Raises LayoutError for unknown labels or no area.
     """
+    box = boxes(elements)
+    found: dict[str, list[Grid]] = {}
+    for group in size_groups(elements):
+        label = elements[group[0]].label
+        found.setdefault(label, []).extend(_fit(label, box, group))
+    return [
+        g
+        for of_label in found.values()
+        for g in sorted(of_label, key=lambda g: (-(g.cells >= 0).sum(), g.rows, g.columns))
+    ]
+
+
+def size_groups(elements: Sequence[Element]) -> list[np.ndarray]:
+    """Indices of the elements of one label and comparable size, labels in the order of CLASSES.
+
+    Every grid of `grids` lies within one group. Raises LayoutError as `grids` does.
+    """
     check(elements)
     box = boxes(elements)
-    found: list[Grid] = []
+    found: list[np.ndarray] = []
     for label in CLASSES:
         members = np.array([i for i, e in enumerate(elements) if e.label == label], int)
-        members = members[np.lexsort(box[members].T)]
-        of_label: list[Grid] = []
-        for group in _by_size(box, members):
-            of_label += _fit(label, box, group)
-        found += sorted(of_label, key=lambda g: (-(g.cells >= 0).sum(), g.rows, g.columns))
+        found += _by_size(box, members[np.lexsort(box[members].T)])
     return found
 
 

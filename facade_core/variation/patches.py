@@ -1,0 +1,113 @@
+"""Element patches of a facade image: cut, aligned and freed of the light that falls on them; and the bare wall."""
+
+from __future__ import annotations
+
+import numpy as np
+
+# Pixels of wall that a patch carries around its element, and how far an element is moved to align with its group.
+MARGIN = 2
+_REACH = 2
+# Light is compared between walls; more than this factor is another material, not another light.
+_LIGHT = (0.6, 1.6)
+
+
+def mask_of(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
+    """(H, W) bool, True inside the half-open pixel boxes (N, 4) int."""
+    mask = np.zeros(shape, bool)
+    for x0, y0, x1, y1 in box.tolist():
+        mask[max(y0, 0) : max(y1, 0), max(x0, 0) : max(x1, 0)] = True
+    return mask
+
+
+def patch_size(box: np.ndarray) -> tuple[int, int]:
+    """(height, width) in pixels that a group's patches are resampled to: the median with the margins."""
+    width, height = np.median(box[:, 2:] - box[:, :2], axis=0)
+    return round(float(height)) + 2 * MARGIN, round(float(width)) + 2 * MARGIN
+
+
+def align(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """The boxes (N, 4) int moved by up to 2 px so that each patch agrees best with the group's median patch."""
+    if len(box) < 3:
+        return box
+    wide = (size[0] + 2 * _REACH, size[1] + 2 * _REACH)
+    grey = _cut(image, box, MARGIN + _REACH, wide).mean(axis=3)
+    grey -= grey.mean(axis=(1, 2), keepdims=True)
+    template = np.median(grey, axis=0)[_REACH:-_REACH, _REACH:-_REACH]
+    shifts = [(dx, dy) for dy in range(-_REACH, _REACH + 1) for dx in range(-_REACH, _REACH + 1)]
+    shifts.sort(key=lambda s: abs(s[0]) + abs(s[1]))
+    error = np.stack(
+        [
+            ((grey[:, _REACH + dy : _REACH + dy + size[0], _REACH + dx : _REACH + dx + size[1]] - template) ** 2).mean(
+                (1, 2)
+            )
+            # A shift has to pay for itself, so that featureless patches stay.
+            * (1 + 0.03 * (abs(dx) + abs(dy)))
+            for dx, dy in shifts
+        ]
+    )
+    move = np.array(shifts)[error.argmin(axis=0)]
+    return box + np.hstack([move, move])
+
+
+def cut(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """(N, h, w, 3) float32 patches in [0, 255]: each box with its margin, resampled to `size`."""
+    return _cut(image, box, MARGIN, size)
+
+
+def _cut(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int]) -> np.ndarray:
+    import cv2
+
+    # Alignment may carry a box past the image by its reach.
+    pad = margin + _REACH
+    padded = cv2.copyMakeBorder(image, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
+    patches = np.empty((len(box), *size, 3), np.float32)
+    for patch, (x0, y0, x1, y1) in zip(patches, (box + pad).tolist(), strict=True):
+        crop = padded[y0 - margin : y1 + margin, x0 - margin : x1 + margin]
+        patch[:] = cv2.resize(crop, size[::-1], interpolation=cv2.INTER_LINEAR)
+    return patches
+
+
+def light(image: np.ndarray, box: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """(N,) brightness of the wall around each box over the boxes' median, within [0.6, 1.6]; mask: all elements.
+
+    A shadow darkens an element and the wall beside it alike, a drawn blind only the element.
+    """
+    import cv2
+
+    wall = (~mask).astype(np.float64)
+    total = cv2.integral(image.mean(axis=2) * wall)
+    area = cv2.integral(wall)
+    reach = np.maximum(3, (0.25 * (box[:, 2:] - box[:, :2])).round().astype(int))
+    limit = np.array(mask.shape[::-1])
+    (x0, y0), (x1, y1) = np.clip(box[:, :2] - reach, 0, limit).T, np.clip(box[:, 2:] + reach, 0, limit).T
+
+    def over(sums: np.ndarray) -> np.ndarray:
+        return sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0]
+
+    pixels = over(area)
+    mean = over(total) / np.maximum(pixels, 1)
+    known = (pixels >= 8) & (mean >= 4)
+    if not known.any():
+        return np.ones(len(box))
+    return np.where(known, np.clip(mean / np.median(mean[known]), *_LIGHT), 1.0)
+
+
+def bare_wall(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The image with the masked pixels filled smoothly from their surroundings (pull-push over an image pyramid)."""
+    import cv2
+
+    if mask.all():
+        return np.full_like(image, image.mean(axis=(0, 1)).round())
+    if not mask.any():
+        return image
+    known = (~mask).astype(np.float32)
+    colours: list[np.ndarray] = [image.astype(np.float32) * known[..., None]]
+    weights: list[np.ndarray] = [known]
+    while weights[-1].min() < 1e-3 and min(weights[-1].shape) > 1:
+        colours.append(cv2.pyrDown(colours[-1]))
+        weights.append(cv2.pyrDown(weights[-1]))
+    filled = colours[-1] / np.maximum(weights[-1], 1e-6)[..., None]
+    for colour, weight in zip(colours[-2::-1], weights[-2::-1], strict=True):
+        up = cv2.resize(filled, weight.shape[::-1], interpolation=cv2.INTER_LINEAR)
+        filled = colour + (1 - weight[..., None]) * up
+    return np.where(mask[..., None], np.clip(filled.round(), 0, 255).astype(np.uint8), image)
