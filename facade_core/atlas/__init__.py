@@ -1,6 +1,6 @@
 """The texture atlas in chunked zarr (Icechunk): its shape, its store, its journal and what wins on a texel."""
 
-from facade_core.atlas.journal import STAGES, atlas_digest, read_journal, write_record
+from facade_core.atlas.journal import STAGES, atlas_digest, latest_chunks, read_journal, unit_key, write_record
 from facade_core.atlas.provenance import INPAINTED, PHOTO, PROVENANCE, SYNTHESISED, TRANSLATED, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
 from facade_core.atlas.spec import AtlasSpec
@@ -20,11 +20,13 @@ __all__ = [
     "chunk_digests",
     "commit",
     "create_arrays",
+    "latest_chunks",
     "open_repository",
     "open_table",
     "read_journal",
     "read_rasters",
     "resolve",
+    "unit_key",
     "write_rasters",
     "write_record",
     "write_table",

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from itertools import combinations
+from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import icechunk
 import numpy as np
@@ -19,6 +18,9 @@ if TYPE_CHECKING:
     import xarray as xr
 
 BRANCH = "main"
+
+# It warns at every opening that local folders are unsafe for concurrent commits; one process commits, behind a lock.
+icechunk.set_logs_filter("error")
 
 # name -> (dtype, trailing dimension, meaning)
 ATLAS_ARRAYS = {
@@ -48,12 +50,16 @@ def open_repository(path: Path, *, create: bool = False) -> icechunk.Repository:
 
 
 def create_arrays(
-    group: zarr.Group, spec: AtlasSpec, *, viewpoints: int, panorama_width: int, units: Mapping[str, int]
+    group: zarr.Group,
+    spec: AtlasSpec,
+    *,
+    panorama_width: int,
+    exemplars: int,
+    facades: int,
+    viewpoints: int,
+    streets: int,
 ) -> None:
-    """Empty atlas pages, facade maps, panoramas and journal: metadata only, no chunk is written.
-
-    units: how many units each stage of the journal has.
-    """
+    """Empty atlas pages, facade maps, panoramas and journal, for so many units: metadata only, no chunk is written."""
     pages = (spec.pages, spec.page, spec.page)
     for folder, arrays in (("atlas", ATLAS_ARRAYS), ("facade_maps", FACADE_ARRAYS)):
         for name, (dtype, last, meaning) in arrays.items():
@@ -78,10 +84,19 @@ def create_arrays(
         attributes={"long_name": "translated equirectangular panorama; the truth of street texturing"},
         overwrite=True,
     )
-    for stage in STAGES:
+    group.create_array(
+        "hierarchies/data",
+        shape=(facades,),
+        chunks=(1,),
+        dtype=str,
+        dimension_names=("facade",),
+        attributes={"long_name": "variation hierarchy of each facade, base64 of its file"},
+        overwrite=True,
+    )
+    for stage, units in zip(STAGES, (exemplars, facades, viewpoints, streets), strict=True):
         group.create_array(
             f"journal/{stage}",
-            shape=(units.get(stage, 0),),
+            shape=(units,),
             chunks=(1,),
             dtype=str,
             dimension_names=(stage.removesuffix("s"),),
@@ -101,25 +116,17 @@ def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
     return xr.open_zarr(session.store, group=group, consolidated=False, chunks=None)
 
 
-def commit(session: icechunk.Session, message: str, forks: Sequence[Any] = ()) -> str:
-    """Merge what workers wrote and commit it; the one place where history grows. Returns the snapshot id.
+def commit(session: icechunk.Session, message: str) -> str:
+    """Commit a session on top of whatever else was committed since it began. Returns the snapshot id.
 
-    Raises StoreError when two forks wrote one chunk: merging would silently lose one of the writes.
+    Raises StoreError when another commit wrote the same chunk in the meantime: one of the two writes would be lost.
     """
-    written = [_chunks_written(fork) for fork in forks]
-    for (i, one), (j, other) in combinations(enumerate(written), 2):
-        if both := one & other:
-            raise StoreError(
-                f"workers {i} and {j} wrote the same chunk {sorted(both)[0]}; their units must not share it"
-            )
-    if forks:
-        session.merge(*forks)
-    return session.commit(message, rebase_with=icechunk.ConflictDetector())
-
-
-def _chunks_written(fork: Any) -> set[tuple[str, tuple[int, ...]]]:
-    changed = fork.status().updated_chunks
-    return {(path, tuple(int(i) for i in index)) for path, indices in changed.items() for index in indices}
+    try:
+        return session.commit(message, rebase_with=icechunk.ConflictDetector())
+    except icechunk.RebaseFailedError as error:
+        raise StoreError(
+            f"{message}: another unit wrote the same chunk ({error}); units of a wave must not share one"
+        ) from error
 
 
 def text_column(values: Sequence[str]) -> np.ndarray:

@@ -1,0 +1,18 @@
+"""Out of the atlas into what people open: textured models and pictures."""
+
+from facade_core.export.camera import Camera, aerial, street_level
+from facade_core.export.fill import fill_unseen
+from facade_core.export.gltf import write_glb
+from facade_core.export.picture import Picture, aim, draw_facade, overlay_hidden
+
+__all__ = [
+    "Camera",
+    "Picture",
+    "aerial",
+    "aim",
+    "draw_facade",
+    "fill_unseen",
+    "overlay_hidden",
+    "street_level",
+    "write_glb",
+]

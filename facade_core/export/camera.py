@@ -1,0 +1,54 @@
+"""Perspective cameras for pictures of a block."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.geometry.charts import WALL
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.scene import Scene
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole camera: position and target (3,) metres, horizontal field of view in degrees, size = (height, width)."""
+
+    position: np.ndarray
+    target: np.ndarray
+    field_of_view: float
+    size: tuple[int, int]
+
+    def rays(self) -> np.ndarray:
+        """World unit directions through the pixel centres, (h, w, 3)."""
+        height, width = self.size
+        forward = self.target - self.position
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right = right / np.linalg.norm(right)
+        down = np.cross(forward, right)
+        focal = width / 2 / np.tan(np.radians(self.field_of_view) / 2)
+        x = (np.arange(width) + 0.5 - width / 2) / focal
+        y = (np.arange(height) + 0.5 - height / 2) / focal
+        rays = forward + x[None, :, None] * right + y[:, None, None] * down
+        return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+
+def aerial(scene: Scene, size: tuple[int, int]) -> Camera:
+    """The block from above, obliquely from the south-west: the whole of its buildings in view."""
+    walls = scene.charts.kind[scene.mesh.vertex_chart] == WALL
+    points = scene.mesh.vertices[walls] if walls.any() else scene.mesh.vertices
+    low, high = points.min(axis=0), points.max(axis=0)
+    radius = float(np.linalg.norm((high - low)[:2])) / 2 + 5
+    direction = np.array([-0.45, -0.62, 0.64])
+    field_of_view = 38.0
+    distance = radius / np.tan(np.radians(field_of_view) / 2) * 0.92
+    target = (low + high) / 2 * [1, 1, 0]
+    return Camera(target + direction / np.linalg.norm(direction) * distance, target, field_of_view, size)
+
+
+def street_level(viewpoint: Viewpoint, size: tuple[int, int]) -> Camera:
+    """Looking along the street from a viewpoint, slightly upwards."""
+    ahead = np.array([*viewpoint.forward, 0.14])
+    return Camera(viewpoint.position, viewpoint.position + ahead, 84.0, size)

@@ -1,0 +1,75 @@
+"""Pictures: the textured block as a camera sees it, and a facade's stages."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.export.camera import Camera
+from facade_core.geometry.raycast import MISS
+from facade_core.labels import colourise
+from facade_core.street.scene import Scene
+from facade_core.types import Lattice
+
+SKY_HIGH, SKY_LOW = np.array([126, 168, 214]), np.array([226, 234, 240])
+
+
+@dataclass(frozen=True)
+class Picture:
+    """A picture under way: rgb (h, w, 3) uint8 with the sky drawn; pixels of the block wait for their atlas page.
+
+    pixel (k,) flat index; page, y, x (k,) the texel each shows; distance (k,) metres.
+    """
+
+    rgb: np.ndarray
+    pixel: np.ndarray
+    page: np.ndarray
+    y: np.ndarray
+    x: np.ndarray
+
+    def paint(self, page: int, colour: np.ndarray) -> None:
+        """Draw, in place, the pixels that show an atlas page (h, w, 3)."""
+        here = self.page == page
+        self.rgb.reshape(-1, 3)[self.pixel[here]] = colour[self.y[here], self.x[here]]
+
+
+def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
+    """Which texel every pixel shows. Rays are `samples` times denser per axis; average the picture down after painting."""
+    dense = Camera(camera.position, camera.target, camera.field_of_view, tuple(s * samples for s in camera.size))
+    rays = dense.rays()
+    depth, chart = scene.caster.cast(camera.position, rays)
+    up = np.clip(rays[..., 2:], 0, 1) ** 0.6
+    rgb = (SKY_LOW + (SKY_HIGH - SKY_LOW) * up).astype(np.uint8)
+    pixel = np.flatnonzero(chart.reshape(-1) != MISS)
+    hit = chart.reshape(-1)[pixel]
+    points = camera.position + rays.reshape(-1, 3)[pixel] * depth.reshape(-1)[pixel, None]
+    relative = points - scene.charts.origin[hit]
+    placement, density = scene.placement, scene.spec.texels_per_metre
+    x = (np.einsum("ij,ij->i", relative, scene.charts.axis_u[hit]) * density).astype(np.int64)
+    y = (np.einsum("ij,ij->i", relative, scene.charts.axis_v[hit]) * density).astype(np.int64)
+    return Picture(
+        rgb,
+        pixel,
+        placement.page[hit],
+        placement.y[hit] + np.clip(y, 0, placement.height[hit] - 1),
+        placement.x[hit] + np.clip(x, 0, placement.width[hit] - 1),
+    )
+
+
+def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
+    """A parse in its colours with the lattice's split lines over it, (h, w, 3) uint8."""
+    drawn = colourise(label_map)
+    height, width = label_map.shape
+    for row in lattice.rows:
+        drawn[min(row, height - 1)] = 255
+    for column in lattice.columns:
+        drawn[:, min(column, width - 1)] = 255
+    return drawn
+
+
+def overlay_hidden(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """An image with what hides the wall tinted red, (h, w, 3) uint8."""
+    tinted = image.copy()
+    tinted[hidden] = (0.45 * tinted[hidden] + 0.55 * np.array([214, 52, 44])).astype(np.uint8)
+    return tinted

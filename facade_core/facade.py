@@ -1,0 +1,213 @@
+"""The facade stages in their order: parse, lattice, elements, variation, layout completion, inpainting, retargeting."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from facade_core import labels as classes
+from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED
+from facade_core.errors import ImageError
+from facade_core.layout import complete
+from facade_core.parse import elements, lattice, parse
+from facade_core.texture import exemplar_scale, inpaint, retarget
+from facade_core.types import Completion, Element, Lattice
+from facade_core.variation import Hierarchy, encode
+
+# A row is sky, for cutting an exemplar below it, when more than this share of it is.
+SKY_ROW = 0.5
+# An element hidden by more than this share was not observed.
+HIDDEN_SHARE = 0.3
+
+
+@dataclass(frozen=True)
+class Facade:
+    """A facade after its stages.
+
+    evidence (h, w, 3) uint8, the image before completion; image (h, w, 3) uint8, complete; labels (h, w) uint8, complete;
+    occluded (h, w) bool; provenance (h, w) uint8; seconds per stage.
+    """
+
+    evidence: np.ndarray
+    image: np.ndarray
+    labels: np.ndarray
+    occluded: np.ndarray
+    provenance: np.ndarray
+    lattice: Lattice
+    elements: tuple[Element, ...]
+    hierarchy: Hierarchy
+    completion: Completion | None
+    seconds: dict[str, float] = field(compare=False)
+
+
+@dataclass(frozen=True)
+class Exemplar:
+    """A facade image prepared for retargeting: complete, labelled, without sky, at its metric scale."""
+
+    facade: Facade
+    metres_per_pixel: float
+    floors: int
+    columns: int
+
+
+def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facade:
+    """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is behind trees, cars and the like.
+
+    Raises ImageError when nothing of the facade is visible.
+    """
+    if hidden.all():
+        raise ImageError("the whole facade is hidden; give a photo that shows some of it, or none")
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "parse"):
+        alpha = np.where(hidden, 0, 255).astype(np.uint8)
+        parsing = parse(np.dstack([image, alpha]))
+    with _timed(seconds, "elements"):
+        observed = [e for e in elements(parsing) if _share(hidden, e) <= HIDDEN_SHARE]
+    completion, complete_labels, result = None, parsing.labels, image
+    layout = tuple(observed)
+    if hidden.any():
+        height, width = hidden.shape
+        with _timed(seconds, "complete"):
+            if observed:
+                completion = complete(observed, (0, 0, width, height), visible_boxes(hidden), seed=seed)[0]
+                layout = completion.elements
+            complete_labels = _draw(parsing.labels, hidden, layout)
+        with _timed(seconds, "inpaint"):
+            result = inpaint(image, hidden, labels=complete_labels, elements=list(layout), method="floors", seed=seed)
+    provenance = np.where(hidden, INPAINTED, PHOTO).astype(np.uint8)
+    return _finish(image, result, complete_labels, hidden, provenance, layout, completion, seconds, seed)
+
+
+def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, seed: int = 0) -> Exemplar:
+    """The stages on an exemplar, then cut below its sky and measured: its scale is from its floor pitch."""
+    facade = from_photo(image, hidden, seed=seed)
+    top = _below_sky(facade.labels)
+    layout = tuple(
+        Element(e.label, e.x0, max(0.0, e.y0 - top), e.x1, e.y1 - top) for e in facade.elements if e.y1 > top
+    )
+    cut = _finish(
+        facade.evidence[top:],
+        facade.image[top:],
+        facade.labels[top:],
+        facade.occluded[top:],
+        facade.provenance[top:],
+        layout,
+        facade.completion,
+        dict(facade.seconds),
+        seed,
+    )
+    with _timed(cut.seconds, "scale"):
+        scale = exemplar_scale(cut.image, cut.labels, storey=storey)
+    height, _ = cut.labels.shape
+    floors = max(1, round(height * scale / storey))
+    return Exemplar(cut, scale, floors, count_columns(layout))
+
+
+def from_exemplar(
+    image: np.ndarray,
+    label_map: np.ndarray,
+    size_m: tuple[float, float],
+    size: tuple[int, int],
+    *,
+    floors: int,
+    metres_per_pixel: float,
+    seed: int = 0,
+) -> Facade:
+    """A wall without imagery: an exemplar (already at `metres_per_pixel`) retargeted by tiles to size_m = (height, width)
+    metres and `floors`; size = (h, w) is the raster it must fill."""
+    import cv2
+
+    seconds: dict[str, float] = {}
+    with _timed(seconds, "retarget"):
+        made = retarget(image, label_map, size_m, floors=floors, metres_per_pixel=metres_per_pixel, seed=seed)[0]
+        texture, labels = made.image, made.labels
+        if texture.shape[:2] != size:
+            texture = cv2.resize(texture, size[::-1], interpolation=cv2.INTER_AREA)
+            labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
+    with _timed(seconds, "elements"):
+        layout = tuple(elements(labels))
+    nothing = np.zeros(size, bool)
+    provenance = np.full(size, SYNTHESISED, np.uint8)
+    return _finish(texture, texture, labels, nothing, provenance, layout, None, seconds, seed)
+
+
+def count_columns(layout: Sequence[Element]) -> int:
+    """Windows in the fullest row: window centres are gathered into rows by overlap in height."""
+    windows = sorted((e for e in layout if e.label == "window"), key=lambda e: e.y0 + e.y1)
+    best, row, bottom = 0, 0, -np.inf
+    for window in windows:
+        middle = (window.y0 + window.y1) / 2
+        if middle > bottom:
+            row, bottom = 0, window.y1
+        row += 1
+        best = max(best, row)
+    return best
+
+
+def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]:
+    """The visible part of a facade as boxes (x0, y0, x1, y1): what is left beside the bounding boxes of the holes."""
+    from skimage.measure import label, regionprops
+
+    height, width = hidden.shape
+    holes = [region.bbox for region in regionprops(label(hidden))]
+    ys = np.unique([0, height, *(y for h in holes for y in (h[0], h[2]))])
+    xs = np.unique([0, width, *(x for h in holes for x in (h[1], h[3]))])
+    boxes = []
+    for y0, y1 in zip(ys[:-1], ys[1:], strict=True):
+        for x0, x1 in zip(xs[:-1], xs[1:], strict=True):
+            if not any(h[0] <= y0 and y1 <= h[2] and h[1] <= x0 and x1 <= h[3] for h in holes):
+                boxes.append((float(x0), float(y0), float(x1), float(y1)))
+    return boxes
+
+
+def _finish(
+    evidence: np.ndarray,
+    image: np.ndarray,
+    label_map: np.ndarray,
+    hidden: np.ndarray,
+    provenance: np.ndarray,
+    layout: tuple[Element, ...],
+    completion: Completion | None,
+    seconds: dict[str, float],
+    seed: int,
+) -> Facade:
+    with _timed(seconds, "lattice"):
+        split = lattice(label_map)
+    with _timed(seconds, "encode"):
+        hierarchy = encode(image, list(layout), seed=seed)
+    return Facade(evidence, image, label_map, hidden, provenance, split, layout, hierarchy, completion, seconds)
+
+
+def _share(hidden: np.ndarray, element: Element) -> float:
+    part = hidden[int(element.y0) : int(np.ceil(element.y1)), int(element.x0) : int(np.ceil(element.x1))]
+    return float(part.mean()) if part.size else 0.0
+
+
+def _draw(label_map: np.ndarray, hidden: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
+    """Labels with the hidden part drawn anew from a completed layout: wall, and the elements on it."""
+    drawn = label_map.copy()
+    drawn[hidden] = classes.WALL
+    for name in ("shop", "window", "door", "balcony"):
+        for e in (e for e in layout if e.label == name):
+            box = (slice(round(e.y0), round(e.y1)), slice(round(e.x0), round(e.x1)))
+            part = drawn[box]
+            part[hidden[box]] = classes.CLASSES.index(name)
+    return drawn
+
+
+def _below_sky(label_map: np.ndarray) -> int:
+    """The first row that is not mostly sky; 0 when that would leave less than half of the image."""
+    sky = (label_map == classes.SKY).mean(axis=1) > SKY_ROW
+    top = int(np.argmin(sky)) if sky[0] else 0
+    return top if top < len(sky) / 2 else 0
+
+
+@contextmanager
+def _timed(seconds: dict[str, float], stage: str) -> Iterator[None]:
+    start = time.perf_counter()
+    yield
+    seconds[stage] = seconds.get(stage, 0.0) + time.perf_counter() - start

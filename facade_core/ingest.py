@@ -1,0 +1,174 @@
+"""Ingest: buildings and streets into everything the later stages need to know about a block's geometry."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.geometry.charts import WALL, Charts, Mesh
+from facade_core.geometry.packing import Placement, pack
+from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
+from facade_core.geometry.surfaces import block_surfaces
+from facade_core.street.scene import Scene
+from facade_core.types import Building, Street
+
+# A wall is a facade when it is at least this large and this share of it is seen from some street.
+FACADE_WIDTH_M = 3.0
+FACADE_HEIGHT_M = 2.5
+FACADE_SEEN = 0.25
+# Points of a wall that are looked at, per axis.
+SAMPLES = (5, 4)
+
+
+@dataclass(frozen=True)
+class Facades:
+    """Facades as columns: chart, street, building (n,) int32 indices; width, height (n,) metres; floors (n,) int32; seen (n,)
+    the share of the wall that its street sees; id, a name that stays the same as long as the building's footprint does."""
+
+    id: tuple[str, ...]
+    chart: np.ndarray
+    street: np.ndarray
+    building: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    floors: np.ndarray
+    seen: np.ndarray
+
+    def __len__(self) -> int:
+        return len(self.id)
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A block's geometry and the order of its work.
+
+    views (k, 2) int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows; writable (charts,) bool:
+    charts that the street stage writes; wave (streets,) int32.
+    """
+
+    scene: Scene
+    facades: Facades
+    viewpoints: tuple[Viewpoint, ...]
+    views: np.ndarray
+    writable: np.ndarray
+    wave: np.ndarray
+
+
+def ingest(
+    buildings: Sequence[Building],
+    streets: Sequence[Street],
+    *,
+    texels_per_metre: float,
+    spacing: float,
+    height: float,
+    visibility_range: float,
+    panorama_width: int,
+    storey: float,
+    walls: str,
+    page: int = 2048,
+) -> Plan:
+    """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
+
+    Lengths in metres; walls is "exemplar" (facades are seeded, the street stage writes the rest) or "translate" (the street
+    stage writes every chart). Raises GeometryError for a block without geometry.
+    """
+    one_page = AtlasSpec(1, texels_per_metre, page=page)
+    charts, mesh = block_surfaces(buildings, streets, ground_margin=visibility_range, largest=one_page.largest)
+    placement = pack(
+        charts.texels(texels_per_metre), charts.building, page=page, chunk=one_page.chunk, gutter=one_page.gutter
+    )
+    spec = AtlasSpec(placement.pages, texels_per_metre, page=page)
+    scene = Scene(mesh, charts, placement, spec, spacing=spacing, visibility_range=visibility_range)
+
+    footprints = [building.footprint for building in buildings]
+    cameras: list[Viewpoint] = []
+    for index, street in enumerate(streets):
+        positions, forward = viewpoints(street.line, spacing=spacing, height=height, obstacles=footprints)
+        for position, ahead in zip(positions, forward, strict=True):
+            cameras.append(Viewpoint(len(cameras), index, position, ahead))
+
+    seen = [scene.seen(camera, panorama_width) for camera in cameras]
+    views = np.array(
+        [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
+    ).reshape(-1, 2)
+    facades = _facades(scene, buildings, cameras, seen, len(streets), storey)
+    writable = np.ones(len(charts), bool)
+    if walls == "exemplar":
+        writable[facades.chart] = False
+    return Plan(scene, facades, tuple(cameras), views, writable, _waves(scene, cameras, seen, writable, len(streets)))
+
+
+def _facades(
+    scene: Scene,
+    buildings: Sequence[Building],
+    cameras: Sequence[Viewpoint],
+    seen: Sequence[np.ndarray],
+    streets: int,
+    storey: float,
+) -> Facades:
+    """Walls that a street sees, by looking from every viewpoint at a grid of points on each wall in its panorama."""
+    charts = scene.charts
+    candidate = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    at = np.stack(
+        np.meshgrid((np.arange(SAMPLES[0]) + 0.5) / SAMPLES[0], (np.arange(SAMPLES[1]) + 0.5) / SAMPLES[1]), axis=-1
+    ).reshape(-1, 2)
+    visible = np.zeros((streets, len(charts), len(at)), bool)
+    for camera, row in zip(cameras, seen, strict=True):
+        walls = row[candidate[row]]
+        if len(walls) == 0:
+            continue
+        xy = at[None] * charts.size[walls][:, None]
+        points = (
+            charts.origin[walls][:, None]
+            + xy[..., :1] * charts.axis_u[walls][:, None]
+            + xy[..., 1:] * charts.axis_v[walls][:, None]
+        )
+        ray = points - camera.position
+        distance, chart = scene.caster.cast(camera.position, ray)
+        reached = (distance > 1 - 1e-3) | (chart == walls[:, None])
+        visible[camera.street, walls] |= reached & (np.linalg.norm(ray, axis=-1) <= scene.visibility_range)
+    share = visible.mean(axis=2) if streets else np.zeros((1, len(charts)))
+    owner = share.argmax(axis=0)
+    best = share.max(axis=0)
+    chart = np.flatnonzero(candidate & (best >= FACADE_SEEN))
+    building = charts.building[chart]
+    wall_number = np.zeros(len(charts), np.int64)
+    for index in range(len(buildings)):
+        walls = np.flatnonzero((charts.kind == WALL) & (charts.building == index))
+        wall_number[walls] = np.arange(len(walls))
+    width, height = charts.size[chart].T
+    levels = np.array([buildings[b].levels or 0 for b in building], np.int64)
+    floors = np.where(levels > 0, levels, np.maximum(1, np.round(height / storey))).astype(np.int32)
+    # Tagged levels can contradict the height; a storey below 2.2 m or above 6 m is one that nobody built.
+    floors = np.clip(floors, np.ceil(height / 6.0), np.maximum(1, np.floor(height / 2.2))).astype(np.int32)
+    return Facades(
+        id=tuple(f"{buildings[b].id}-{wall_number[c]}" for b, c in zip(building, chart, strict=True)),
+        chart=chart.astype(np.int32),
+        street=owner[chart].astype(np.int32),
+        building=building.astype(np.int32),
+        width=width,
+        height=height,
+        floors=floors,
+        seen=best[chart],
+    )
+
+
+def _waves(
+    scene: Scene, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray], writable: np.ndarray, streets: int
+) -> np.ndarray:
+    """The conflict graph of streets by shared chunks, coloured into waves."""
+    chunks: dict[int, frozenset] = {}
+    reads: list[set] = [set() for _ in range(streets)]
+    writes: list[set] = [set() for _ in range(streets)]
+    for camera, row in zip(cameras, seen, strict=True):
+        for chart in row.tolist():
+            if chart not in chunks:
+                cells = scene.placement.chunks(chart, scene.spec.chunk, scene.spec.gutter)
+                chunks[chart] = frozenset(map(tuple, cells.tolist()))
+            reads[camera.street] |= chunks[chart]
+            if writable[chart]:
+                writes[camera.street] |= chunks[chart]
+    return colour_waves(reads, writes)

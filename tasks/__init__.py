@@ -1,0 +1,1 @@
+"""Prefect tasks: open inputs, one call into facade_core, write, return a small record."""

@@ -1,0 +1,38 @@
+"""The one place of a run where commits are made: this process, one at a time."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+import icechunk
+import zarr
+
+from facade_core.atlas.journal import read_journal, write_record
+from facade_core.atlas.store import BRANCH, commit, open_repository
+
+# The local file system has no atomic reference update, and one committer keeps history linear anyway.
+_committing = Lock()
+
+
+def begin(store: Path) -> tuple[icechunk.Session, Any]:
+    """A session on the newest snapshot and a fork of it for one worker."""
+    session = open_repository(store).writable_session(BRANCH)
+    return session, session.fork()
+
+
+def finish(session: icechunk.Session, fork: Any, stage: str, records: dict[int, dict[str, Any]], message: str) -> str:
+    """Commit a fork's data together with its journal records (unit index -> record); returns the snapshot id."""
+    with _committing:
+        session.merge(fork)
+        group = zarr.open_group(session.store)
+        for index, record in records.items():
+            write_record(group, stage, index, record)
+        return commit(session, message)
+
+
+def journal(store: Path, stage: str) -> list[dict[str, Any] | None]:
+    """The records of a stage at the newest snapshot."""
+    session = open_repository(store).readonly_session(BRANCH)
+    return read_journal(zarr.open_group(session.store, mode="r"), stage)

@@ -1,0 +1,130 @@
+"""What the catalogue and the report say and show of each facade."""
+
+from __future__ import annotations
+
+import base64
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import zarr
+
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.export import draw_facade, overlay_hidden
+from facade_core.ingest import Plan
+from facade_core.types import Lattice, Street
+from facade_core.variation import Hierarchy
+from tasks.run import Run
+
+if TYPE_CHECKING:
+    import xarray as xr
+
+# Levels of the hierarchy that the report draws beside the first.
+LEVELS_SHOWN = 3
+
+
+def facade_sheets(
+    group: zarr.Group, plan: Plan, records: Sequence[dict[str, Any] | None], folder: Path
+) -> None:
+    """One WebP per facade and stage: evidence, hidden, parse with lattice, levels of the hierarchy, a sample, the result."""
+    for index, record in enumerate(records):
+        if record is None or record["status"] != "done":
+            continue
+        chart = int(plan.facades.chart[index])
+        placement = plan.scene.placement
+        shape = (int(placement.height[chart]), int(placement.width[chart]))
+        rasters = Rasters.of(placement, [chart])
+
+        def raster(name: str, rasters: Rasters = rasters, shape: tuple[int, int] = shape) -> np.ndarray:
+            flat = read_rasters(group[name], plan.scene.placement, rasters)
+            return flat.reshape(*shape, *flat.shape[1:])
+
+        lattice = Lattice(tuple(record["lattice"]["rows"]), tuple(record["lattice"]["columns"]))
+        hierarchy = Hierarchy.from_bytes(base64.b64decode(group["hierarchies/data"][index].item()))
+        stages = {
+            "parse": draw_facade(raster("facade_maps/labels"), lattice),
+            "result": raster("atlas/seed"),
+            "sample": hierarchy.sample(len(hierarchy.levels) // 2, seed=1),
+        }
+        hidden = raster("facade_maps/occluded")
+        if hidden.any():
+            stages["hidden"] = overlay_hidden(raster("facade_maps/evidence"), hidden)
+        for level in shown_levels(len(hierarchy.levels)):
+            stages[f"level-{level}"] = hierarchy.reconstruct(level)
+        for stage, image in stages.items():
+            _save(folder / f"{record['unit']}-{stage}.webp", image)
+
+
+def shown_levels(levels: int) -> list[int]:
+    """The levels of a hierarchy that are drawn: the first, the last, and what fits between."""
+    return sorted({round(i * (levels - 1) / max(1, LEVELS_SHOWN - 1)) for i in range(LEVELS_SHOWN)})
+
+
+def item_rows(
+    run: Run,
+    plan: Plan,
+    streets: Sequence[Street],
+    buildings: xr.Dataset,
+    records: Sequence[dict[str, Any] | None],
+    code_version: str,
+) -> list[dict[str, Any]]:
+    """One row per facade, in the order of the facades; a facade without a record counts as failed."""
+    from shapely import LineString
+
+    facades, charts = plan.facades, plan.scene.charts
+    rows = []
+    for index, name in enumerate(facades.id):
+        chart = int(facades.chart[index])
+        start = charts.origin[chart, :2]
+        end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
+        normal = charts.normal()[chart]
+        record = records[index] or {"status": "failed", "reason": "not processed"}
+        done = record["status"] == "done"
+        street = streets[int(facades.street[index])]
+        rows.append(
+            {
+                "id": name,
+                "block": run.block,
+                "building": str(buildings.id.values[facades.building[index]]),
+                "geometry": LineString([start, end]),
+                "street": street.name or street.id,
+                "height_m": round(float(facades.height[index]), 3),
+                "width_m": round(float(facades.width[index]), 3),
+                "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
+                "floors": int(facades.floors[index]),
+                **{key: record.get(key) for key in _FROM_RECORD},
+                **dict(zip(_SHARES, (record.get("provenance") or [None] * 5)[1:], strict=True)),
+                "lattice_rows": len(record["lattice"]["rows"]) if done else None,
+                "lattice_columns": len(record["lattice"]["columns"]) if done else None,
+                "seconds": round(sum(record.get("seconds", {}).values()), 4),
+                "status": record["status"],
+                "reason": record.get("reason"),
+                "code_version": code_version,
+                "config_digest": run.key,
+            }
+        )
+    return rows
+
+
+_SHARES = ("translated", "synthesised", "inpainted", "photo")
+_FROM_RECORD = (
+    "columns",
+    "windows",
+    "doors",
+    "balconies",
+    "shops",
+    "window_to_wall",
+    "occluded",
+    "source",
+    "variation_types",
+    "variation_levels",
+    "variation_bytes",
+    "layout_score",
+)
+
+
+def _save(path: Path, image: np.ndarray) -> None:
+    from PIL import Image
+
+    Image.fromarray(image).save(path, "WEBP", quality=82, method=2)

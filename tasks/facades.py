@@ -1,0 +1,75 @@
+"""Facade stages over batches of buildings."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from facade_core.atlas.journal import unit_key
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.style import choose_exemplars
+from tasks.commits import begin, finish, journal
+from tasks.compute import Compute
+from tasks.outcome import Outcome, failure, is_done
+from tasks.plan import read_facades
+from tasks.run import Run
+from tasks.units.facade import facade_unit
+
+
+@task(name="choose exemplars", cache_policy=NO_CACHE)
+def choose(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
+    """An exemplar, (index, name), for every facade without a photo; none where no exemplar could be prepared."""
+    usable = [(i, r) for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"]
+    facades = read_facades(open_repository(run.store).readonly_session(BRANCH))
+    bare = [i for i, name in enumerate(facades.id) if name not in photos]
+    if not usable or not bare:
+        return {}
+    chosen = choose_exemplars(
+        facades.width[bare],
+        facades.floors[bare],
+        facades.building[bare],
+        [r["width_m"] for _, r in usable],
+        [r["floors"] for _, r in usable],
+        seed=run.seed,
+    )
+    return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in zip(bare, chosen.tolist(), strict=True)}
+
+
+@task(name="facades", task_run_name="facades {batch}", cache_policy=NO_CACHE)
+def process_facades(
+    run: Run,
+    batch: str,
+    buildings: Sequence[Sequence[int]],
+    names: Sequence[str],
+    photos: Mapping[str, Path],
+    exemplars: Mapping[int, tuple[int, str]],
+    compute: Compute,
+) -> Outcome:
+    """One batch of buildings, each a unit for one worker: its facades may share chunks. One commit per building."""
+    held = journal(run.store, "facades")
+    outcome = Outcome()
+    started: dict[Any, tuple[dict[int, str], Any]] = {}
+    for facades in buildings:
+        keys = {f: unit_key(run.key, "facade", names[f]) for f in facades}
+        due = [f for f in facades if not is_done(held[f], keys[f])]
+        outcome += Outcome(skipped=len(facades) - len(due))
+        if due:
+            session, fork = begin(run.store)
+            own_photos = {f: photos[names[f]] for f in due if names[f] in photos}
+            own_exemplars = {f: exemplars[f] for f in due if f in exemplars}
+            future = compute.submit(facade_unit, run, fork, due, keys, own_photos, own_exemplars)
+            started[future] = ({f: keys[f] for f in due}, session)
+    for future in compute.completed(started):
+        due_keys, session = started[future]
+        try:
+            fork, records = future.result()
+        except Exception as error:
+            session, fork = begin(run.store)
+            records = {f: failure(names[f], key, error) for f, key in due_keys.items()}
+        finish(session, fork, "facades", records, f"facades {', '.join(names[f] for f in records)}")
+        outcome = outcome.add(records.values())
+    return outcome

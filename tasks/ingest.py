@@ -1,0 +1,88 @@
+"""Ingest a block: its geometry, facades, viewpoints and waves into the store."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import zarr
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from catalogs.block import Block
+from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
+from facade_core.ingest import Plan, ingest
+from tasks.plan import read_plan, write_plan
+from tasks.progress import report
+from tasks.run import Run
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What the flow needs of a plan to order the work: units by index, no arrays.
+
+    buildings: the facades of each building that has some; waves: the streets of each wave; viewpoints: how many each street
+    has.
+    """
+
+    facades: tuple[str, ...]
+    buildings: tuple[tuple[int, ...], ...]
+    waves: tuple[tuple[int, ...], ...]
+    viewpoints: tuple[int, ...]
+    skipped: bool
+
+
+@task(name="ingest", cache_policy=NO_CACHE)
+def ingest_block(run: Run, block: Block) -> Outline:
+    """Write the block's plan and empty arrays in one commit, unless the store holds them for the same inputs and code."""
+    report("ingest", 0, 1)
+    repository = open_repository(run.store, create=True)
+    session = repository.writable_session(BRANCH)
+    root = zarr.open_group(session.store, mode="a")
+    skipped = root.attrs.get("key") == run.key
+    if skipped:
+        plan, _ = read_plan(session, run.texels_per_metre)
+    else:
+        texture = block.texture
+        plan = ingest(
+            block.buildings,
+            block.streets,
+            texels_per_metre=texture.texels_per_metre,
+            spacing=texture.viewpoint_spacing,
+            height=texture.viewpoint_height,
+            visibility_range=texture.visibility_range,
+            panorama_width=texture.panorama_width,
+            storey=block.storey,
+            walls=texture.walls,
+        )
+        root = zarr.group(store=session.store, overwrite=True)
+        root.attrs.update(block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=list(block.notes))
+        write_plan(session, plan, block.buildings, block.streets, run.crs)
+        create_arrays(
+            root,
+            plan.scene.spec,
+            panorama_width=run.panorama_width,
+            exemplars=len(block.exemplars),
+            facades=len(plan.facades),
+            viewpoints=len(plan.viewpoints),
+            streets=len(block.streets),
+        )
+        commit(session, f"ingest {run.block}")
+    report("ingest", 1, 1)
+    return _outline(plan, skipped)
+
+
+def _outline(plan: Plan, skipped: bool) -> Outline:
+    building = plan.facades.building.tolist()
+    per_street = [0] * len(plan.wave)
+    for viewpoint in plan.viewpoints:
+        per_street[viewpoint.street] += 1
+    return Outline(
+        facades=plan.facades.id,
+        buildings=tuple(tuple(i for i, b in enumerate(building) if b == one) for one in sorted(set(building))),
+        waves=tuple(
+            tuple(s for s in range(len(plan.wave)) if plan.wave[s] == wave and per_street[s])
+            for wave in range(int(plan.wave.max(initial=-1)) + 1)
+        ),
+        viewpoints=tuple(per_street),
+        skipped=skipped,
+    )

@@ -1,0 +1,148 @@
+"""Publish a snapshot: model, pictures, report and items, then point `current` at it."""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from catalogs.items import write_items
+from catalogs.report import write_report
+from facade_core.atlas.journal import atlas_digest, read_journal
+from facade_core.atlas.store import BRANCH, open_repository, open_table
+from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
+from facade_core.street.translate import Swatches
+from tasks.facade_report import facade_sheets, item_rows
+from tasks.plan import read_plan
+from tasks.progress import report
+from tasks.run import Run, code_version
+
+PICTURE_SIZE = (900, 1440)
+
+
+@task(name="publish", cache_policy=NO_CACHE)
+def publish_block(run: Run) -> dict[str, Any]:
+    """Write published/<snapshot>/ from the newest snapshot and nothing else, unless `current` already points at it."""
+    session = open_repository(run.store).readonly_session(BRANCH)
+    snapshot = session.snapshot_id
+    out = Path(run.out)
+    final = out / "published" / snapshot
+    current = out / "current"
+    report("publish", 0, 1)
+    if not (current.is_file() and current.read_text().strip() == snapshot and final.is_dir()):
+        temporary = out / "published" / f".{snapshot}.tmp"
+        shutil.rmtree(temporary, ignore_errors=True)
+        temporary.mkdir(parents=True)
+        _write(run, session, temporary)
+        shutil.rmtree(final, ignore_errors=True)
+        os.replace(temporary, final)
+        pointer = out / ".current.tmp"
+        pointer.write_text(snapshot + "\n")
+        os.replace(pointer, current)
+    report("publish", 1, 1)
+    summary = json.loads((final / "summary.json").read_text())
+    return summary | {
+        "snapshot": snapshot,
+        "outputs": {
+            "glb": [str(final / "block.glb")],
+            "report": str(final / "report" / "index.html"),
+            "items": str(final / "items.parquet"),
+        },
+    }
+
+
+def _write(run: Run, session: Any, folder: Path) -> None:
+    group = zarr.open_group(session.store, mode="r")
+    plan, streets = read_plan(session, run.texels_per_metre)
+    scene = plan.scene
+    swatches = Swatches(scene, streets, seed=run.seed)
+    pictures = _aim(plan)
+
+    pages: dict[int, bytes] = {}
+
+    def page_jpeg(page: int) -> tuple[int, np.ndarray, bytes]:
+        colour, provenance = group["atlas/colour"][page], group["atlas/provenance"][page]
+        filled = fill_unseen(scene, swatches, page, colour, provenance)
+        return page, filled, _jpeg(filled, 88)
+
+    with ThreadPoolExecutor(2) as threads:
+        # a few pages at a time: memory stays bounded however many there are
+        for start in range(0, scene.spec.pages, 4):
+            for page, filled, jpeg in threads.map(page_jpeg, range(start, min(start + 4, scene.spec.pages))):
+                pages[page] = jpeg
+                for picture in pictures.values():
+                    picture.paint(page, filled)
+    write_glb(folder / "block.glb", scene, pages)
+
+    images = folder / "report" / "images"
+    images.mkdir(parents=True)
+    for name, picture in pictures.items():
+        (images / f"{name}.jpg").write_bytes(_jpeg(_halve(picture.rgb), 90))
+    viewpoints, records = read_journal(group, "viewpoints"), read_journal(group, "facades")
+    shown = [v for v in _spread([i for i, r in enumerate(viewpoints) if r], 6)]
+    for viewpoint in shown:
+        (images / f"panorama-{viewpoint}.jpg").write_bytes(_jpeg(group["panoramas/rgb"][viewpoint], 88))
+    facade_sheets(group, plan, records, images)
+
+    buildings = open_table(session, "buildings").load()
+    rows = item_rows(run, plan, streets, buildings, records, code_version())
+    write_items(folder / "items.parquet", rows, run.crs)
+    done = sum(r["status"] == "done" for r in rows)
+    summary = {
+        "block": run.block,
+        "facades_done": done,
+        "facades_failed": len(rows) - done,
+        "viewpoints": len(viewpoints),
+        "atlas_digest": atlas_digest(group),
+    }
+    (folder / "summary.json").write_text(json.dumps(summary, indent=1))
+    write_report(
+        folder / "report",
+        summary=summary | {"crs": run.crs, "code_version": code_version(), "notes": group.attrs.get("notes", [])},
+        rows=rows,
+        records={r["unit"]: r for r in records if r},
+        streets=[r for r in read_journal(group, "streets") if r],
+        viewpoints=[r for r in viewpoints if r],
+        panoramas=[(viewpoints[v]["unit"], f"images/panorama-{v}.jpg") for v in shown],
+        heights={str(k): int(n) for k, n in zip(*np.unique(buildings.height_source.values.astype(str), return_counts=True), strict=True)},
+    )
+
+
+def _aim(plan: Any) -> dict[str, Picture]:
+    """The block from above, and along the street from the middle viewpoint of up to three streets."""
+    pictures = {"above": aim(plan.scene, aerial(plan.scene, PICTURE_SIZE))}
+    streets = sorted({v.street for v in plan.viewpoints})
+    for number, street in enumerate(_spread(streets, 3)):
+        own = [v for v in plan.viewpoints if v.street == street]
+        pictures[f"street-{number}"] = aim(plan.scene, street_level(own[len(own) // 3], PICTURE_SIZE))
+    return pictures
+
+
+def _spread(values: list[int], count: int) -> list[int]:
+    """At most `count` of the values, evenly spread."""
+    if len(values) <= count:
+        return values
+    return [values[round(i * (len(values) - 1) / (count - 1))] for i in range(count)]
+
+
+def _halve(rgb: np.ndarray) -> np.ndarray:
+    import cv2
+
+    return cv2.resize(rgb, (rgb.shape[1] // 2, rgb.shape[0] // 2), interpolation=cv2.INTER_AREA)
+
+
+def _jpeg(rgb: np.ndarray, quality: int) -> bytes:
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(rgb).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()

@@ -1,0 +1,59 @@
+"""What every task and unit of one run needs to know; small, frozen and picklable."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+
+from catalogs.block import Block
+
+VERSION = "0.1.0"
+
+
+@dataclass(frozen=True)
+class Run:
+    """One run of a block. `key` is the ingest key: digest of the block's inputs and settings and of the code."""
+
+    out: str
+    block: str
+    key: str
+    crs: str
+    seed: int
+    texels_per_metre: float
+    panorama_width: int
+    storey: float
+
+    @property
+    def store(self) -> Path:
+        return Path(self.out) / "store"
+
+
+@cache
+def code_version() -> str:
+    """The version and a digest of the code and models that make results: a change of either makes every unit due again."""
+    root = Path(__file__).resolve().parent.parent
+    digest = hashlib.blake2b(digest_size=6)
+    for folder in ("facade_core", "tasks"):
+        for path in sorted((root / folder).rglob("*")):
+            if path.suffix in (".py", ".onnx") and path.is_file():
+                digest.update(path.relative_to(root).as_posix().encode())
+                digest.update(path.read_bytes())
+    return f"{VERSION}+{digest.hexdigest()}"
+
+
+def run_of(block: Block, out: Path) -> Run:
+    """The run that textures `block` into folder `out`."""
+    key = hashlib.sha256(f"{block.digest}/{code_version()}".encode()).hexdigest()
+    texture = block.texture
+    return Run(
+        out=str(out),
+        block=block.name,
+        key=key,
+        crs=block.crs.to_string(),
+        seed=block.seed,
+        texels_per_metre=texture.texels_per_metre,
+        panorama_width=texture.panorama_width,
+        storey=block.storey,
+    )

@@ -1,0 +1,65 @@
+"""One exemplar: read, parsed, completed, measured and brought to the block's density."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from facade_core.facade import prepare_exemplar
+from tasks.run import Run
+from tasks.units.context import unit_seed, worker_name
+from tasks.units.images import read_image
+
+# Longest side of a prepared exemplar in texels: 100 m at 20 texels per metre.
+LARGEST = 2000
+
+
+def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[Any, dict[int, dict[str, Any]]]:
+    """Prepare exemplar `index` and write its image and labels through the fork; returns the fork and the journal record."""
+    import cv2
+
+    start = time.time()
+    image, hidden = read_image(path)
+    prepared = prepare_exemplar(image, hidden, storey=run.storey, seed=unit_seed(run, path.stem, "exemplar"))
+    factor = prepared.metres_per_pixel * run.texels_per_metre
+    height, width = (max(8, round(side * factor)) for side in prepared.facade.labels.shape)
+    shrink = min(1.0, LARGEST / max(height, width))
+    size = (round(width * shrink), round(height * shrink))
+    texture = cv2.resize(prepared.facade.image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
+    labels = cv2.resize(prepared.facade.labels, size, interpolation=cv2.INTER_NEAREST)
+
+    group = zarr.open_group(fork.store)
+    group.create_array(
+        f"exemplars/{index}/image",
+        data=texture,
+        chunks=texture.shape,
+        dimension_names=("row", "column", "rgb"),
+        overwrite=True,
+    )
+    group.create_array(
+        f"exemplars/{index}/labels", data=labels, chunks=labels.shape, dimension_names=("row", "column"), overwrite=True
+    )
+    record = {
+        "unit": path.stem,
+        "key": key,
+        "status": "done",
+        "width_m": size[0] / run.texels_per_metre,
+        "height_m": size[1] / run.texels_per_metre,
+        "floors": prepared.floors,
+        "columns": prepared.columns,
+        "hidden": round(float(hidden.mean()), 4),
+        "metres_per_pixel": prepared.metres_per_pixel,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {stage: round(s, 4) for stage, s in prepared.facade.seconds.items()},
+    }
+    return fork, {index: record}
+
+
+def read_exemplar(group: zarr.Group, index: int) -> tuple[np.ndarray, np.ndarray]:
+    """A prepared exemplar at the block's density: image (h, w, 3) uint8 and labels (h, w) uint8."""
+    return group[f"exemplars/{index}/image"][:], group[f"exemplars/{index}/labels"][:]

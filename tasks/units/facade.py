@@ -1,0 +1,131 @@
+"""The facades of one building: from a photo, or from an exemplar; seeds into the atlas."""
+
+from __future__ import annotations
+
+import base64
+import time
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from facade_core.atlas.provenance import resolve
+from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
+from facade_core.errors import FacadeError
+from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
+from facade_core.ingest import Plan
+from facade_core.labels import CLASSES
+from tasks.run import Run
+from tasks.units.context import context, unit_seed, worker_name
+from tasks.units.exemplar import read_exemplar
+from tasks.units.images import read_image
+
+
+def facade_unit(
+    run: Run,
+    fork: Any,
+    facades: Sequence[int],
+    keys: Mapping[int, str],
+    photos: Mapping[int, Path],
+    exemplars: Mapping[int, tuple[int, str]],
+) -> tuple[Any, dict[int, dict[str, Any]]]:
+    """All facades of one building, which may share chunks. photos: facade -> file; exemplars: facade -> (index, name).
+
+    A facade that cannot be made is set aside with its reason; the others of the building are written.
+    """
+    plan = context(run).plan
+    group = zarr.open_group(fork.store)
+    records: dict[int, dict[str, Any]] = {}
+    for facade in facades:
+        name = plan.facades.id[facade]
+        record = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": time.time()}
+        try:
+            made = _make(run, plan, group, facade, photos.get(facade), exemplars.get(facade))
+        except FacadeError as error:
+            records[facade] = record | {"status": "failed", "reason": str(error)}
+            continue
+        _write(group, plan, facade, made)
+        source = photos[facade].name if facade in photos else exemplars[facade][1]
+        records[facade] = record | {"status": "done", "source": source} | _summary(made)
+    for facade, record in records.items():
+        if record["status"] == "done":
+            scene, chart = plan.scene, int(plan.facades.chart[facade])
+            atlas = group["atlas"]
+            record["chunks"] = chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, [chart])
+    return fork, records
+
+
+def _make(
+    run: Run, plan: Plan, group: zarr.Group, facade: int, photo: Path | None, exemplar: tuple[int, str] | None
+) -> Facade:
+    import cv2
+
+    facades, placement = plan.facades, plan.scene.placement
+    chart = int(facades.chart[facade])
+    size = (int(placement.height[chart]), int(placement.width[chart]))
+    seed = unit_seed(run, facades.id[facade], "facade")
+    if photo is not None:
+        image, hidden = read_image(photo)
+        image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
+        hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+        return from_photo(image, hidden, seed=seed)
+    if exemplar is None:
+        raise FacadeError(
+            f"facade {facades.id[facade]}: no photo and no usable exemplar; add either to the block's imagery"
+        )
+    image, labels = read_exemplar(group, exemplar[0])
+    return from_exemplar(
+        image,
+        labels,
+        (float(facades.height[facade]), float(facades.width[facade])),
+        size,
+        floors=int(facades.floors[facade]),
+        metres_per_pixel=1 / run.texels_per_metre,
+        seed=seed,
+    )
+
+
+def _write(group: zarr.Group, plan: Plan, facade: int, made: Facade) -> None:
+    scene, chart = plan.scene, int(plan.facades.chart[facade])
+    rasters = Rasters.of(scene.placement, [chart])
+    seed = made.image.reshape(-1, 3)
+    evidence = made.provenance.reshape(-1)
+    colour, provenance = resolve(seed, evidence, np.zeros_like(seed), np.zeros(len(seed), np.uint16))
+    arrays = {
+        "atlas/seed": seed,
+        "atlas/seed_evidence": evidence,
+        "atlas/colour": colour,
+        "atlas/provenance": provenance,
+        "facade_maps/evidence": made.evidence.reshape(-1, 3),
+        "facade_maps/labels": made.labels.reshape(-1),
+        "facade_maps/occluded": made.occluded.reshape(-1),
+    }
+    for name, flat in arrays.items():
+        write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
+    group["hierarchies/data"][facade] = base64.b64encode(made.hierarchy.to_bytes()).decode()
+
+
+def _summary(made: Facade) -> dict[str, Any]:
+    """What the catalogue and the report say of a facade."""
+    counts = {f"{c}s" if c != "balcony" else "balconies": 0 for c in ("window", "door", "balcony", "shop")}
+    for element in made.elements:
+        counts["balconies" if element.label == "balcony" else f"{element.label}s"] += 1
+    labels = np.bincount(made.labels.reshape(-1), minlength=256)
+    window, wall = labels[CLASSES.index("window")], labels[CLASSES.index("wall")]
+    return {
+        "elements": [[e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1))] for e in made.elements],
+        "lattice": {"rows": list(map(int, made.lattice.rows)), "columns": list(map(int, made.lattice.columns))},
+        "columns": count_columns(made.elements),
+        **counts,
+        "window_to_wall": round(float(window / max(1, wall)), 4),
+        "occluded": round(float(made.occluded.mean()), 4),
+        "provenance": [
+            round(float(v), 4) for v in np.bincount(made.provenance.reshape(-1), minlength=5) / made.labels.size
+        ],
+        "variation_levels": len(made.hierarchy.levels),
+        "variation_bytes": int(made.hierarchy.nbytes),
+        "layout_score": None if made.completion is None else round(float(made.completion.score), 4),
+        "seconds": {stage: round(s, 4) for stage, s in made.seconds.items()},
+    }

@@ -1,0 +1,24 @@
+"""Image files into arrays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from facade_core.errors import ImageError
+
+
+def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    """An image file as RGB (h, w, 3) uint8, turned as its EXIF says, and its hidden part (h, w) bool: where alpha < 128."""
+    from PIL import Image, ImageOps, UnidentifiedImageError
+
+    try:
+        with Image.open(path) as image:
+            upright = ImageOps.exif_transpose(image)
+            alpha = upright.getchannel("A") if "A" in upright.getbands() else None
+            rgb = np.asarray(upright.convert("RGB"))
+            hidden = np.asarray(alpha) < 128 if alpha is not None else np.zeros(rgb.shape[:2], bool)
+    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
+        raise ImageError(f"{path.name}: not a readable image ({error}); replace or remove it") from error
+    return rgb, hidden

@@ -1,0 +1,124 @@
+"""One viewpoint of a street, and the street's end. The truth is the translated panoramas; blend state is only a cache."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import zarr
+
+from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
+from facade_core.street.blend import blend
+from facade_core.street.propagate import propagate
+from facade_core.street.render import render
+from facade_core.street.window import Window
+from tasks.run import Run
+from tasks.units.context import Context, context, worker_name
+
+
+@dataclass
+class _Progress:
+    """A street in this process: its window and how many of its viewpoints are in it."""
+
+    window: Window
+    done: int
+
+
+# One entry per street under way in this process; dropped at the street's end.
+_streets: dict[tuple[Run, int, str], _Progress] = {}
+
+
+def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str) -> tuple[Any, dict[str, Any]]:
+    """Texture the `step`-th viewpoint of a street: render, translate, propagate, write the panorama through the fork."""
+    start = time.time()
+    here = context(run)
+    group = zarr.open_group(fork.store)
+    progress = _progress(run, here, group, street, step, street_key)
+    viewpoint = _of_street(here, street)[step]
+    size = (run.panorama_width // 2, run.panorama_width)
+    seconds: dict[str, float] = {"prepare": time.time() - start}
+    clock = time.perf_counter()
+
+    def lap(stage: str) -> None:
+        nonlocal clock
+        now = time.perf_counter()
+        seconds[stage] = now - clock
+        clock = now
+
+    panorama = render(here.plan.scene, progress.window, viewpoint, size)
+    lap("render")
+    rgb = here.translator.translate(panorama)
+    lap("translate")
+    propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
+    progress.done = step + 1
+    lap("propagate")
+    group["panoramas/rgb"][viewpoint.id] = rgb
+    lap("write")
+    return fork, {
+        "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
+        if (panorama.chart >= 0).any()
+        else 0.0,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
+    }
+
+
+def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -> tuple[Any, dict[str, Any]]:
+    """Write what the street's `steps` viewpoints made of its charts: street colour, views, resolved colour, provenance."""
+    start = time.time()
+    here = context(run)
+    group = zarr.open_group(fork.store)
+    window = _progress(run, here, group, street, steps, street_key).window
+    _streets.pop((run, street, street_key), None)
+    scene = here.plan.scene
+    colour, views = blend(window.state)
+    held = Rasters.of(scene.placement, window.writable)
+    atlas = group["atlas"]
+    for name, flat in {
+        "street": colour,
+        "street_views": views,
+        "colour": window.colour[: held.total],
+        "provenance": window.provenance[: held.total],
+    }.items():
+        write_rasters(atlas[name], scene.spec, scene.placement, held, flat)
+    return fork, {
+        "chunks": chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, window.writable),
+        "texels": int((views > 0).sum()),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"write": round(time.time() - start, 4)},
+    }
+
+
+def _of_street(here: Context, street: int) -> list:
+    return [v for v in here.plan.viewpoints if v.street == street]
+
+
+def _progress(run: Run, here: Context, group: zarr.Group, street: int, step: int, street_key: str) -> _Progress:
+    """The street's window with its first `step` viewpoints in it: from this process, else replayed from panoramas."""
+    entry = (run, street, street_key)
+    if entry not in _streets or _streets[entry].done != step:
+        _streets[entry] = _replay(here, group, street, step)
+    return _streets[entry]
+
+
+def _replay(here: Context, group: zarr.Group, street: int, step: int) -> _Progress:
+    """Rebuild a window: seeds, then every panorama of earlier waves that shows one of its charts, then the street's own."""
+    plan = here.plan
+    scene = plan.scene
+    own = _of_street(here, street)
+    is_own = np.isin(plan.views[:, 0], [v.id for v in own])
+    charts = np.unique(plan.views[is_own, 1])
+    rasters, writable = Window.layout(scene.placement, charts[plan.writable[charts]], charts)
+    atlas = group["atlas"]
+    seed, evidence = (read_rasters(atlas[name], scene.placement, rasters) for name in ("seed", "seed_evidence"))
+    window = Window.of(scene.placement, rasters, writable, seed, evidence)
+
+    shows = np.unique(plan.views[np.isin(plan.views[:, 1], writable), 0])
+    earlier = [plan.viewpoints[v] for v in shows if plan.wave[plan.viewpoints[v].street] < plan.wave[street]]
+    for viewpoint in [*earlier, *own[:step]]:
+        propagate(scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id])
+    return _Progress(window, step)

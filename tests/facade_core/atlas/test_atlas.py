@@ -1,0 +1,173 @@
+"""The store: what is written is read back, commits are whole, lost writes are refused."""
+
+from __future__ import annotations
+
+import pickle
+from pathlib import Path
+
+import numpy as np
+import pytest
+import xarray as xr
+import zarr
+
+from facade_core.atlas import (
+    INPAINTED,
+    PHOTO,
+    SYNTHESISED,
+    TRANSLATED,
+    UNSEEN,
+    AtlasSpec,
+    Rasters,
+    atlas_digest,
+    chunk_digests,
+    commit,
+    create_arrays,
+    open_repository,
+    read_journal,
+    read_rasters,
+    resolve,
+    unit_key,
+    write_rasters,
+    write_record,
+)
+from facade_core.errors import StoreError
+from facade_core.geometry import pack
+
+TEXELS = np.array([[300, 200], [20, 30], [25, 12], [140, 128], [60, 60]])
+OWNER = np.array([0, 0, 0, 1, 1])
+
+
+@pytest.fixture
+def placement():
+    return pack(TEXELS, OWNER, page=512, chunk=128, gutter=2)
+
+
+@pytest.fixture
+def repository(tmp_path: Path, placement):
+    repository = open_repository(tmp_path / "store", create=True)
+    session = repository.writable_session("main")
+    create_arrays(
+        zarr.group(store=session.store),
+        AtlasSpec(placement.pages, 20.0, page=512),
+        panorama_width=64,
+        exemplars=1,
+        facades=3,
+        viewpoints=4,
+        streets=2,
+    )
+    commit(session, "arrays")
+    return repository
+
+
+def test_rasters_come_back_with_gutters(repository, placement) -> None:
+    spec = AtlasSpec(placement.pages, 20.0, page=512)
+    rasters = Rasters.of(placement, [4, 0, 2])
+    flat = np.random.default_rng(0).integers(0, 256, (rasters.total, 3), dtype=np.uint8)
+    session = repository.writable_session("main")
+    array = zarr.open_group(session.store)["atlas/colour"]
+    write_rasters(array, spec, placement, rasters, flat)
+    np.testing.assert_array_equal(read_rasters(array, placement, rasters), flat)
+    first = flat[rasters.slice(placement, 0)].reshape(200, 300, 3)
+    y, x = int(placement.y[0]), int(placement.x[0])
+    block = array[int(placement.page[0]), y - 2 : y + 202, x - 2 : x + 302]
+    np.testing.assert_array_equal(block[0, 2:-2], first[0])
+    np.testing.assert_array_equal(block[2:-2, -1], first[:, -1])
+
+
+def test_small_charts_that_share_a_chunk_do_not_overwrite_each_other(repository, placement) -> None:
+    spec = AtlasSpec(placement.pages, 20.0, page=512)
+    session = repository.writable_session("main")
+    array = zarr.open_group(session.store)["atlas/provenance"]
+    for chart in (1, 2):
+        one = Rasters.of(placement, [chart])
+        write_rasters(array, spec, placement, one, np.full(one.total, chart, np.uint8))
+    for chart in (1, 2):
+        assert (read_rasters(array, placement, Rasters.of(placement, [chart])) == chart).all()
+
+
+def test_two_workers_write_through_forks_and_one_commits(repository, placement) -> None:
+    spec = AtlasSpec(placement.pages, 20.0, page=512)
+    begun = []
+    for chart in (0, 3):
+        session = repository.writable_session("main")
+        fork = pickle.loads(pickle.dumps(session.fork()))
+        one = Rasters.of(placement, [chart])
+        write_rasters(zarr.open_group(fork.store)["atlas/provenance"], spec, placement, one, np.full(one.total, 7, np.uint8))
+        begun.append((session, pickle.loads(pickle.dumps(fork))))
+    for index, (session, fork) in enumerate(begun):
+        session.merge(fork)
+        write_record(zarr.open_group(session.store), "facades", index, {"unit": str(index), "key": "k"})
+        commit(session, f"unit {index}")
+    group = zarr.open_group(repository.readonly_session("main").store, mode="r")
+    for chart in (0, 3):
+        assert (read_rasters(group["atlas/provenance"], placement, Rasters.of(placement, [chart])) == 7).all()
+    assert [r and r["unit"] for r in read_journal(group, "facades")] == ["0", "1", None]
+
+
+def test_two_units_on_one_chunk_are_refused_not_lost(repository, placement) -> None:
+    sessions = [repository.writable_session("main") for _ in range(2)]
+    for value, session in enumerate(sessions):
+        zarr.open_group(session.store)["atlas/provenance"][0, value, 0] = 1
+    commit(sessions[0], "one")
+    with pytest.raises(StoreError, match="same chunk"):
+        commit(sessions[1], "other")
+
+
+def test_digest_sees_colour_and_provenance_and_nothing_else(repository, placement) -> None:
+    spec = AtlasSpec(placement.pages, 20.0, page=512)
+    session = repository.writable_session("main")
+    group = zarr.open_group(session.store)
+    digests = []
+    for name, value in (("colour", 3), ("provenance", 4), ("street", 5)):
+        group[f"atlas/{name}"][int(placement.page[3]), int(placement.y[3]) + 5, int(placement.x[3]) + 5] = value
+        chunks = chunk_digests(group["atlas/colour"], group["atlas/provenance"], spec, placement, [3])
+        write_record(group, "facades", 0, {"unit": "a", "key": "k", "chunks": chunks, "seconds": value})
+        digests.append(atlas_digest(group))
+    assert digests[0] != digests[1]
+    assert digests[1] == digests[2]
+
+
+def test_later_waves_decide_a_shared_chunk(repository) -> None:
+    session = repository.writable_session("main")
+    group = zarr.open_group(session.store)
+    write_record(group, "streets", 0, {"unit": "a", "wave": 1, "chunks": {"0/0/0": "late"}})
+    write_record(group, "streets", 1, {"unit": "b", "wave": 0, "chunks": {"0/0/0": "early"}})
+    shared = atlas_digest(group)
+    write_record(group, "streets", 1, {"unit": "b", "wave": 0, "chunks": {}})
+    assert atlas_digest(group) == shared
+
+
+@pytest.mark.parametrize("name", ["atlas", "facade_maps", "panoramas", "journal"])
+def test_xarray_opens_every_group(repository, name) -> None:
+    dataset = xr.open_zarr(repository.readonly_session("main").store, group=name, consolidated=False)
+    assert len(dataset) > 0
+    for array in dataset.values():
+        assert array.attrs["long_name"]
+        assert not any(str(dim).startswith("dim_") for dim in array.dims)
+
+
+def test_ranks() -> None:
+    evidence = np.array([PHOTO, INPAINTED, SYNTHESISED, UNSEEN, UNSEEN], np.uint8)
+    views = np.array([1, 1, 1, 2, 0], np.uint16)
+    colour, provenance = resolve(np.full((5, 3), 10, np.uint8), evidence, np.full((5, 3), 20, np.uint8), views)
+    assert provenance.tolist() == [PHOTO, INPAINTED, SYNTHESISED, TRANSLATED, UNSEEN]
+    assert colour[:, 0].tolist() == [10, 10, 10, 20, 0]
+
+
+def test_keys_change_with_what_they_stand_for() -> None:
+    assert unit_key("a", {"x": 1, "y": 2}) == unit_key("a", {"y": 2, "x": 1})
+    assert unit_key("a", 1) != unit_key("a", 2)
+
+
+def test_no_store_is_one_line_with_a_remedy(tmp_path: Path) -> None:
+    with pytest.raises(StoreError) as caught:
+        open_repository(tmp_path / "nothing")
+    assert "nothing" in str(caught.value)
+    assert "run the block" in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("wrong", [{"page": 1000}, {"pages": 0}, {"gutter": 64}, {"texels_per_metre": 0}])
+def test_unusable_specs(wrong: dict) -> None:
+    with pytest.raises(StoreError):
+        AtlasSpec(**({"pages": 1, "texels_per_metre": 20.0} | wrong))

@@ -1,0 +1,135 @@
+"""Render, translate and propagate on a painted street with a known answer."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.atlas import PHOTO, TRANSLATED, UNSEEN, AtlasSpec
+from facade_core.errors import GeometryError
+from facade_core.geometry import GROUND, WALL, block_surfaces, pack
+from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
+from facade_core.types import Building, Street
+
+STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
+BUILDINGS = [
+    Building("a", shapely.box(0, 0, 20, 10), 12.0, "height"),
+    Building("behind", shapely.box(0, 14, 20, 20), 30.0, "height"),
+]
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    charts, mesh = block_surfaces(BUILDINGS, [STREET], ground_margin=20, largest=100)
+    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
+
+
+def camera(x: float = 10.0) -> Viewpoint:
+    return Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
+
+
+def window(scene: Scene, writable, seed=None, evidence=None) -> Window:
+    rasters, write = Window.layout(scene.placement, writable, range(len(scene.charts)))
+    seed = np.zeros((rasters.total, 3), np.uint8) if seed is None else seed
+    evidence = np.zeros(rasters.total, np.uint8) if evidence is None else evidence
+    return Window.of(scene.placement, rasters, write, seed, evidence)
+
+
+def south_wall(scene: Scene, building: int) -> int:
+    charts = scene.charts
+    return int(np.flatnonzero((charts.building == building) & (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))[0])
+
+
+def test_untextured_is_grey_and_sky_black(scene: Scene) -> None:
+    panorama = render(scene, window(scene, []), camera(), (64, 128))
+    assert not panorama.textured.any()
+    assert (panorama.rgb[panorama.chart < 0][~np.isfinite(panorama.depth[panorama.chart < 0])] == 0).all()
+    seen = panorama.rgb[panorama.chart >= 0]
+    assert (np.ptp(seen.astype(int), axis=1) == 0).all()
+    assert seen.min() > 100
+
+
+def test_depth_and_points_are_metres(scene: Scene) -> None:
+    panorama = render(scene, window(scene, []), camera(), (128, 256))
+    wall = panorama.chart == south_wall(scene, 0)
+    assert panorama.depth[wall].min() == pytest.approx(8.0, rel=1e-3)
+    np.testing.assert_allclose(panorama.points[wall][:, 1], 0, atol=1e-3)
+
+
+def test_what_is_propagated_is_rendered_again(scene: Scene) -> None:
+    """A gradient painted on the wall survives the way panorama -> atlas -> panorama."""
+    wall = south_wall(scene, 0)
+    atlas = window(scene, [wall])
+    first = render(scene, atlas, camera(), (256, 512))
+    rgb = first.rgb.copy()
+    on_wall = first.chart == wall
+    rgb[on_wall] = np.clip(first.points[on_wall] * [10, 0, 15] + [20, 128, 30], 0, 255).astype(np.uint8)
+    propagate(scene, atlas, camera(), rgb, seen=first.chart)
+    second = render(scene, atlas, camera(), (256, 512))
+    again = second.textured & on_wall
+    assert again.sum() > 0.97 * on_wall.sum()
+    assert np.abs(second.rgb[again].astype(int) - rgb[again]).mean() < 2
+
+
+def test_nothing_bleeds_through_an_occluder(scene: Scene) -> None:
+    """The wall behind takes no colour where the front building hides it, and none of the front building's."""
+    hidden, front = south_wall(scene, 1), south_wall(scene, 0)
+    atlas = window(scene, [hidden])
+    first = render(scene, atlas, camera(), (256, 512))
+    rgb = np.zeros((256, 512, 3), np.uint8)
+    rgb[first.chart == front] = [255, 0, 0]
+    rgb[first.chart == hidden] = [0, 255, 0]
+    propagate(scene, atlas, camera(), rgb, seen=first.chart)
+    texels = atlas.rasters.slice(scene.placement, hidden)
+    shape = (scene.placement.height[hidden], scene.placement.width[hidden])
+    written = (atlas.provenance[texels] == TRANSLATED).reshape(shape)
+    assert (atlas.colour[texels][written.reshape(-1)] == [0, 255, 0]).all()
+    # seen from 2.5 m at y = -8, the roof line of the front (12 m at y = 0) hides the wall at y = 14 below 28.6 m
+    heights = 30 - (np.arange(shape[0]) + 0.5) / 10
+    assert not written[heights < 2.5 + 9.5 * 22 / 8 - 0.5].any()
+    assert written[heights > 2.5 + 9.5 * 22 / 8 + 0.5].any()
+
+
+def test_stronger_evidence_is_never_overwritten(scene: Scene) -> None:
+    wall = south_wall(scene, 0)
+    rasters, _ = Window.layout(scene.placement, [wall], range(len(scene.charts)))
+    seed = np.full((rasters.total, 3), 77, np.uint8)
+    evidence = np.zeros(rasters.total, np.uint8)
+    texels = rasters.slice(scene.placement, wall)
+    evidence[texels.start : texels.start + 500] = PHOTO
+    atlas = window(scene, [wall], seed, evidence)
+    propagate(scene, atlas, camera(), np.full((128, 256, 3), 200, np.uint8))
+    assert (atlas.colour[texels][:500] == 77).all()
+    assert (atlas.provenance[texels][:500] == PHOTO).all()
+    assert set(atlas.provenance[texels][500:]) <= {TRANSLATED, UNSEEN}
+    assert (atlas.provenance[texels] == TRANSLATED).any()
+
+
+def test_views_beyond_the_range_do_not_count(scene: Scene) -> None:
+    atlas = window(scene, np.flatnonzero(scene.charts.kind == WALL))
+    far = Viewpoint(0, 0, np.array([10.0, -60.0, 2.5]), np.array([1.0, 0.0]))
+    propagate(scene, atlas, far, np.full((64, 128, 3), 200, np.uint8))
+    assert (atlas.provenance == UNSEEN).all()
+
+
+def test_swatches_keep_textured_pixels_and_paint_the_same_ground_from_anywhere(scene: Scene) -> None:
+    swatches = Swatches(scene, [STREET], seed=1)
+    ground = int(np.flatnonzero(scene.charts.kind == GROUND)[0])
+    point = np.array([[12.3, -6.1, 0.0]])
+    np.testing.assert_array_equal(
+        swatches.colour(np.array([ground]), point), Swatches(scene, [STREET], seed=1).colour(np.array([ground]), point)
+    )
+    panorama = render(scene, window(scene, []), camera(), (64, 128))
+    panorama.textured[40:50] = True
+    kept = panorama.rgb[40:50].copy()
+    out = swatches.translate(panorama)
+    np.testing.assert_array_equal(out[40:50], kept)
+    bare = (panorama.chart >= 0) & ~panorama.textured
+    assert (out[bare] != panorama.rgb[bare]).any(axis=1).mean() > 0.9
+
+
+def test_only_equirectangular_shapes(scene: Scene) -> None:
+    with pytest.raises(GeometryError, match="twice as wide"):
+        render(scene, window(scene, []), camera(), (100, 100))
