@@ -83,7 +83,9 @@ def _encode(image: np.ndarray, elements: list[Element]) -> Hierarchy:
         types_before += len(chosen)
     cells = [np.where(g.cells >= 0, number[g.cells], -1).astype(np.int32) for g in grids(elements)]
     types = np.concatenate([g.types for g in groups]) if groups else np.zeros(0, np.int32)
-    wall = bare_wall(image, mask_of(np.concatenate([g.boxes for g in groups]), mask.shape) if groups else mask)
+    for group in groups:
+        mask |= mask_of(group.boxes, mask.shape)
+    wall = bare_wall(image, mask)
     chosen = np.concatenate(representatives) if groups else np.zeros(0, np.int32)
     coded = encode_file(wall, groups, bases, cells, chosen, _levels(cells, types, costs))
     return decode(coded)

@@ -8,7 +8,7 @@ import numpy as np
 MARGIN = 2
 _REACH = 2
 # Light is compared between walls; more than this factor is another material, not another light.
-_LIGHT = (0.6, 1.6)
+_LIGHT = (0.75, 1.33)
 
 
 def mask_of(box: np.ndarray, shape: tuple[int, int]) -> np.ndarray:
@@ -41,7 +41,7 @@ def align(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarr
                 (1, 2)
             )
             # A shift has to pay for itself, so that featureless patches stay.
-            * (1 + 0.03 * (abs(dx) + abs(dy)))
+            * (1 + 0.1 * (abs(dx) + abs(dy)))
             for dx, dy in shifts
         ]
     )
@@ -68,7 +68,7 @@ def _cut(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int])
 
 
 def light(image: np.ndarray, box: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """(N,) brightness of the wall around each box over the boxes' median, within [0.6, 1.6]; mask: all elements.
+    """(N,) brightness of the wall around each box over the boxes' median, within [0.75, 1.33]; mask: all elements.
 
     A shadow darkens an element and the wall beside it alike, a drawn blind only the element.
     """

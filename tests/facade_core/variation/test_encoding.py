@@ -1,0 +1,224 @@
+import io
+import json
+import time
+import zipfile
+
+import numpy as np
+import pytest
+from sklearn.metrics import adjusted_rand_score
+
+from facade_core.errors import ImageError, InputError, LayoutError
+from facade_core.types import Element
+from facade_core.variation import Hierarchy, encode
+
+WIDTH, HEIGHT = 30, 44
+
+
+def window(state, rng):
+    patch = np.full((HEIGHT, WIDTH, 3), (230.0, 228, 220))
+    patch[3:-3, 3:14] = patch[3:-3, 16:-3] = (45, 55, 70)
+    if state == 1:
+        patch[3:22, 3:-3] = (200, 190, 170)
+    if state == 2:
+        patch[:] = (60, 90, 70)
+        patch[::4] = (90, 120, 100)
+    if state == 3:
+        patch[3:-3, 3:9] = patch[3:-3, -9:-3] = (225, 215, 200)
+    patch[3:-3] += rng.normal(0, 8)
+    return patch
+
+
+def facade(seed=0, rows=5, columns=8, states=4):
+    """A wall, half of it in shadow, with windows whose boxes are a pixel off: image, elements, planted states."""
+    rng = np.random.default_rng(seed)
+    image = np.full((rows * 80 + 20, columns * 56 + 20, 3), (190.0, 175, 150))
+    planted = rng.integers(states, size=rows * columns)
+    elements = []
+    for i, state in enumerate(planted):
+        x, y = i % columns * 56 + 22, i // columns * 80 + 25
+        image[y : y + HEIGHT, x : x + WIDTH] = window(state, rng)
+        dx, dy = rng.integers(-1, 2, 2).tolist()
+        elements.append(Element("window", x + dx, y + dy, x + dx + WIDTH, y + dy + HEIGHT))
+    image[:, : image.shape[1] // 2] *= 0.8
+    image += rng.normal(0, 6, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8), elements, planted
+
+
+def found_types(hierarchy, columns=8):
+    (grid,) = hierarchy.levels[0].grids
+    return grid.ravel()
+
+
+def inside(elements, shape):
+    mask = np.zeros(shape, bool)
+    for e in elements:
+        mask[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] = True
+    return mask
+
+
+def rms(a, b, mask):
+    return np.sqrt(((a[mask].astype(float) - b[mask]) ** 2).mean())
+
+
+@pytest.fixture(scope="module")
+def coded():
+    image, elements, planted = facade()
+    return image, elements, planted, encode(image, elements)
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_planted_states_are_the_types(seed):
+    image, elements, planted = facade(seed, states=2 + seed % 3)
+    assert adjusted_rand_score(planted, found_types(encode(image, elements))) >= 0.9
+
+
+def test_levels_run_from_the_photo_to_one_type(coded):
+    *_, hierarchy = coded
+    assert len(hierarchy.levels) >= 3
+    assert len(np.unique(hierarchy.levels[-1].grids[0])) == 1
+    for level in hierarchy.levels:
+        assert level.counts.sum() == 40
+        assert np.allclose(level.probabilities.sum(axis=1), 1)
+    assert np.allclose(hierarchy.levels[0].probabilities, np.eye(len(hierarchy.representatives)))
+    assert (hierarchy.levels[-1].probabilities.max(axis=0) == 1).sum() == 1
+
+
+def test_level_zero_is_close_to_the_photo(coded):
+    image, elements, _, hierarchy = coded
+    mask = inside(elements, image.shape[:2])
+    first, wall = hierarchy.reconstruct(0), hierarchy.wall
+    assert first.shape == image.shape
+    assert rms(image, first, mask) < 12
+    assert rms(image, wall, mask) > 50
+    assert rms(image, first, ~mask) < 9
+
+
+def test_the_last_level_shows_one_window_everywhere(coded):
+    image, elements, _, hierarchy = coded
+    last = hierarchy.reconstruct(len(hierarchy.levels) - 1)
+    cuts = [last[int(e.y0) + 4 : int(e.y1) - 4, int(e.x0) + 4 : int(e.x1) - 4].astype(float) for e in elements]
+    right = np.stack([c for c, e in zip(cuts, elements, strict=True) if e.x0 > image.shape[1] / 2])
+    # The same picture, up to the pixel by which boxes are off and the light of its place.
+    assert np.median(np.abs(right - np.median(right, axis=0))) < 12
+
+
+def test_samples_differ_repeat_by_seed_and_keep_the_wall(coded):
+    image, elements, _, hierarchy = coded
+    level = len(hierarchy.levels) // 2
+    samples = [hierarchy.sample(level, seed) for seed in range(20)]
+    assert len({s.tobytes() for s in samples}) == 20
+    assert np.array_equal(samples[3], hierarchy.sample(level, 3))
+    far = ~inside([Element("", e.x0 - 5, e.y0 - 5, e.x1 + 5, e.y1 + 5) for e in elements], image.shape[:2])
+    assert np.array_equal(samples[0][far], hierarchy.wall[far])
+
+
+def test_samples_of_level_zero_keep_each_places_type(coded):
+    image, elements, _, hierarchy = coded
+    mask = inside(elements, image.shape[:2])
+    first = hierarchy.reconstruct(0)
+    last_level = len(hierarchy.levels) - 1
+    assert rms(first, hierarchy.sample(0, 1), mask) < 0.7 * rms(first, hierarchy.sample(last_level, 1), mask)
+
+
+def test_file_is_small_self_describing_and_comes_back_the_same(coded, tmp_path):
+    image, _, _, hierarchy = coded
+    hierarchy.save(tmp_path / "facade.variation")
+    again = Hierarchy.load(tmp_path / "facade.variation")
+    assert (tmp_path / "facade.variation").stat().st_size == hierarchy.nbytes < image.nbytes / 10
+    for level in (0, len(hierarchy.levels) - 1):
+        assert np.array_equal(again.reconstruct(level), hierarchy.reconstruct(level))
+        assert np.array_equal(again.sample(level, 5), hierarchy.sample(level, 5))
+    with zipfile.ZipFile(io.BytesIO(hierarchy.to_bytes())) as archive:
+        header = json.loads(archive.read("header.json"))
+    assert header["format"] == "streetloom variation 1"
+    assert len(header["levels"]) == len(hierarchy.levels)
+
+
+def test_same_input_same_bytes(coded):
+    image, elements, _, hierarchy = coded
+    assert encode(image, elements, seed=4).to_bytes() == hierarchy.to_bytes()
+
+
+def test_two_classes_make_two_grids():
+    image, elements, _ = facade()
+    balconies = [Element("balcony", e.x0 - 4, e.y1 - 12, e.x1 + 4, e.y1 + 4) for e in elements[:16]]
+    hierarchy = encode(image, elements + balconies)
+    assert [g.shape for g in hierarchy.levels[0].grids] == [(5, 8), (2, 8)]
+    assert {g.label for g in hierarchy.groups} == {"window", "balcony"}
+
+
+def test_bare_wall_and_one_element():
+    image, elements, _ = facade()
+    bare = encode(image, [])
+    assert len(bare.levels) == 1
+    assert rms(bare.reconstruct(0), image, np.ones(image.shape[:2], bool)) < 12
+    assert np.array_equal(bare.sample(0, 1), bare.reconstruct(0))
+    one = encode(image, elements[:1])
+    assert len(one.levels) == 1
+    mask = inside(elements[:1], image.shape[:2])
+    assert rms(one.reconstruct(0), image, mask) < 14
+    assert rms(one.wall, image, mask) > 30
+
+
+def test_elements_over_the_border_and_tiny_ones():
+    image, elements, _ = facade()
+    over = Element("window", -10, -5, 30, 40)
+    corner = Element("door", image.shape[1] - 20, image.shape[0] - 30, image.shape[1] + 9, image.shape[0] + 9)
+    hierarchy = encode(image, [over, corner, Element("shop", 50, 50, 51, 52), *elements[9:]])
+    assert sum(len(g.boxes) for g in hierarchy.groups) == 2 + len(elements[9:])
+    assert hierarchy.reconstruct(0).shape == image.shape
+    assert encode(image, [Element("window", 0, 0, image.shape[1], image.shape[0])]).reconstruct(0).shape == image.shape
+
+
+def test_forty_elements_take_less_than_a_third_of_a_second():
+    image, elements, _ = facade(1)
+    encode(image, elements)
+    seconds = []
+    for _ in range(5):
+        start = time.perf_counter()
+        encode(image, elements)
+        seconds.append(time.perf_counter() - start)
+    assert min(seconds) <= 0.3
+
+
+@pytest.mark.parametrize(
+    ("image", "elements", "error", "message"),
+    [
+        (np.zeros((5, 5)), [], ImageError, "uint8"),
+        (np.zeros((5, 5, 4), np.uint8), [], ImageError, "uint8"),
+        (np.zeros((0, 5, 3), np.uint8), [], ImageError, "uint8"),
+        (np.zeros((2, 20000, 3), np.uint8), [], ImageError, "downsample"),
+        (np.zeros((9, 9, 3), np.uint8), [Element("window", 20, 1, 30, 8)], LayoutError, "outside"),
+        (np.zeros((9, 9, 3), np.uint8), [Element("window", 2, 1, 2, 8)], LayoutError, "no area"),
+        (np.zeros((9, 9, 3), np.uint8), [Element("gate", 2, 1, 4, 8)], LayoutError, "unknown label"),
+    ],
+)
+def test_bad_input(image, elements, error, message):
+    with pytest.raises(error, match=message):
+        encode(image, elements)
+
+
+def test_bad_files_and_levels(coded, tmp_path):
+    *_, hierarchy = coded
+    with pytest.raises(InputError, match="levels 0 to"):
+        hierarchy.reconstruct(len(hierarchy.levels))
+    with pytest.raises(InputError, match="levels 0 to"):
+        hierarchy.sample(-1, 0)
+    for content in (b"", b"no zip", hierarchy.to_bytes()[:-200], hierarchy.to_bytes()[300:]):
+        with pytest.raises(InputError, match="encode the facade again"):
+            Hierarchy.from_bytes(content)
+    (tmp_path / "bad").write_bytes(b"no zip")
+    with pytest.raises(InputError, match="bad: variation file"):
+        Hierarchy.load(tmp_path / "bad")
+    with pytest.raises(InputError, match="absent: cannot be read"):
+        Hierarchy.load(tmp_path / "absent")
+
+
+@pytest.mark.realdata
+def test_a_photographed_facade_has_levels_and_a_small_file(data):
+    from benchmarks.variation import run
+
+    report = run(data / "facades" / "ecp", every=40)
+    assert report["median"]["levels"] >= 5
+    assert report["median"]["psnr elements"] >= 22
+    assert report["median"]["bytes"] * 5 <= report["median"]["png"]
