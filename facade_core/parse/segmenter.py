@@ -18,8 +18,9 @@ from facade_core.types import Parsing
 # The image is shrunk to at most this many pixels, and this many along a side, before anything else is done.
 _WORKING_AREA = 250_000
 _WORKING_SIDE = 2048
-# About 1000 segments in a facade of 540 x 330 pixels.
-_SEGMENT_AREA = 180
+# Some 1000 to 2000 segments in a facade of usual size. Compact ones: loose ones cut corners off windows.
+_SEGMENT_AREA = 100
+_COMPACTNESS = 20
 _SLIC_ROUNDS = 5
 # Rows of the full image written at once, so that memory beyond the result is bounded.
 _BAND = 128
@@ -30,7 +31,7 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
 
     image: (H, W, 3) uint8 RGB, or (H, W, 4) RGBA where alpha < 128 hides a pixel. model: another .onnx file with its
     .json beside it. A first forest votes from appearance, a second one from appearance and the first one's votes
-    around; the second one's votes are averaged in superpixels and the class of most votes wins.
+    around; the second one's votes are smoothed by their averages in superpixels and the class of most votes wins.
 
     confidence sums to 1 in each pixel. occluded marks hidden pixels; they take the confidence, and so the label, of
     the nearest visible place, and their colours are not looked at. Without an alpha channel nothing is occluded.
@@ -86,14 +87,20 @@ def _cells_to_pixels(votes: np.ndarray, height: int, width: int) -> np.ndarray:
 
 
 def _average_in_segments(image: np.ndarray, votes: np.ndarray) -> np.ndarray:
+    """Each pixel's own votes and its segment's mean, in equal parts.
+
+    The segment's mean alone, as in the paper, loses 1.5 % of the ECP pixels at this segment size and 6.5 % at 180
+    pixels a segment with loose segments: railings that one sees a window through tear the segments.
+    """
     from skimage.segmentation import slic
 
     count = max(1, round(image.shape[0] * image.shape[1] / _SEGMENT_AREA))
-    segments = slic(image, n_segments=count, compactness=8, max_num_iter=_SLIC_ROUNDS, start_label=0).reshape(-1)
+    segments = slic(image, n_segments=count, compactness=_COMPACTNESS, max_num_iter=_SLIC_ROUNDS, start_label=0)
+    segments = segments.reshape(-1)
     flat = votes.reshape(-1, len(CLASSES))
     sums = np.stack([np.bincount(segments, column) for column in flat.T], axis=1)
     means = sums / sums.sum(1, keepdims=True)
-    return means[segments].reshape(votes.shape).astype(np.float32)
+    return ((flat + means[segments]) / 2).reshape(votes.shape).astype(np.float32)
 
 
 def _enlarge(confidence: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:

@@ -25,12 +25,12 @@ if TYPE_CHECKING:
 Sample = tuple[np.ndarray, np.ndarray]
 Progress = Callable[[str, int, int], None]
 
-_TREES = 36
+_TREES = 40
 _LEAVES = 1000
 _FOLDS = 3
 _FOLD_TREES = 14
-_VIEWS = 4
-_CELLS = 1500
+_VIEWS = 5
+_CELLS = 1250
 _ROWS_PER_TREE = 100_000
 
 
@@ -112,8 +112,35 @@ def _checked(samples: Iterable[Sample]) -> list[Sample]:
 
 
 def _views(sample: Sample, rng: np.random.Generator) -> list[Sample]:
-    """The facade itself and crops of it: rectified textures often end below the roof or above the shops."""
-    return [sample] + [_jitter(_scale(_crop(sample, rng), rng), rng) for _ in range(_VIEWS - 1)]
+    """The facade itself, a crop painted in flat colours, and crops in other light, some with blank borders.
+
+    Rectified textures often end below the roof or above the shops, and show nothing along a border.
+    """
+    crops = [_scale(_crop(sample, rng), rng) for _ in range(_VIEWS - 1)]
+    crops[0] = _paint(crops[0], rng)
+    return [sample] + [_blank_border(_jitter(crop, rng), rng) for crop in crops]
+
+
+def _paint(sample: Sample, rng: np.random.Generator) -> Sample:
+    """Draw each class mostly in its mean colour, shifted a little."""
+    image, labels = sample
+    painted = image.astype(np.float64)
+    opacity = rng.uniform(0.6, 1.0)
+    for label in np.unique(labels[labels != UNKNOWN]):
+        here = labels == label
+        colour = image[here].mean(0) + rng.normal(0, 20) + rng.normal(0, 10, 3)
+        painted[here] += opacity * (colour - painted[here])
+    return np.clip(np.rint(painted), 0, 255).astype(np.uint8), labels
+
+
+def _blank_border(sample: Sample, rng: np.random.Generator) -> Sample:
+    image, labels = sample
+    if rng.random() < 0.2:
+        image = image.copy()
+        thickness = rng.integers(1, 1 + max(1, min(labels.shape) // 25))
+        turned = np.rot90(image, int(rng.integers(4)))  # a view: what is written to it is written to the image
+        turned[:thickness] = rng.choice([0, 255])
+    return image, labels
 
 
 def _crop(sample: Sample, rng: np.random.Generator) -> Sample:
@@ -184,15 +211,34 @@ def _fit(rows: np.ndarray, target: np.ndarray, trees: int, rng: np.random.Genera
         max_features=0.15,
         max_samples=min(1.0, _ROWS_PER_TREE / len(rows)),
         random_state=int(rng.integers(2**31)),
-        n_jobs=2,
+        n_jobs=-1,
     )
-    return forest.fit(rows, target)
+    forest.fit(rows, target)
+    # Voting in threads adds the trees up in the order in which they come.
+    return forest.set_params(n_jobs=1)
 
 
 def _vote(forest: RandomForestClassifier, rows: np.ndarray) -> np.ndarray:
     votes = np.zeros((len(rows), len(CLASSES)), np.float32)
     votes[:, forest.classes_] = forest.predict_proba(rows)
     return votes
+
+
+def _slim(ensemble: Any) -> None:
+    """Leave out leaf weights of zero and attributes at their defaults: a third of the file."""
+    attributes = {attribute.name: attribute for attribute in ensemble.attribute}
+    kept = np.flatnonzero(np.array(attributes["class_weights"].floats))
+    for name, kind in (
+        ("class_ids", "ints"),
+        ("class_nodeids", "ints"),
+        ("class_treeids", "ints"),
+        ("class_weights", "floats"),
+    ):
+        values = np.array(getattr(attributes[name], kind))[kept].tolist()
+        attributes[name].ClearField(kind)
+        getattr(attributes[name], kind).extend(values)
+    for name in ("nodes_hitrates", "nodes_missing_value_tracks_true"):
+        ensemble.attribute.remove(attributes[name])
 
 
 def _to_onnx(first: RandomForestClassifier, second: RandomForestClassifier) -> bytes:
@@ -217,6 +263,7 @@ def _graph(forest: RandomForestClassifier, name: str) -> Any:
     # A class without a training pixel has no vote of its own: spread the known classes over all seven columns.
     spread = np.eye(len(CLASSES), dtype=np.float32)[forest.classes_]
     graph = model.graph
+    _slim(graph.node[0])
     graph.initializer.append(numpy_helper.from_array(spread, "spread"))
     graph.node.append(helper.make_node("MatMul", ["probabilities", "spread"], ["votes"]))
     del graph.output[:]

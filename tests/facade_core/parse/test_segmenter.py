@@ -1,0 +1,155 @@
+import time
+import tracemalloc
+
+import numpy as np
+import pytest
+
+from facade_core.errors import ImageError, ModelError
+from facade_core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+from facade_core.parse import elements, parse
+
+COLOURS = {
+    WALL: (205, 190, 165),
+    WINDOW: (62, 70, 84),
+    BALCONY: (70, 66, 66),
+    DOOR: (104, 62, 40),
+    ROOF: (92, 98, 112),
+    SHOP: (40, 88, 70),
+    SKY: (196, 214, 236),
+}
+
+
+def painted_facade(seed=0, noise=4.0):
+    """Five storeys of four windows under a roof and sky, over shops and a door: image and labels."""
+    labels = np.full((540, 330), WALL, np.uint8)
+    labels[:45], labels[45:100] = SKY, ROOF
+    for y in range(120, 440, 66):
+        for x in range(30, 320, 76):
+            labels[y : y + 42, x : x + 26] = WINDOW
+            labels[y + 32 : y + 46, x - 4 : x + 30] = BALCONY
+    labels[455:] = SHOP
+    labels[455:, 140:190] = WALL
+    labels[470:, 150:180] = DOOR
+    image = np.zeros((*labels.shape, 3))
+    for label, colour in COLOURS.items():
+        image[labels == label] = colour
+    image += np.random.default_rng(seed).normal(0, noise, image.shape)
+    return np.clip(image, 0, 255).astype(np.uint8), labels
+
+
+def agreement(truth, labels):
+    known = truth != UNKNOWN
+    return float((truth[known] == labels[known]).mean())
+
+
+def test_parses_a_painted_facade():
+    image, truth = painted_facade()
+    found = parse(image)
+    assert found.labels.dtype == np.uint8
+    assert found.confidence.shape == (*truth.shape, len(CLASSES))
+    assert found.confidence.dtype == np.float32
+    np.testing.assert_allclose(found.confidence.sum(2), 1, atol=1e-5)
+    assert (found.labels == found.confidence.argmax(2)).all()
+    assert not found.occluded.any()
+    assert agreement(truth, found.labels) > 0.8
+    windows = [element for element in elements(found) if element.label == "window"]
+    assert 16 <= len(windows) <= 24
+
+
+def test_a_texture_without_sky_and_roof_has_none():
+    image, truth = painted_facade()
+    found = parse(image[112:])
+    assert agreement(truth[112:], found.labels) > 0.75
+    assert np.isin(found.labels, (SKY, ROOF)).mean() < 0.05
+
+
+def test_equal_input_gives_equal_bits():
+    image, _ = painted_facade()
+    first, second = parse(image), parse(image.copy())
+    assert (first.confidence == second.confidence).all()
+
+
+def test_alpha_hides_pixels():
+    image, truth = painted_facade()
+    alpha = np.full(truth.shape, 255, np.uint8)
+    alpha[300:400, 100:200] = 127
+    plain = parse(np.dstack([image, alpha]))
+    assert (plain.occluded == (alpha < 128)).all()
+    assert plain.labels.max() < len(CLASSES)
+    # What is hidden has no say.
+    other = image.copy()
+    other[alpha < 128] = (255, 0, 255)
+    again = parse(np.dstack([other, alpha]))
+    assert (again.confidence == plain.confidence).all()
+    # Hidden pixels take over from the nearest visible one: here the one straight to the left or right.
+    assert (plain.confidence[350, 100:110] == plain.confidence[350, 99]).all()
+
+
+def test_alpha_in_a_shrunk_image_keeps_hidden_colours_out():
+    image, _ = painted_facade()
+    image = np.repeat(np.repeat(image, 3, 0), 3, 1)
+    alpha = np.full(image.shape[:2], 255, np.uint8)
+    alpha[700:1000, 200:510] = 0
+    other = image.copy()
+    other[alpha == 0] = (0, 255, 0)
+    assert (parse(np.dstack([image, alpha])).labels == parse(np.dstack([other, alpha])).labels).all()
+
+
+@pytest.mark.parametrize("shape", [(1, 1), (1, 50), (50, 1), (3, 2), (5, 4000)])
+def test_small_and_narrow_images(shape):
+    image = np.random.default_rng(1).integers(0, 256, (*shape, 3), dtype=np.uint8)
+    found = parse(image)
+    assert found.labels.shape == shape
+    np.testing.assert_allclose(found.confidence.sum(2), 1, atol=1e-5)
+
+
+def test_large_images_take_bounded_memory_and_keep_their_parse():
+    image, truth = painted_facade(noise=0)
+    large = np.repeat(np.repeat(image, 6, 0), 6, 1)  # 6.4 megapixels
+    tracemalloc.start()
+    found = parse(large)
+    _, peak = tracemalloc.get_traced_memory()
+    tracemalloc.stop()
+    result = found.labels.nbytes + found.confidence.nbytes + found.occluded.nbytes
+    assert peak < result + 3 * large.nbytes + 200e6
+    assert agreement(np.repeat(np.repeat(truth, 6, 0), 6, 1), found.labels) > 0.8
+
+
+def test_time_of_a_usual_facade():
+    image = np.random.default_rng(0).integers(0, 256, (700, 500, 3), dtype=np.uint8)
+    parse(image)
+    start = time.process_time()
+    parse(image)
+    assert time.process_time() - start < 3.0  # about 0.6 s on an idle core
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((4, 4), np.uint8),
+        np.zeros((4, 4, 2), np.uint8),
+        np.zeros((0, 4, 3), np.uint8),
+        np.zeros((4, 4, 3), np.float32),
+        [[[0, 0, 0]]],
+        np.zeros((4, 4, 4), np.uint8),
+    ],
+)
+def test_refuses_other_images(image):
+    with pytest.raises(ImageError, match=r"image: .*(; )"):
+        parse(image)
+
+
+def test_refuses_a_missing_model(tmp_path):
+    with pytest.raises(ModelError, match="no such file"):
+        parse(np.zeros((4, 4, 3), np.uint8), model=tmp_path / "none.onnx")
+
+
+@pytest.mark.realdata
+def test_held_out_facades_and_their_lower_storeys(data):
+    from catalogs.datasets import ecp, split
+
+    _, held_out = split(list(ecp(data / "facades" / "ecp")))
+    whole = [agreement(facade.labels, parse(facade.image).labels) for facade in held_out[::4]]
+    assert np.mean(whole) > 0.84
+    storeys = [(facade.image[150:], facade.labels[150:]) for facade in held_out[1::4]]
+    assert np.mean([agreement(labels, parse(image).labels) for image, labels in storeys]) > 0.8
