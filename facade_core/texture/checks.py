@@ -23,7 +23,7 @@ def check_labels(image: np.ndarray, labels: np.ndarray) -> None:
     if not isinstance(labels, np.ndarray) or labels.dtype != np.uint8 or labels.shape != image.shape[:2]:
         found = f"{getattr(labels, 'dtype', type(labels).__name__)} {getattr(labels, 'shape', '')}"
         raise ImageError(
-            f"texture: the labels are {found}; pass uint8 class ids of shape {image.shape[:2]}, e.g. parse(image).labels"
+            f"texture: the labels are {found}; pass uint8 class ids of shape {image.shape[:2]}, as parse(image) does"
         )
 
 

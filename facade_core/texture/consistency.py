@@ -197,7 +197,7 @@ def _nearest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 def refresh(
     cost, tiles, y0, y1, x0, x1, right, below, kind, distance, across, down, scale_right, scale_below
 ):  # fmt: skip
-    """Recompute the terms that depend on tiles[y0:y1, x0:x1]; cost (4, M, N): Eq. 5 right, below, Eq. 6 right, below."""
+    """Recompute what depends on tiles[y0:y1, x0:x1]; cost (4, M, N) is Eq. 5 right, below, Eq. 6 right, below."""
     height, width = tiles.shape
     for y in range(y0, y1):
         for x in range(max(0, x0 - 1), min(x1, width - 1)):

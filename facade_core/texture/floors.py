@@ -74,7 +74,12 @@ def _hidden(hidden: np.ndarray, box: Box) -> np.ndarray:
 
 
 def _around(box: Box, shape: tuple[int, int], margin: int) -> Box:
-    return max(0, box[0] - margin), min(shape[0], box[1] + margin), max(0, box[2] - margin), min(shape[1], box[3] + margin)
+    return (
+        max(0, box[0] - margin),
+        min(shape[0], box[1] + margin),
+        max(0, box[2] - margin),
+        min(shape[1], box[3] + margin),
+    )
 
 
 def _most_known(parts: list[Box], mask: np.ndarray, done: np.ndarray) -> int:
@@ -109,8 +114,7 @@ def _source(
     if found is None or found[1] > _GOOD:
         if scene.floor is not None and _floor_beside(scene, part) and not small:
             return None
-        near = shifts if small else shifts[(shifts[:, 0] == 0) | (shifts[:, 1] == 0) | (shifts[:, 2] == 0)]
-        found = best_source(scene, filled, patch, band, near)
+        found = best_source(scene, filled, patch, band, shifts)
     if found is not None and (found[1] <= _GOOD or small):
         return found[0]
     if (scene.floor is None and scene.bay is None) or small:
@@ -173,5 +177,5 @@ def _finish(image: np.ndarray, filled: np.ndarray, done: np.ndarray) -> np.ndarr
     """To uint8; slivers that found no source are diffused from around."""
     out = np.clip(np.rint(filled * 255.0), 0, 255).astype(np.uint8)
     if not done.all():
-        out = cv2.inpaint(out, (~done).astype(np.uint8), 3, cv2.INPAINT_TELEA)
+        return np.asarray(cv2.inpaint(out, (~done).astype(np.uint8), 3, cv2.INPAINT_TELEA))
     return out

@@ -103,8 +103,10 @@ def _evolve(population, draws, height, width, rows, columns, frozen, usable,
                 child = first + k
                 refresh(heir_cost[child], heirs[child], y, y1, x, x1,
                         right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
-                t, b, l, r = _mutate(heirs[child], u[8 + 6 * k :], height, width, rows, columns, frozen, usable)
-                refresh(heir_cost[child], heirs[child], t, b, l, r,
+                top, low, left, edge = _mutate(
+                    heirs[child], u[8 + 6 * k :], height, width, rows, columns, frozen, usable
+                )
+                refresh(heir_cost[child], heirs[child], top, low, left, edge,
                         right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
                 heir_fitness[child] = total(heir_cost[child])
         population, heirs = heirs, population

@@ -32,7 +32,9 @@ def fill_by_tiles(
     usable = hidden == 0
     frozen = hidden <= 0.05 * heights[:, None] * widths[None]
     if not usable.any():
-        raise ImageError("inpaint: no whole tile is visible outside the mask; use method='floors' or retarget an exemplar")
+        raise ImageError(
+            "inpaint: no whole tile is visible outside the mask; use method='floors' or retarget an exemplar"
+        )
     tall, wide = usable.shape
     shares = tile_histograms(labels, rows, columns).reshape(tall, wide, -1)
     may_row = (np.abs(np.log(heights[:, None] / heights[None])) < _ALIKE) & usable.any(1)[None] & _same_kind(shares)
@@ -65,7 +67,7 @@ def _same_kind(shares: np.ndarray) -> np.ndarray:
 
 
 def _first(own, usable, frozen, may_row, may_column, rng) -> np.ndarray:
-    """Random visible tiles at the hidden nodes, of the same row where it has any, else of the same column."""
+    """Random visible tiles at the hidden nodes, of the same row if one fits, else of the same column."""
     tiles = own.copy()
     anywhere = np.argwhere(usable)
     for y, x in np.argwhere(~frozen):
@@ -75,6 +77,8 @@ def _first(own, usable, frozen, may_row, may_column, rng) -> np.ndarray:
             tiles[y, x] = own[y, rng.choice(beside)]
         elif len(above):
             tiles[y, x] = own[rng.choice(above), x]
+        elif usable[y].any():
+            tiles[y, x] = own[y, rng.choice(np.flatnonzero(usable[y]))]
         else:
             tiles[y, x] = own[tuple(rng.choice(anywhere))]
     return tiles

@@ -31,10 +31,10 @@ def inpaint(
     """image (H, W, 3) uint8 with the pixels of mask (H, W) bool filled; all others keep their bits.
 
     method "floors" clones large patches a whole number of floors away (floors paper), "tiles" lays visible tiles
-    (tiles paper; needs labels (H, W) uint8 or elements), "auto" hides a band of 6 px more, fills it by both and takes
-    the one of smaller squared error on that band; "floors" where there is nothing to make tiles of. elements in pixels,
-    from a completed layout, say where windows go: sources that put elements on elements are preferred. Without any
-    repetition "floors" falls back to the best patch anywhere, then to diffusion. Raises ImageError for bad arrays, a
+    (tiles paper; needs labels (H, W) uint8 or elements), "auto" hides a band of 6 px more, fills it by both at half
+    size and takes the one of smaller squared error on that band; "floors" where there is nothing to make tiles of.
+    elements in pixels, from a completed layout, say where windows go: sources that put elements on elements are
+    preferred. Without any repetition "floors" falls back to the best patch anywhere, then to diffusion. Raises ImageError for bad arrays, a
     mask without visible pixels, an unknown method, or "tiles" without labels and elements.
     """
     check_image(image)
@@ -101,18 +101,23 @@ def _carried_along(guide: np.ndarray) -> np.ndarray:
 
 
 def _choose(image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guide: np.ndarray, seed: int) -> str:
-    """The method that predicts a held-back visible band around the hole better."""
+    """The method that predicts a held-back visible band around the hole better, tried at half size."""
     if labels is None and (guide == UNKNOWN).any():
         return "floors"
-    wider = cv2.dilate(mask.astype(np.uint8), np.ones((2 * _HELD_BACK + 1, 2 * _HELD_BACK + 1), np.uint8)) > 0
-    band = wider & ~mask
+    size = max(16, mask.shape[1] // 2), max(16, mask.shape[0] // 2)
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    hole = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_AREA) > 0
+    kinds = None if labels is None else cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST)
+    plan = cv2.resize(guide, size, interpolation=cv2.INTER_NEAREST)
+    wider = cv2.dilate(hole.astype(np.uint8), np.ones((_HELD_BACK + 1, _HELD_BACK + 1), np.uint8)) > 0
+    band = wider & ~hole
     if not band.any() or wider.all():
         return "floors"
     errors = {}
     for method in ("floors", "tiles"):
         try:
-            filled = _fill(method, image, wider, labels, guide, seed)
+            filled = _fill(method, small, wider, kinds, plan, seed)
         except ImageError:  # no whole tile is left
             continue
-        errors[method] = float(((filled[band].astype(np.float32) - image[band]) ** 2).mean())
+        errors[method] = float(((filled[band].astype(np.float32) - small[band]) ** 2).mean())
     return min(errors, key=lambda name: errors[name])

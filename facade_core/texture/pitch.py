@@ -69,11 +69,9 @@ def _pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.rando
 
 def _likeness(image: np.ndarray, mask: np.ndarray, shifts: np.ndarray) -> np.ndarray:
     """Correlation of the visible image with itself moved down by every shift: of detail, at a quarter of the width."""
-    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
-    hidden = mask.astype(np.float32)
     small = max(1, image.shape[1] // 4), image.shape[0]
-    grey = cv2.resize(grey, small, interpolation=cv2.INTER_AREA)
-    known = cv2.resize(hidden, small, interpolation=cv2.INTER_AREA) == 0
+    grey = cv2.resize(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), small, interpolation=cv2.INTER_AREA).astype(np.float32)
+    known = cv2.resize(mask.astype(np.float32), small, interpolation=cv2.INTER_AREA) == 0
     weight = cv2.blur(known.astype(np.float32), (9, 2 * (image.shape[0] // 16) + 1))
     local = cv2.blur(grey * known, (9, 2 * (image.shape[0] // 16) + 1)) / np.maximum(weight, 1e-6)
     detail = np.where(known, cv2.GaussianBlur(grey - local, (0, 0), 3.0), 0.0)

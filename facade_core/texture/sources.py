@@ -11,9 +11,11 @@ from scipy import fft
 BAND = 8  # px around a patch over which the source must agree with what is known
 _DRIFT = 6  # px by which floors and bays stray from an even spacing; strays beyond 2 px cost
 _ROWS = 0.2  # price of taking rows (columns) from rows of another look
-_GUIDE = 0.3  # price of a source whose elements are not where the layout has them
+_GUIDE = 1.0  # price of a source whose elements are not where the layout has them
 _SIDEWAYS = 0.01  # price of not cloning straight up or down
-_STRAY = 0.002
+_STRAY = 0.002  # price of a pixel by which a translation strays from a multiple, beyond 2 px
+_FAR = 8
+_TRIED = 400  # translations of smallest SSD that get a full price where all are searched
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,7 +53,10 @@ def looks(image: np.ndarray, labels: np.ndarray, known: np.ndarray) -> tuple[np.
 
 
 def candidates(pitch_y: int | None, pitch_x: int | None, shape: tuple[int, int]) -> np.ndarray:
-    """Translations (n, 3): dy, dx in multiples of the floor height and bay width, and how far they stray from them."""
+    """Translations (n, 3): dy, dx in multiples of the floor height and bay width, and how far they stray from them.
+
+    Any straight vertical or horizontal translation is one too, at the price of straying far.
+    """
     steps = [_steps(pitch, size) for pitch, size in ((pitch_y, shape[0]), (pitch_x, shape[1]))]
     (dy, stray_y), (dx, stray_x) = steps
     both = [
@@ -59,7 +64,15 @@ def candidates(pitch_y: int | None, pitch_x: int | None, shape: tuple[int, int])
         (np.repeat(stray_y, len(dx)) + np.tile(stray_x, len(dy)))[:, None],
     ]
     table = np.concatenate(both, 1)
-    return table[(table[:, 0] != 0) | (table[:, 1] != 0)]
+    straight = (table[:, 0] == 0) ^ (table[:, 1] == 0)
+    exact = (table[:, 2] == 0) & (table[:, 0] % 2 == 0) & (table[:, 1] % 2 == 0)
+    oblique = exact & (table[:, 0] != 0) & (table[:, 1] != 0)
+    lines = [np.arange(-size + BAND, size - BAND + 1) for size in shape]
+    anywhere = [
+        np.stack([lines[0], 0 * lines[0], 0 * lines[0] + _FAR], 1),
+        np.stack([0 * lines[1], lines[1], 0 * lines[1] + _FAR], 1),
+    ]
+    return np.concatenate([table[straight | oblique], *(a[a[:, :2].any(1)] for a in anywhere)])
 
 
 def _steps(pitch: int | None, size: int) -> tuple[np.ndarray, np.ndarray]:
@@ -82,8 +95,8 @@ def best_source(
     """
     if not len(shifts):
         return None
-    thin = band[:: max(1, len(band) // 600)]
-    sample = patch[:: max(1, len(patch) // 600)]
+    thin = band[:: max(1, len(band) // 300)]
+    sample = patch[:: max(1, len(patch) // 300)]
     price = _prices(
         scene.image, scene.known, filled, scene.guide, scene.row_look, scene.column_look, patch, thin, sample,
         shifts.astype(np.int64),
@@ -95,18 +108,22 @@ def best_source(
 
 
 @njit(cache=True)
+def _falls_on(known, pixels, dy, dx):
+    for k in range(len(pixels)):
+        y, x = pixels[k, 0] + dy, pixels[k, 1] + dx
+        if y < 0 or y >= known.shape[0] or x < 0 or x >= known.shape[1] or not known[y, x]:
+            return False
+    return True
+
+
+@njit(cache=True)
 def _prices(image, known, filled, guide, row_look, column_look, patch, band, sample, shifts):
     height, width = known.shape
     out = np.full(len(shifts), np.inf)
     for n in range(len(shifts)):
         dy, dx = shifts[n, 0], shifts[n, 1]
-        fits = True
-        for k in range(len(patch)):
-            y, x = patch[k, 0] + dy, patch[k, 1] + dx
-            if y < 0 or y >= height or x < 0 or x >= width or not known[y, x]:
-                fits = False
-                break
-        if not fits:
+        # The sample is spread over the patch, so that it turns most misfits down early.
+        if not (_falls_on(known, sample, dy, dx) and _falls_on(known, patch, dy, dx)):
             continue
         squared, seen = 0.0, 0
         for k in range(len(band)):
@@ -142,7 +159,7 @@ def _prices(image, known, filled, guide, row_look, column_look, patch, band, sam
 def any_source(
     scene: Scene, filled: np.ndarray, patch: np.ndarray, band: np.ndarray
 ) -> tuple[tuple[int, int], float] | None:
-    """The translation of smallest SSD among all, by fast Fourier transforms; None where none fits."""
+    """The cheapest among all translations: SSD by fast Fourier transforms, full prices for the best; None if none fits."""
     height, width = scene.known.shape
     shape = [fft.next_fast_len(2 * n, real=True) for n in (height, width)]
 
@@ -165,9 +182,12 @@ def any_source(
         template = filled[..., c] * ring
         squared -= 2.0 * correlate(template, forward(visible[..., c]))
         squared += correlate(template**2, spectrum)
-    price = np.where((covered > len(patch) - 0.5) & (seen >= max(1.0, 0.6 * len(band))), squared / np.maximum(seen, 1), np.inf)
-    best = np.unravel_index(int(np.argmin(price)), price.shape)
-    if not np.isfinite(price[best]):
-        return None
-    dy, dx = (int(t) if t < n else int(t) - s for t, n, s in zip(best, (height, width), shape, strict=True))
-    return (dy, dx), float(price[best])
+    price = np.where(
+        (covered > len(patch) - 0.5) & (seen >= max(1.0, 0.6 * len(band))), squared / np.maximum(seen, 1), np.inf
+    )
+    likely = np.argsort(price, axis=None, kind="stable")[:_TRIED]
+    likely = likely[np.isfinite(price.flat[likely])]
+    dy, dx = (
+        np.where(t < n, t, t - s) for t, n, s in zip(np.divmod(likely, shape[1]), (height, width), shape, strict=True)
+    )
+    return best_source(scene, filled, patch, band, np.stack([dy, dx, np.full(len(likely), _FAR)], 1))

@@ -119,7 +119,7 @@ def _ground_top(labels: np.ndarray, floors: list[Span], kinds: tuple[str, ...]) 
     above = [span for span, kind in zip(floors, kinds, strict=True) if kind != "ground"]
     height = labels.shape[0]
     lowest = above[-1][1] if above else 0
-    street = np.isin(labels, (DOOR, SHOP)).any(1)
+    street = np.asarray(np.isin(labels, (DOOR, SHOP)).any(1))
     street[:lowest] = False
     tops = np.flatnonzero(street)
     ground = floors[-1][0] if kinds[-1] == "ground" else height

@@ -81,10 +81,10 @@ def cheapest_walk(
     if not np.isfinite(finish[least:]).any():
         return cheapest_walk(price, start, end, length)
     finish[:least] = np.inf
-    level, part = np.unravel_index(int(np.argmin(finish)), finish.shape)
-    walk = [int(part)]
+    level, part = divmod(int(np.argmin(finish)), count)
+    walk = [part]
     for step in range(length - 1, 0, -1):
         previous = came[step, level, walk[-1]]
-        level = level - flags[walk[-1]]
+        level -= int(flags[walk[-1]])
         walk.append(int(previous))
     return np.array(walk[::-1])

@@ -1,0 +1,150 @@
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from facade_core.errors import ImageError
+from facade_core.labels import ROOF, WINDOW
+from facade_core.texture import inpaint
+from facade_core.texture.pitch import bay_width, floor_height
+from facade_core.texture.seams import level, seam
+from facade_core.texture.sources import Scene, any_source
+from facade_core.types import Element
+
+
+@pytest.fixture
+def hole(facade) -> np.ndarray:
+    mask = np.zeros(facade.labels.shape, bool)
+    mask[75:125, 40:75] = True
+    return mask
+
+
+def spoiled(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    out = image.copy()
+    out[mask] = (255, 0, 255)
+    return out
+
+
+def error(a: np.ndarray, b: np.ndarray, mask: np.ndarray) -> float:
+    return float(np.abs(a[mask].astype(float) - b[mask]).mean())
+
+
+@pytest.mark.parametrize("method", ["floors", "tiles", "auto"])
+def test_a_hidden_window_comes_back_and_known_pixels_stay(facade, hole, method):
+    image = spoiled(facade.image, hole)
+    filled = inpaint(image, hole, labels=facade.labels, method=method)
+    np.testing.assert_array_equal(filled[~hole], image[~hole])
+    telea = cv2.inpaint(image, hole.astype(np.uint8), 3, cv2.INPAINT_TELEA)
+    assert error(filled, facade.image, hole) < 0.4 * error(telea, facade.image, hole)
+
+
+def test_floors_needs_no_labels(facade, hole):
+    filled = inpaint(spoiled(facade.image, hole), hole)
+    assert error(filled, facade.image, hole) < 12.0
+
+
+def test_what_is_in_the_hole_does_not_matter(facade, hole):
+    first = inpaint(spoiled(facade.image, hole), hole, method="floors", seed=2)
+    again = inpaint(facade.image, hole, method="floors", seed=2)
+    np.testing.assert_array_equal(first, again)
+
+
+def test_elements_decide_where_windows_go(facade):
+    mask = np.zeros(facade.labels.shape, bool)
+    mask[34:186, 36:108] = True  # both middle bays of all floors but the borders
+    windows = [
+        Element("window", 46 + 36 * b, 40 + 40 * f, 62 + 36 * b, 60 + 40 * f) for f in range(4) for b in range(2)
+    ]
+    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, elements=windows, method="floors")
+    shown = np.zeros_like(mask)
+    for e in windows:
+        shown[int(e.y0) + 2 : int(e.y1) - 2, int(e.x0) + 2 : int(e.x1) - 2] = True
+    dark = filled.mean(2) < 130
+    assert dark[shown].mean() > 0.8
+
+
+def test_degenerate_masks(facade):
+    none = np.zeros(facade.labels.shape, bool)
+    np.testing.assert_array_equal(inpaint(facade.image, none), facade.image)
+    with pytest.raises(ImageError, match="whole image"):
+        inpaint(facade.image, ~none)
+    frame = ~none
+    frame[60:120, 30:100] = False
+    for labels in (None, facade.labels):
+        filled = inpaint(facade.image, frame, labels=labels)
+        np.testing.assert_array_equal(filled[~frame], facade.image[~frame])
+    with pytest.raises(ImageError, match="pass bool"):
+        inpaint(facade.image, none.astype(np.uint8))
+    with pytest.raises(ImageError, match="needs labels"):
+        inpaint(facade.image, frame, method="tiles")
+    with pytest.raises(ImageError, match="unknown"):
+        inpaint(facade.image, frame, method="best")
+
+
+def test_without_repetition_it_still_fills():
+    rng = np.random.default_rng(0)
+    image = rng.integers(0, 255, (90, 120, 3), np.uint8)
+    mask = np.zeros((90, 120), bool)
+    mask[30:60, 40:70] = True
+    filled = inpaint(spoiled(image, mask), mask)
+    assert not (filled[mask] == (255, 0, 255)).all(1).any()
+    assert filled[mask].std() > 40  # noise is continued by a patch, not smeared
+
+
+def test_pitches(facade, hole):
+    rng = np.random.default_rng(0)
+    assert floor_height(facade.image, hole, rng) == pytest.approx(40, abs=1)
+    assert bay_width(facade.image, hole, rng) == pytest.approx(36, abs=1)
+    flat = np.full((100, 100, 3), 120, np.uint8)
+    assert floor_height(flat, np.zeros((100, 100), bool), rng) is None
+
+
+def test_seam_runs_where_the_pictures_agree():
+    old, new = np.zeros((20, 30, 3), np.float32), np.full((20, 30, 3), 50.0, np.float32)
+    new[:, 17:19] = 0.0
+    left, right = np.zeros((20, 30), bool), np.zeros((20, 30), bool)
+    left[:, :5], right[:, -5:] = True, True
+    shown = seam(old, new, left, right)
+    np.testing.assert_array_equal(shown[:, :17], False)
+    np.testing.assert_array_equal(shown[:, 19:], True)
+
+
+def test_levels_reproduce_a_constant_difference():
+    weight = np.zeros((60, 80), np.float32)
+    weight[:4] = 1.0
+    offset = level(np.full((60, 80, 3), 20.0, np.float32), weight)
+    np.testing.assert_allclose(offset, 20.0, rtol=1e-3)
+
+
+def test_fourier_search_finds_the_exact_copy():
+    rng = np.random.default_rng(3)
+    image = rng.random((80, 90, 3)).astype(np.float32)
+    image[50:74, 52:76] = image[8:32, 20:44]
+    known = np.ones((80, 90), bool)
+    known[56:68, 58:70] = False
+    patch = np.argwhere(~known)
+    band = np.argwhere(cv2.dilate((~known).astype(np.uint8), np.ones((9, 9), np.uint8)).astype(bool) & known)
+    flat = np.zeros((80, 3), np.float32), np.zeros((90, 3), np.float32)
+    scene = Scene(image, known, *flat, np.full((80, 90), 255, np.uint8), None, None)
+    shift, price = any_source(scene, np.where(known[..., None], image, 0), patch, band)
+    assert shift == (-42, -32)
+    assert price == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.realdata
+def test_a_window_hidden_on_a_real_facade(data):
+    folder = data / "facades" / "ecp"
+    image = np.array(Image.open(folder / "images" / "monge_55.jpg").convert("RGB"))
+    labels = np.array(Image.open(folder / "labels" / "monge_55.png"))
+    labels = np.where(labels == 7, ROOF, labels).astype(np.uint8)
+    mask = np.zeros(labels.shape, bool)
+    mask[150:290, 110:190] = True
+    filled = inpaint(spoiled(image, mask), mask, labels=np.where(mask, 0, labels).astype(np.uint8))
+    telea = cv2.inpaint(spoiled(image, mask), mask.astype(np.uint8), 3, cv2.INPAINT_TELEA)
+    assert error(filled, image, mask) < error(telea, image, mask)
+    window = mask & (labels == WINDOW)
+    wall = mask & (labels == 0)
+    contrast = filled[wall].mean() - filled[window].mean()
+    assert contrast > 0.5 * (image[wall].mean() - image[window].mean())

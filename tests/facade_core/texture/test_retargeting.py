@@ -1,0 +1,127 @@
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from PIL import Image
+from scipy import ndimage
+
+from facade_core.errors import ImageError
+from facade_core.labels import DOOR, ROOF, SHOP, SKY, WINDOW
+from facade_core.texture import exemplar_scale, retarget
+from facade_core.texture.structure import structural_lattice, structure, window_spans
+from facade_core.texture.walks import cheapest_walk
+
+MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m
+
+
+def counts(labels: np.ndarray) -> tuple[int, int]:
+    window = labels == WINDOW
+    return len(window_spans(window)), len(window_spans(window.T))
+
+
+@pytest.mark.parametrize(("size", "floors"), [((14.0, 20.0), 3), ((30.0, 9.0), 7), ((10.0, 40.0), 2), ((20.0, 6.0), 5)])
+def test_size_floors_doors_and_roof(facade, size, floors):
+    (result,) = retarget(*facade, size, floors=floors, metres_per_pixel=MPP)
+    assert result.image.shape == (round(size[0] / MPP), round(size[1] / MPP), 3)
+    assert counts(result.labels)[0] == floors
+    street = np.isin(result.labels, (DOOR, SHOP)).any(1)
+    assert street[-1]
+    assert street.sum() < 0.5 * len(street)
+    assert (result.labels == DOOR)[-2].any()
+    assert (result.labels[0] == ROOF).mean() > 0.9
+    assert not (result.labels == SKY).any()
+
+
+def test_windows_are_whole_and_of_the_exemplars_proportions(facade):
+    (result,) = retarget(*facade, (20.0, 25.0), floors=5, metres_per_pixel=MPP)
+    boxes = ndimage.find_objects(ndimage.label(result.labels == WINDOW)[0])
+    sides = np.array([[b.stop - b.start for b in box] for box in boxes])
+    assert len(boxes) == 5 * counts(result.labels)[1]
+    np.testing.assert_allclose(sides[:, 0] / sides[:, 1], 20 / 16, rtol=0.25)
+    assert sides.std(0).max() < 1.5
+
+
+def test_columns_are_obeyed(facade):
+    for columns in (1, 3, 9):
+        (result,) = retarget(*facade, (16.0, 18.0), floors=4, columns=columns, metres_per_pixel=MPP)
+        assert counts(result.labels) == (4, columns)
+
+
+def test_a_wall_narrower_than_half_a_bay_is_blank(facade):
+    (result,) = retarget(*facade, (16.0, 1.0), floors=4, metres_per_pixel=MPP)
+    assert not (result.labels == WINDOW).any()
+
+
+def test_results_differ_and_repeat_by_seed(facade):
+    arguments = {"floors": 5, "metres_per_pixel": MPP, "n": 3}
+    first = retarget(*facade, (20.0, 20.0), seed=4, **arguments)
+    again = retarget(*facade, (20.0, 20.0), seed=4, **arguments)
+    for a, b in zip(first, again, strict=True):
+        np.testing.assert_array_equal(a.image, b.image)
+    assert len({r.tiles.tobytes() for r in first}) == 3
+
+
+def test_one_door_where_the_exemplar_has_one(facade):
+    (result,) = retarget(*facade, (18.0, 14.0), floors=4, metres_per_pixel=MPP)
+    assert ndimage.label((result.labels == DOOR)[-2])[1] == 1
+
+
+def test_bad_input_names_the_remedy(facade):
+    with pytest.raises(ImageError, match="no windows"):
+        retarget(facade.image, np.zeros_like(facade.labels), (10, 10), floors=2, metres_per_pixel=MPP)
+    with pytest.raises(ImageError, match="at least 1"):
+        retarget(*facade, (10, 10), floors=0, metres_per_pixel=MPP)
+    with pytest.raises(ImageError, match="positive"):
+        retarget(*facade, (10, -1), floors=1, metres_per_pixel=MPP)
+
+
+def test_structure_of_the_drawn_facade(facade):
+    found = structure(facade.labels)
+    assert found.kinds == ("middle",) * 4
+    assert len(found.bays) == 4
+    assert abs(found.ground_top - (facade.labels.shape[0] - 41)) < 12
+    window = facade.labels == WINDOW
+    assert not any((window[c - 1] & window[c]).any() for c in found.floor_cuts[1:])
+    assert not any((window[:, c - 1] & window[:, c]).any() for c in found.bay_cuts[1:-1])
+    grid = structural_lattice(found)
+    assert (np.diff(grid.rows) > 0).all()
+    assert (np.diff(grid.columns) > 0).all()
+
+
+def test_walks_keep_neighbours_and_show_the_door_once():
+    price = np.ones((4, 4))
+    price[np.arange(3), np.arange(1, 4)] = 0.0
+    ends = np.array([0.0, 9, 9, 9]), np.array([9.0, 9, 9, 0])
+    np.testing.assert_array_equal(cheapest_walk(price, *ends, 4), [0, 1, 2, 3])
+    door = np.array([False, True, False, False])
+    walk = cheapest_walk(price, *ends, 9, marked=door, most=1)
+    assert (walk == 1).sum() == 1
+    assert (walk[0], walk[-1]) == (0, 3)
+
+
+def test_scale_from_floors_a_door_or_one_row(facade):
+    assert exemplar_scale(*facade) == pytest.approx(3.2 / 40, rel=0.02)
+    assert exemplar_scale(*facade, storey=4.0) == pytest.approx(0.1, rel=0.02)
+    door = np.zeros_like(facade.labels)
+    door[-30:, 5:20] = DOOR
+    assert exemplar_scale(facade.image, door) == pytest.approx(2.4 / 30)
+    row = np.zeros_like(facade.labels)
+    row[50:72, 5:20] = WINDOW
+    assert exemplar_scale(facade.image, row) == pytest.approx(0.55 * 3.2 / 22, rel=0.1)
+    with pytest.raises(ImageError, match="label the exemplar"):
+        exemplar_scale(facade.image, np.zeros_like(facade.labels))
+
+
+@pytest.mark.realdata
+def test_haussmann_facades_keep_their_floors(data):
+    folder = data / "facades" / "ecp"
+    for name in ("monge_10", "monge_55", "monge_74"):
+        image = np.array(Image.open(folder / "images" / f"{name}.jpg").convert("RGB"))
+        labels = np.array(Image.open(folder / "labels" / f"{name}.png"))
+        labels = np.where(labels == 7, ROOF, labels).astype(np.uint8)
+        scale = exemplar_scale(image, labels)
+        assert 0.02 < scale < 0.06
+        for size, floors in (((19.0, 24.0), 6), ((16.0, 8.0), 4), ((25.0, 14.0), 8)):
+            (result,) = retarget(image, labels, size, floors=floors, metres_per_pixel=scale)
+            assert counts(result.labels)[0] == floors
+            assert result.image.shape[:2] == (round(size[0] / scale), round(size[1] / scale))
