@@ -63,13 +63,14 @@ def _on_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Eleme
 def _encode(image: np.ndarray, elements: list[Element]) -> Hierarchy:
     all_boxes = boxes(elements).astype(np.int32)
     mask = mask_of(all_boxes, image.shape[:2])
+    grey = image.mean(axis=2)
     groups, bases, costs, representatives = [], [], [], []
     number = np.zeros(len(elements), np.int32)
     elements_before = types_before = 0
     for members in size_groups(elements):
         size = patch_size(all_boxes[members])
         box = align(image, all_boxes[members], size)
-        shade = quantise_light(light(image, all_boxes[members], mask))
+        shade = quantise_light(light(grey, all_boxes[members], mask))
         patches = cut(image, box, size) / shade[:, None, None, None].astype(np.float32)
         bases.append(code_basis(principal_components(patches)))
         basis = decode_basis(*bases[-1])

@@ -7,6 +7,7 @@ import numpy as np
 # Pixels of wall that a patch carries around its element, and how far an element is moved to align with its group.
 MARGIN = 2
 _REACH = 2
+_ALIGNMENT_ROUNDS = 3
 # Light is compared between walls; more than this factor is another material, not another light.
 _LIGHT = (0.75, 1.33)
 
@@ -26,27 +27,26 @@ def patch_size(box: np.ndarray) -> tuple[int, int]:
 
 
 def align(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """The boxes (N, 4) int moved by up to 2 px so that each patch agrees best with the group's median patch."""
+    """The boxes (N, 4) int moved by up to 2 px so that the edges in each patch agree best with the group's mean edges.
+
+    Edges, because an element's frame stays where it is while shutters and blinds change what is inside.
+    """
     if len(box) < 3:
         return box
-    wide = (size[0] + 2 * _REACH, size[1] + 2 * _REACH)
-    grey = _cut(image, box, MARGIN + _REACH, wide).mean(axis=3)
-    grey -= grey.mean(axis=(1, 2), keepdims=True)
-    template = np.median(grey, axis=0)[_REACH:-_REACH, _REACH:-_REACH]
-    shifts = [(dx, dy) for dy in range(-_REACH, _REACH + 1) for dx in range(-_REACH, _REACH + 1)]
-    shifts.sort(key=lambda s: abs(s[0]) + abs(s[1]))
-    error = np.stack(
-        [
-            ((grey[:, _REACH + dy : _REACH + dy + size[0], _REACH + dx : _REACH + dx + size[1]] - template) ** 2).mean(
-                (1, 2)
-            )
-            # A shift has to pay for itself, so that featureless patches stay.
-            * (1 + 0.1 * (abs(dx) + abs(dy)))
-            for dx, dy in shifts
-        ]
-    )
-    move = np.array(shifts)[error.argmin(axis=0)]
-    return box + np.hstack([move, move])
+    import cv2
+
+    grey = _cut(image, box, MARGIN + _REACH, (size[0] + 2 * _REACH, size[1] + 2 * _REACH)).mean(axis=3)
+    # Horizontal and vertical edges apart; the root keeps one strong edge from deciding alone.
+    edges = np.stack([np.sqrt(np.abs(cv2.Sobel(g, -1, *axis))) for g in grey for axis in ((1, 0), (0, 1))])
+    edges = edges.reshape(len(box), 2, *grey.shape[1:])
+    reach = range(2 * _REACH + 1)
+    windows = [edges[..., dy : dy + size[0], dx : dx + size[1]] for dy in reach for dx in reach]
+    best = np.full(len(box), len(windows) // 2)
+    for _ in range(_ALIGNMENT_ROUNDS):
+        template = np.mean([windows[s][i] for i, s in enumerate(best)], axis=0)
+        template -= template.mean()
+        best = np.stack([np.einsum("nayx,ayx->n", w, template) for w in windows]).argmax(axis=0)
+    return box + np.tile(np.stack([best % len(reach), best // len(reach)], axis=1) - _REACH, 2)
 
 
 def cut(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
@@ -67,15 +67,16 @@ def _cut(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int])
     return patches
 
 
-def light(image: np.ndarray, box: np.ndarray, mask: np.ndarray) -> np.ndarray:
+def light(grey: np.ndarray, box: np.ndarray, mask: np.ndarray) -> np.ndarray:
     """(N,) brightness of the wall around each box over the boxes' median, within [0.75, 1.33]; mask: all elements.
 
-    A shadow darkens an element and the wall beside it alike, a drawn blind only the element.
+    grey (H, W): the image's brightness. A shadow darkens an element and the wall beside it alike, a drawn blind only
+    the element.
     """
     import cv2
 
     wall = (~mask).astype(np.float64)
-    total = cv2.integral(image.mean(axis=2) * wall)
+    total = cv2.integral(grey * wall)
     area = cv2.integral(wall)
     reach = np.maximum(3, (0.25 * (box[:, 2:] - box[:, :2])).round().astype(int))
     limit = np.array(mask.shape[::-1])
