@@ -1,0 +1,167 @@
+"""items.parquet: one row per facade. The columns are defined once, here; the README's table is tested against them."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.features import natural_order
+from catalogs.frames import LONLAT
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of the catalogue. type is pyarrow's name for it; required columns hold a value in every row."""
+
+    name: str
+    type: str
+    unit: str
+    meaning: str
+    required: bool = False
+
+
+COLUMNS = (
+    Column("id", "string", "", "facade, unique in the block", required=True),
+    Column("block", "string", "", "name of the block", required=True),
+    Column("building", "string", "", "building that the facade belongs to", required=True),
+    Column("geometry", "binary", "degrees", "foot line, WKB LineString in lon/lat (OGC:CRS84)", required=True),
+    Column("xmin", "double", "degrees", "west end of the foot line", required=True),
+    Column("ymin", "double", "degrees", "south end of the foot line", required=True),
+    Column("xmax", "double", "degrees", "east end of the foot line", required=True),
+    Column("ymax", "double", "degrees", "north end of the foot line", required=True),
+    Column("street", "string", "", "street that sees the facade: its name, or its id where it has none"),
+    Column("height_m", "double", "metres", "height from the ground to the eaves"),
+    Column("width_m", "double", "metres", "width along the ground"),
+    Column("azimuth_deg", "double", "degrees", "direction the facade faces, clockwise from north of the grid"),
+    Column("floors", "int32", "", "storeys"),
+    Column("columns", "int32", "", "columns of windows"),
+    Column("windows", "int32", "", "windows in the completed layout"),
+    Column("doors", "int32", "", "doors in the completed layout"),
+    Column("balconies", "int32", "", "balconies in the completed layout"),
+    Column("shops", "int32", "", "shop fronts in the completed layout"),
+    Column("window_to_wall", "double", "0 to 1", "window area over facade area"),
+    Column("occluded", "double", "0 to 1", "share of the evidence that was hidden"),
+    Column("photo", "double", "0 to 1", "share of texels seen in a photo"),
+    Column("inpainted", "double", "0 to 1", "share of texels inpainted"),
+    Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),
+    Column("translated", "double", "0 to 1", "share of texels written by the translator"),
+    Column("source", "string", "", "photo or exemplar that the texture comes from"),
+    Column("variation_types", "int32", "", "element types of the variation hierarchy"),
+    Column("variation_levels", "int32", "", "levels of the variation hierarchy"),
+    Column("variation_bytes", "int64", "bytes", "size of the encoded hierarchy"),
+    Column("lattice_rows", "int32", "", "horizontal lattice lines, borders included"),
+    Column("lattice_columns", "int32", "", "vertical lattice lines, borders included"),
+    Column("layout_score", "double", "", "score of the completed layout, higher is better"),
+    Column("status", "string", "", "done or failed", required=True),
+    Column("reason", "string", "", "why the facade failed"),
+    Column("seconds", "double", "seconds", "time spent on the facade"),
+    Column("code_version", "string", "", "code that made the row", required=True),
+    Column("config_digest", "string", "", "digest of the inputs and settings", required=True),
+)
+BBOX = ("xmin", "ymin", "xmax", "ymax")
+# What a row to be written holds: the box follows from the geometry.
+ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
+STATUSES = ("done", "failed")
+
+
+def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -> None:
+    """Write the catalogue as GeoParquet, ordered by id, in one step: a reader sees the old file or the new one.
+
+    A row holds ROW_KEYS; `geometry` is a shapely LineString in `crs` (any user input of pyproj), None stands for unknown.
+    Raises InputError naming the facade and the column for an unknown or missing key, a wrong type, or a second row of one id.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = Path(path)
+    for row in rows:
+        _check(row, path)
+    rows = sorted(rows, key=lambda row: natural_order(row["id"]))
+    for one, two in zip(rows, rows[1:], strict=False):
+        if one["id"] == two["id"]:
+            raise InputError(f"{path.name}: facade {one['id']} has two rows; give each facade one")
+    values = _columns(rows, crs)
+    arrays = [_array(column, values[column.name], rows, path) for column in COLUMNS]
+    table = pa.Table.from_arrays(arrays, schema=_schema(values))
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        pq.write_table(table, temporary, compression="zstd")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _check(row: Mapping[str, Any], path: Path) -> None:
+    facade = f"{path.name}: facade {row.get('id')}"
+    if unknown := sorted(row.keys() - set(ROW_KEYS)):
+        raise InputError(f"{facade}: no such column {unknown[0]}; add it to catalogs.items.COLUMNS or leave it out")
+    if missing := [key for key in ROW_KEYS if key not in row]:
+        raise InputError(f"{facade}: column {missing[0]} is missing; give None where it is unknown")
+    if empty := [column.name for column in COLUMNS if column.required and row.get(column.name, 0) is None]:
+        raise InputError(f"{facade}: column {empty[0]} is None; it needs a value in every row")
+    if getattr(row["geometry"], "geom_type", None) != "LineString" or row["geometry"].is_empty:
+        raise InputError(f"{facade}: geometry is no LineString; give the facade's foot line")
+    if row["status"] not in STATUSES:
+        raise InputError(f"{facade}: status is {row['status']!r}; give {' or '.join(STATUSES)}")
+    if row["status"] == "failed" and not row["reason"]:
+        raise InputError(f"{facade}: failed without a reason; say why")
+
+
+def _columns(rows: Sequence[Mapping[str, Any]], crs: Any) -> dict[str, Sequence[Any]]:
+    import shapely
+    from pyproj import Transformer
+
+    to_lonlat = Transformer.from_crs(crs, LONLAT, always_xy=True)
+    feet = shapely.force_2d(np.array([row["geometry"] for row in rows], dtype=object))
+    feet = shapely.transform(feet, to_lonlat.transform, interleaved=False)
+    values: dict[str, Sequence[Any]] = {key: [row[key] for row in rows] for key in ROW_KEYS}
+    values["geometry"] = [shapely.to_wkb(foot) for foot in feet]
+    return values | dict(zip(BBOX, shapely.bounds(feet).reshape(-1, 4).T.tolist(), strict=True))
+
+
+def _array(column: Column, values: Sequence[Any], rows: Sequence[Mapping[str, Any]], path: Path) -> pa.Array:
+    import pyarrow as pa
+
+    wanted = pa.type_for_alias(column.type)
+    values = [None if value is None or value != value else value for value in values]  # NaN is unknown too
+    try:
+        return pa.array(values, wanted)
+    except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError):
+        for row, value in zip(rows, values, strict=True):
+            try:
+                pa.array([value], wanted)
+            except (pa.ArrowInvalid, pa.ArrowTypeError, OverflowError) as error:
+                message = f"{path.name}: facade {row['id']}: {column.name} is {value!r}; give {column.type}"
+                raise InputError(message) from error
+        raise
+
+
+def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:
+    """Types, units and meanings of the columns, and the GeoParquet 1.1 header (no crs means OGC:CRS84)."""
+    import pyarrow as pa
+
+    geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
+    if values["id"]:
+        ends = zip(BBOX, (min, min, max, max), strict=True)
+        geometry["bbox"] = [extreme(values[name]) for name, extreme in ends]
+    geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": geometry}}
+    fields = [
+        pa.field(
+            column.name,
+            pa.type_for_alias(column.type),
+            nullable=not column.required,
+            metadata={"unit": column.unit, "meaning": column.meaning},
+        )
+        for column in COLUMNS
+    ]
+    return pa.schema(fields, metadata={"geo": json.dumps(geo)})

@@ -1,0 +1,119 @@
+"""Conditions a user may ask the catalogue: boolean expressions over its columns and nothing else."""
+
+from __future__ import annotations
+
+import difflib
+import json
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    import duckdb
+
+LONGEST = 2000  # characters
+FUNCTIONS = ("lower", "upper", "length", "contains", "starts_with", "ends_with", "abs", "round", "least", "greatest")
+_SIGNS = {"+", "-", "*", "/", "//", "%", "||"}
+_LIKES = {"~~": "LIKE", "!~~": "NOT LIKE", "~~*": "ILIKE", "!~~*": "NOT ILIKE"}
+_PLAIN = {"CONJUNCTION", "COMPARISON", "BETWEEN", "CONSTANT"}
+_OPERATORS = {
+    "OPERATOR_NOT",
+    "OPERATOR_IS_NULL",
+    "OPERATOR_IS_NOT_NULL",
+    "OPERATOR_COALESCE",
+    "COMPARE_IN",
+    "COMPARE_NOT_IN",
+}
+_QUALIFIERS = ("schema", "catalog", "filter", "distinct", "export_state")
+
+
+def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, columns: Sequence[str]) -> str:
+    """The query `SELECT * FROM table WHERE where`, after checking that `where` is one condition over `columns`.
+
+    DuckDB's own parser makes the tree that is checked, and the text that it parsed is the text that is returned, so
+    nothing is run that was not looked at. Raises InputError in one line with the remedy.
+    """
+    if not where.strip():
+        raise InputError(
+            "--where is empty; give a condition such as \"floors >= 5 AND status = 'done'\", or leave it out"
+        )
+    if len(where) > LONGEST:
+        raise InputError(f"--where has {len(where)} characters; at most {LONGEST} are read")
+    query = f"SELECT * FROM {table} WHERE {where}"
+    tree = _tree(connection, query)
+    if tree.get("error"):
+        problem = tree["error_message"] if tree.get("error_type") == "parser" else "not a condition"
+        raise refusal(where, problem, 'give one condition such as "floors >= 5"')
+    plain = _tree(connection, f"SELECT * FROM {table} WHERE TRUE")
+    condition = _take_condition(tree)
+    _take_condition(plain)
+    if condition is None or _without_places(tree) != _without_places(plain):
+        raise refusal(
+            where, "more than a condition", "give one boolean expression; ORDER BY, LIMIT and the like are not read"
+        )
+    _check(condition, where, columns)
+    return query
+
+
+def _tree(connection: duckdb.DuckDBPyConnection, query: str) -> dict[str, Any]:
+    import duckdb
+
+    try:
+        [(text,)] = connection.execute("SELECT json_serialize_sql(?::VARCHAR)", [query]).fetchall()
+        return json.loads(text)
+    except (duckdb.Error, RecursionError) as error:
+        raise InputError("--where is nested too deeply; give a simpler condition") from error
+
+
+def _take_condition(tree: dict[str, Any]) -> Any:
+    """Cut the condition out of the first statement; None where the statement has no place for one."""
+    node = tree["statements"][0]["node"] if tree.get("statements") else {}
+    return node.pop("where_clause", None)
+
+
+def _without_places(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _without_places(part) for key, part in value.items() if not key.startswith("query_location")}
+    return [_without_places(part) for part in value] if isinstance(value, list) else value
+
+
+def _check(condition: Any, where: str, columns: Sequence[str]) -> None:
+    waiting = [condition]
+    while waiting:
+        part = waiting.pop()
+        if isinstance(part, list):
+            waiting += part
+        elif isinstance(part, dict):
+            if "class" in part:
+                _check_expression(part, where, columns)
+            waiting += part.values()
+
+
+def _check_expression(part: dict[str, Any], where: str, columns: Sequence[str]) -> None:
+    kind = part["class"]
+    if kind == "COLUMN_REF":
+        name = ".".join(part["column_names"])
+        if name.lower() not in columns:
+            close = difflib.get_close_matches(name.lower(), columns, n=1, cutoff=0.6)
+            hint = (
+                f"did you mean {close[0]}?" if close else f"text goes in 'single quotes'; columns: {', '.join(columns)}"
+            )
+            raise refusal(where, f"unknown column {name}", hint)
+    elif kind == "FUNCTION":
+        name = part["function_name"].lower()
+        known = name in FUNCTIONS or (part.get("is_operator") and (name in _SIGNS or name in _LIKES))
+        if not known or any(part.get(qualifier) for qualifier in _QUALIFIERS):
+            raise refusal(
+                where, f"function {name} is not allowed here", f"allowed are {', '.join(FUNCTIONS)}, LIKE and ILIKE"
+            )
+    elif kind not in _PLAIN and not (kind == "OPERATOR" and part["type"] in _OPERATORS):
+        name = part["type"].lower().replace("_", " ")
+        raise refusal(where, f"{name} is not allowed here", "compare columns with values, joined by AND, OR and NOT")
+
+
+def refusal(where: str, problem: str, remedy: str) -> InputError:
+    """The error for a condition that is not run: the condition, what is wrong with it, and the remedy, in one line."""
+    shown = " ".join(where.split())
+    shown = shown if len(shown) <= 80 else shown[:77] + "..."
+    return InputError(f"--where {shown!r}: {' '.join(problem.split())}; {remedy}")
