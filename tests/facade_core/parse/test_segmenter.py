@@ -115,6 +115,13 @@ def test_large_images_take_bounded_memory_and_keep_their_parse():
     assert agreement(np.repeat(np.repeat(truth, 6, 0), 6, 1), found.labels) > 0.8
 
 
+def test_a_facade_at_a_third_of_its_size_keeps_its_windows():
+    image, truth = painted_facade()
+    small = np.ascontiguousarray(image[1::3, 1::3])
+    assert agreement(truth[1::3, 1::3], parse(small).labels) > 0.75
+    assert 14 <= sum(element.label == "window" for element in elements(parse(small))) <= 24
+
+
 def test_time_of_a_usual_facade():
     image = np.random.default_rng(0).integers(0, 256, (700, 500, 3), dtype=np.uint8)
     parse(image)
