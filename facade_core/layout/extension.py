@@ -132,7 +132,7 @@ class _Attachments:
 
 
 def _balconies(seen: Sequence[Element]) -> _Attachments | None:
-    """How the observed windows carry a balcony of their own: which do, and the median of its box less theirs."""
+    """How the observed windows carry a balcony of their own: which do, and its median box from their foot."""
     windows = boxes([e for e in seen if e.label == "window"])
     balconies = boxes([e for e in seen if e.label == "balcony"])
     if not len(windows) or not len(balconies):
@@ -147,7 +147,8 @@ def _balconies(seen: Sequence[Element]) -> _Attachments | None:
     b, w = np.nonzero(own)
     if not len(b):
         return None
-    x0, y0, x1, y1 = np.median(balconies[b] - windows[w], axis=0).tolist()
+    foot_at = np.stack([middle, windows[:, 3]] * 2, axis=1)
+    x0, y0, x1, y1 = np.median(balconies[b] - foot_at[w], axis=0).tolist()
     return _Attachments(windows, own.any(axis=0), (x0, y0, x1, y1))
 
 
@@ -157,5 +158,6 @@ def _balcony_at(window: Element, known: _Attachments) -> Iterator[Element]:
     floor = (known.windows[:, 1] < middle) & (middle < known.windows[:, 3])
     share = known.has[floor].mean() if floor.any() else known.has.mean()
     if share > 0.5:
+        x, y = (window.x0 + window.x1) / 2, window.y1
         x0, y0, x1, y1 = known.offset
-        yield Element("balcony", window.x0 + x0, window.y0 + y0, window.x1 + x1, window.y1 + y1)
+        yield Element("balcony", x + x0, y + y0, x + x1, y + y1)

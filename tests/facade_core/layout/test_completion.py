@@ -127,3 +127,21 @@ def test_model_and_n_are_checked():
         complete([], DOMAIN, LEFT, model=object())
     with pytest.raises(LayoutError, match="n must be"):
         complete([], DOMAIN, LEFT, n=0)
+
+
+def test_balconies_of_small_windows_keep_their_size():
+    tall = [box("window", x, 40, 16, 40) for x in (20, 60)]
+    small = [box("window", x, 120, 14, 27) for x in (20, 60)]
+    balconies = [box("balcony", x, 55, 24, 8) for x in (20, 60)] + [box("balcony", x, 129, 24, 8) for x in (20, 60)]
+    for option in complete(tall + small + balconies, DOMAIN, LEFT, n=8):
+        sound(option, tall + small + balconies, DOMAIN, LEFT)
+        assert all((e.width, e.height) == (24, 8) for e in option.elements if e.label == "balcony")
+
+
+@pytest.mark.realdata
+def test_hidden_halves_of_real_facades(data):
+    from benchmarks.layout import run
+
+    report = run(data / "layouts" / "cmp.jsonl", every=30)
+    assert report["right"]["f1@0.5"] >= 0.3
+    assert report["region"]["f1@0.5"] >= 0.4
