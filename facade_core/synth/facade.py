@@ -1,0 +1,219 @@
+"""Paint one facade with its ground truth."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+
+from facade_core.errors import LayoutError
+from facade_core.types import Element
+
+from . import entrances, materials, ornament, railings
+from .canvas import GAMMA, Canvas, linear
+from .light import shade
+from .occluders import paint_occluders
+from .plan import Opening, Plan, plan
+from .styles import BY_NAME, STYLES
+from .weather import weather
+from .windows import Fabrics, panes_differ, window_tile
+
+LOWEST_STOREY, NARROWEST_COLUMN = 2.4, 1.5  # metres
+FINEST, COARSEST = 0.01, 0.2  # metres per pixel
+MOST_PIXELS = 12_000_000
+_CURTAINS = ("#ece4d2", "#d9b98a", "#b9694c", "#9aa98c", "#e6d3c4", "#f2eee4")
+_BLINDS = ("#e6e0d0", "#d8cdb4", "#c9b48c", "#dfe2e0")
+
+
+@dataclass(frozen=True, slots=True)
+class PaintedFacade:
+    """A painted facade and the truth about it.
+
+    image (H, W, 3) uint8 RGB; labels (H, W) uint8, amodal class ids of `facade_core.labels`, without sky: the facade
+    fills the raster; elements, exact rectangles in whole pixels, half-open, drawn over one another in the order of
+    `labels.ELEMENT_CLASSES`; occluded (H, W) bool, True where something stands in front; element_states, one planted
+    type per element, such as "window:blind-half"; floors below the eaves, ground floor included, and columns.
+    """
+
+    image: np.ndarray
+    labels: np.ndarray
+    elements: list[Element]
+    occluded: np.ndarray
+    element_states: list[str]
+    metres_per_pixel: float
+    floors: int
+    columns: int
+
+
+def facade(
+    size_m: tuple[float, float],
+    *,
+    floors: int,
+    columns: int,
+    style: str,
+    metres_per_pixel: float = 0.05,
+    seed: int,
+    occluders: int = 0,
+) -> PaintedFacade:
+    """Paint a facade of size_m = (height, width) metres.
+
+    floors counts the storeys below the eaves; a roof band and its dormers come on top, inside the same height.
+    occluders = how many trees, cars and lamp posts stand in front; those that would take the hidden share above
+    40 % are left out. Raises LayoutError for a size, count or style that cannot be painted.
+    """
+    height, width = _checked(size_m, floors, columns, style, metres_per_pixel, seed, occluders)
+    rng = np.random.default_rng([seed, STYLES.index(style), floors, columns])
+    laid = plan(
+        BY_NAME[style], height, width, floors=floors, columns=columns, metres_per_pixel=metres_per_pixel, rng=rng
+    )
+    canvas = _paint(laid, rng)
+    small = cv2.resize(shade(canvas), (width, height), interpolation=cv2.INTER_AREA)
+    image = np.round(255 * np.clip(small, 0, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
+    image, occluded = paint_occluders(image, metres_per_pixel, occluders, np.random.default_rng([seed, 0x0CC]))
+    states = [opening.truth for opening in laid.openings]
+    return PaintedFacade(image, laid.labels(), laid.elements(), occluded, states, metres_per_pixel, floors, columns)
+
+
+def _checked(
+    size_m: tuple[float, float], floors: int, columns: int, style: str, mpp: float, seed: int, occluders: int
+) -> tuple[int, int]:
+    if style not in BY_NAME:
+        raise LayoutError(f"facade style {style!r} is not known; use one of {', '.join(STYLES)}")
+    if len(size_m) != 2 or not all(math.isfinite(s) and s > 0 for s in size_m):
+        raise LayoutError(f"facade size_m {size_m!r} must be (height, width), two positive numbers of metres")
+    for name, count, least in (("floors", floors, 1), ("columns", columns, 1), ("occluders", occluders, 0)):
+        if not isinstance(count, int | np.integer) or count < least:
+            raise LayoutError(f"facade {name} is {count!r}; use a whole number of at least {least}")
+    if not isinstance(seed, int | np.integer) or seed < 0:
+        raise LayoutError(f"facade seed is {seed!r}; use a whole number of at least 0")
+    if not FINEST <= mpp <= COARSEST:
+        raise LayoutError(f"facade metres_per_pixel is {mpp!r}; use a value from {FINEST} to {COARSEST}")
+    if size_m[0] < LOWEST_STOREY * floors:
+        raise LayoutError(f"facade of {size_m[0]:g} m has no room for {floors} floors; give {LOWEST_STOREY} m to each")
+    if size_m[1] < NARROWEST_COLUMN * columns:
+        raise LayoutError(
+            f"facade of {size_m[1]:g} m has no room for {columns} columns; give {NARROWEST_COLUMN} m to each"
+        )
+    height, width = round(size_m[0] / mpp), round(size_m[1] / mpp)
+    if height * width > MOST_PIXELS:
+        raise LayoutError(f"facade of {height} x {width} pixels is too large to paint; use a coarser metres_per_pixel")
+    return height, width
+
+
+def _paint(laid: Plan, rng: np.random.Generator) -> Canvas:
+    style, mpp = laid.style, laid.metres_per_pixel
+    # Fine detail is drawn at about 1.7 cm, whatever the raster.
+    factor = min(4, max(2, round(mpp / 0.0167)))
+    canvas = Canvas.blank(laid.height * factor, laid.width * factor, factor / mpp)
+    palette = ornament.Palette(
+        *(
+            linear(str(rng.choice(colours))) if colours else linear("#888888")
+            for colours in (
+                style.wall_colours,
+                style.trim_colours,
+                style.base_colours,
+                style.door_colours,
+                style.roof_colours,
+            )
+        )
+    )
+    frame, curtain, blind = (linear(str(rng.choice(c))) for c in (style.frame_colours, _CURTAINS, _BLINDS))
+    _walls(canvas, laid, palette, rng)
+    ledges = ornament.storeys(canvas, laid, palette)
+    ornament.crown(canvas, laid, palette)
+    _openings(canvas, laid, palette, Fabrics(frame, curtain, blind), rng)
+    sills = [
+        (o.box[0] * mpp - 0.1, o.box[2] * mpp + 0.1, o.box[3] * mpp + 0.1)
+        for o in laid.openings
+        if o.label in ("window", "balcony")
+    ]
+    weather(canvas, sills, [y + 0.12 for y in ledges], rng)
+    return canvas
+
+
+def _walls(canvas: Canvas, laid: Plan, palette: ornament.Palette, rng: np.random.Generator) -> None:
+    style, mpp, w = laid.style, laid.metres_per_pixel, canvas.width_m
+    top, ground, bottom = laid.roof * mpp, laid.lines[1] * mpp, laid.lines[0] * mpp
+    # A course narrower than two and a half pixels would be lost, or beat against the raster.
+    course = max(0.075, 2.5 * mpp)
+    upper = (0.0, top, w, max(ground, top + mpp))
+    if style.wall == "brick":
+        bond = materials.Bond(course, 3.1 * course, 0.2 * course, header=1.55 * course, spread=0.13)
+        materials.masonry(canvas, upper, palette.wall, linear("#a59380"), bond, rng)
+    elif style.wall == "ashlar":
+        bond = materials.Bond(0.42, 1.0, 0.02, spread=0.035)
+        materials.masonry(canvas, upper, palette.wall, palette.wall * 0.62, bond, rng)
+    else:
+        rough = {"jugend": 0.9, "functionalist": 0.35}.get(style.name, 0.2)
+        materials.plaster(canvas, upper, palette.wall, rng, rough=rough)
+    lower = (0.0, ground, w, bottom)
+    if style.base == "banded":
+        materials.banded(canvas, lower, palette.base, rng, course=0.46)
+    elif style.base == "granite":
+        bond = materials.Bond(0.48, 1.0, 0.035, header=0.6, spread=0.09)
+        materials.masonry(
+            canvas, lower, palette.base, palette.base * 0.55, bond, rng, relief=0.06, groove=0.05, rock=0.035
+        )
+    elif style.base == "tile":
+        bond = materials.Bond(max(0.15, 3 * mpp), max(0.3, 6 * mpp), 0.018, spread=0.06)
+        materials.masonry(canvas, lower, palette.base, palette.base * 1.6, bond, rng, relief=0.02)
+    else:
+        bond = materials.Bond(0.50, 1.1, 0.025, spread=0.05)
+        materials.masonry(canvas, lower, palette.base, palette.base * 0.6, bond, rng, relief=0.04, groove=0.02)
+    if style.roof == "mansard":
+        materials.slate(canvas, (0.0, 0.0, w, top), rng, max(0.2, 3 * mpp))
+        canvas.moulding(0, 0, w, 0.22, palette.roof * 0.8, (0.12, 0.16, 0.12, 0.04))
+        canvas.moulding(0, top - 0.16, w, top, palette.roof * 0.9, (0.20, 0.30, 0.34))
+    elif style.roof == "metal":
+        materials.sheet_metal(canvas, (0.0, 0.0, w, top), palette.roof, rng)
+        canvas.moulding(0, top - 0.14, w, top, palette.roof * 0.8, (0.35, 0.52, 0.55))
+
+
+def _openings(
+    canvas: Canvas, laid: Plan, palette: ornament.Palette, fabrics: Fabrics, rng: np.random.Generator
+) -> None:
+    mpp, style = laid.metres_per_pixel, laid.style
+    factor = round(canvas.scale * mpp)
+    tiles: dict[tuple[str, str, tuple[int, int]], tuple[Canvas, np.ndarray | None]] = {}
+
+    def metres(o: Opening) -> ornament.Box:
+        x0, y0, x1, y1 = o.box
+        return x0 * mpp, y0 * mpp, x1 * mpp, y1 * mpp
+
+    def shape(o: Opening) -> tuple[int, int]:
+        return (o.box[3] - o.box[1]) * factor, (o.box[2] - o.box[0]) * factor
+
+    by_label = {name: [o for o in laid.openings if o.label == name] for name in ("window", "balcony", "door", "shop")}
+    for o in by_label["window"]:
+        ornament.surround(canvas, laid, o, metres(o), palette)
+    for o in by_label["window"]:
+        key = (o.kind, o.state, shape(o))
+        if key not in tiles:
+            tiles[key] = window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, rng)
+        tile, opening = tiles[key]
+        canvas.paste(panes_differ(tile, rng), o.box[0] * factor, o.box[1] * factor, opening)
+    spacing = factor * max(2, round(0.13 / mpp))
+    parapet = 0.6 * palette.wall + 0.4 * linear("#e4e2dc")
+    for o in by_label["balcony"]:
+        box = metres(o)
+        if o.kind == "long":
+            railings.brackets(
+                canvas, np.arange(1, laid.width / laid.pitch - 0.5) * laid.pitch * mpp, box[3], palette.trim
+            )
+        elif style.railing != "solid" and style.balconies != "parisian":
+            railings.brackets(canvas, np.array([box[0] + 0.2, box[2] - 0.2]), box[3], palette.trim)
+        railings.balcony(canvas, box, style.railing, o.state, palette.trim, parapet, rng, spacing=spacing)
+    for o in by_label["door"]:
+        ornament.doorway(canvas, laid, metres(o), palette)
+        tile = entrances.door_tile(shape(o), canvas.scale, palette.door, modern=style.glazing == "strip", rng=rng)
+        canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
+    signs = rng.permutation(len(entrances.SIGNS))
+    for number, o in enumerate(by_label["shop"]):
+        word = entrances.SIGNS[signs[number % len(signs)]]
+        tile, awning = entrances.shop_tile(shape(o), canvas.scale, o.state, word, rng)
+        canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
+        if awning is not None:
+            x, y = o.box[0] * factor + awning.x, o.box[1] * factor + awning.y
+            canvas.plates.append(replace(awning, x=x, y=y))

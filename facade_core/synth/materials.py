@@ -1,0 +1,131 @@
+"""What walls and roofs are made of: each function fills a box of the canvas with one material."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .canvas import Canvas, fractal, linear, noise
+
+
+@dataclass(frozen=True)
+class Bond:
+    """How stones are laid, in metres; header > 0 puts a short stone after every long one (Flemish bond)."""
+
+    course: float
+    length: float
+    joint: float
+    header: float = 0.0
+    spread: float = 0.05
+
+
+def plaster(
+    canvas: Canvas,
+    box: tuple[float, float, float, float],
+    colour: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    rough: float,
+) -> None:
+    """Rendered wall; rough in 0..1 goes from trowelled smooth to roughcast."""
+    at = canvas.region(*box)
+    shape = canvas.relief[at].shape
+    grain = noise(shape, 0.022 * canvas.scale, rng)
+    tone = 1 + np.float32(0.012 + 0.03 * rough) * grain + 0.018 * noise(shape, 0.35 * canvas.scale, rng)
+    canvas.albedo[at] = colour * tone[..., None]
+    canvas.relief[at] = np.float32(0.0006 + 0.0028 * rough) * grain
+    canvas.gloss[at] = 0
+
+
+def masonry(
+    canvas: Canvas,
+    box: tuple[float, float, float, float],
+    colour: np.ndarray,
+    mortar: np.ndarray,
+    bond: Bond,
+    rng: np.random.Generator,
+    *,
+    relief: float = 0.0,
+    groove: float = 0.006,
+    rock: float = 0.0,
+) -> None:
+    """Brick or stone with visible joints; rock = metres of rock-faced swelling per stone."""
+    at = canvas.region(*box)
+    rows, columns = canvas.relief[at].shape
+    course = max(2, canvas.px(bond.course))
+    length, header = max(3, canvas.px(bond.length)), canvas.px(bond.header)
+    joint = max(1, canvas.px(bond.joint))
+    period = length + header
+    # Courses are counted from the ground up, as they are laid.
+    up = np.arange(rows)[::-1]
+    row, in_row = up // course, up % course
+    along = np.arange(columns)[None, :] + ((row % 2) * (period // 2))[:, None]
+    unit, in_unit = np.divmod(along, period)
+    short = in_unit >= length
+    stone = 2 * unit + short if header else unit
+    table = rng.standard_normal((int(row.max()) + 1, int(stone.max()) + 1), dtype=np.float32)
+    value = table[row[:, None], stone]
+    in_stone = np.where(short, in_unit - length, in_unit)
+    gap = (in_row >= course - joint)[:, None] | (in_stone < joint)
+    tone = 1 + np.float32(bond.spread) * value
+    tone += np.float32(0.025) * noise((rows, columns), 0.03 * canvas.scale, rng)
+    face = colour * tone[..., None]
+    # Firing and quarry beds change the hue as well as the tone.
+    face[..., 0] *= 1 + np.float32(0.35 * bond.spread) * np.sin(7 * value)
+    canvas.albedo[at] = np.where(gap[..., None], mortar * (0.5 + 0.5 * tone[..., None]), face)
+    height = relief + np.float32(0.15 * groove) * value
+    if rock:
+        mid_row = np.sin(np.pi * (in_row + 0.5) / course).astype(np.float32)[:, None]
+        height = height + np.float32(rock) * (
+            mid_row**0.5 + 0.55 * fractal((rows, columns), 0.16 * canvas.scale, 3, rng)
+        )
+    canvas.relief[at] = np.where(gap, np.float32(relief - groove), height)
+    canvas.gloss[at] = 0
+
+
+def banded(
+    canvas: Canvas,
+    box: tuple[float, float, float, float],
+    colour: np.ndarray,
+    rng: np.random.Generator,
+    *,
+    course: float,
+) -> None:
+    """Rusticated plaster or stone: broad courses with deep horizontal grooves only."""
+    plaster(canvas, box, colour, rng, rough=0.25)
+    x0, y0, x1, y1 = box
+    canvas.relief[canvas.region(*box)] += 0.05
+    count = max(2, round((y1 - y0) / course))
+    for y in np.linspace(y0, y1, count + 1)[1:-1]:
+        at = canvas.region(x0, y - 0.022, x1, y + 0.022)
+        canvas.relief[at] = 0.0
+        canvas.albedo[at] *= 0.72
+
+
+def slate(canvas: Canvas, box: tuple[float, float, float, float], rng: np.random.Generator, course: float) -> None:
+    """Slates on a steep roof: each course laps over the next."""
+    bond = Bond(course=course, length=course * 1.5, joint=0.012, spread=0.13)
+    masonry(canvas, box, linear("#68727c"), linear("#3c4248"), bond, rng, relief=-0.02, groove=0.012)
+    at = canvas.region(*box)
+    rows = canvas.relief[at].shape[0]
+    lap = (np.arange(rows) % max(2, canvas.px(course))) / max(2, canvas.px(course))
+    canvas.relief[at] += np.float32(0.02) * lap.astype(np.float32)[:, None]
+    canvas.gloss[at] = 0.15
+
+
+def sheet_metal(
+    canvas: Canvas, box: tuple[float, float, float, float], colour: np.ndarray, rng: np.random.Generator
+) -> None:
+    """Seamed sheet metal, as on Nordic roofs: standing seams every 0.55 m and a lighter upper part."""
+    at = canvas.region(*box)
+    shape = canvas.relief[at].shape
+    fade = np.linspace(1.22, 0.92, shape[0], dtype=np.float32)[:, None]
+    streaks = noise(shape, (1.5 * canvas.scale, 0.12 * canvas.scale), rng)
+    canvas.albedo[at] = colour * (fade * (1 + 0.05 * streaks))[..., None]
+    canvas.relief[at] = -0.02
+    canvas.gloss[at] = 0.25
+    x0, y0, x1, y1 = box
+    count = max(2, round((x1 - x0) / 0.55))
+    for x in np.linspace(x0, x1, count + 1)[1:-1]:
+        canvas.relief[canvas.region(x - 0.02, y0, x + 0.02, y1)] = 0.03

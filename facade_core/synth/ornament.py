@@ -1,0 +1,283 @@
+"""What dresses the wall: cornices, string courses, quoins, window surrounds, sills, doorways."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .canvas import Canvas, linear
+from .plan import Opening, Plan
+
+Box = tuple[float, float, float, float]
+CORNICE = (0.62, 0.62, 0.60, 0.52, 0.46, 0.26, 0.20, 0.13, 0.12, 0.05)
+STRING = (0.14, 0.14, 0.10, 0.07, 0.02)
+SILL = (0.12, 0.12, 0.09, 0.04)
+
+
+@dataclass(frozen=True)
+class Palette:
+    """The house's colours in linear light."""
+
+    wall: np.ndarray
+    trim: np.ndarray
+    base: np.ndarray
+    door: np.ndarray
+    roof: np.ndarray
+
+
+def crown(canvas: Canvas, plan: Plan, palette: Palette) -> None:
+    """The cornice, frieze or parapet between the top windows and the roof."""
+    mpp, style, w = plan.metres_per_pixel, plan.style, canvas.width_m
+    y0, y1 = plan.roof * mpp, (plan.roof + plan.crown) * mpp
+    tall, trim = y1 - y0, palette.trim
+    if style.name == "functionalist":
+        canvas.moulding(0, y0, w, y0 + 0.12, linear("#7d8082"), (0.12, 0.12, 0.06))
+        return
+    if style.name == "neoclassical":
+        canvas.box(0, y0, w, y0 + 0.45 * tall, trim * 0.97, 0.10)
+        canvas.box(0, y0, w, y0 + 0.09 * tall, trim, 0.18)
+        _panels(canvas, plan, y0 + 0.14 * tall, y0 + 0.40 * tall, trim)
+        y0 += 0.45 * tall
+        canvas.moulding(0, y0, w, y1, trim, CORNICE)
+        _dentils(canvas, y0 + 0.52 * (y1 - y0), y0 + 0.78 * (y1 - y0), trim, pitch=0.34, relief=0.26)
+        return
+    if style.name == "brick":
+        canvas.moulding(0, y0, w, y0 + 0.16, trim, (0.36, 0.36, 0.30))
+        canvas.relief[canvas.region(0, y0 + 0.16, w, y0 + 0.55 * tall)] += 0.18
+        _corbels(canvas, y0 + 0.55 * tall, y0 + 0.80 * tall)
+        canvas.moulding(0, y0 + 0.80 * tall, w, y1, trim, (0.08, 0.08, 0.05))
+        return
+    canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE)
+    if style.name == "haussmann":
+        _dentils(canvas, y0 + 0.32 * tall, y0 + 0.50 * tall, trim, pitch=0.30, relief=0.28)
+    else:
+        _garland(canvas, plan, y0 + 0.60 * tall, y1, trim)
+
+
+def storeys(canvas: Canvas, plan: Plan, palette: Palette) -> list[float]:
+    """String courses at the floor lines, quoins at the corners, the plinth; returns the height of each course."""
+    mpp, style, w = plan.metres_per_pixel, plan.style, canvas.width_m
+    lines = [y * mpp for y in plan.lines]
+    trim = palette.trim
+    ledges = lines[1:-1]
+    if style.name == "neoclassical":
+        for y in lines[2:-1]:
+            canvas.moulding(0, y - 0.07, w, y + 0.07, trim, STRING[1:])
+        quoins(canvas, plan, lines[-1], lines[1], trim)
+    elif style.name == "haussmann":
+        for y in lines[2:-1]:
+            canvas.moulding(0, y - 0.05, w, y + 0.10, trim, STRING)
+    elif style.name == "brick":
+        ledges = lines[1:-1:2]
+        for y in lines[3:-1:2]:
+            canvas.moulding(0, y + 0.02, w, y + 0.20, trim, (0.07, 0.07, 0.05))
+    elif style.name == "jugend":
+        ledges = lines[1:2]
+        if plan.floors > 3:
+            # The top storey is set off as an attic.
+            ledges.append(lines[-2])
+            canvas.moulding(0, lines[-2] - 0.06, w, lines[-2] + 0.10, trim, STRING)
+    else:
+        ledges = []
+        _ribbons(canvas, plan)
+    if plan.floors > 1:
+        y = lines[1]
+        canvas.moulding(0, y - 0.16, w, y + 0.12, trim if style.base != "tile" else palette.base * 1.2, (0.24, *STRING))
+    plinth = min(0.55, 0.16 * (lines[0] - lines[1]))
+    at = canvas.region(0, lines[0] - plinth, w, lines[0])
+    canvas.albedo[at] *= 0.82
+    canvas.relief[at] += 0.05
+    canvas.moulding(0, lines[0] - plinth - 0.05, w, lines[0] - plinth + 0.03, palette.base * 0.9, (0.12, 0.12, 0.08))
+    return ledges
+
+
+def _ribbons(canvas: Canvas, plan: Plan) -> None:
+    """Bands of a darker render tie the windows of a storey together."""
+    mpp = plan.metres_per_pixel
+    rows = {(o.box[1], o.box[3]) for o in plan.openings if o.label == "window" and o.kind == "plain"}
+    inset = 0.5 * (plan.pitch * mpp) - 0.5 * min(plan.style.window_share * plan.pitch * mpp, plan.style.window_widest)
+    for top, bottom in sorted(rows):
+        at = canvas.region(inset, top * mpp, canvas.width_m - inset, bottom * mpp)
+        canvas.albedo[at] *= np.array([0.80, 0.78, 0.76], np.float32)
+        canvas.relief[at] -= 0.03
+
+
+def quoins(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+    """Corner stones, long and short in turn, as far as the first windows leave room."""
+    pitch = plan.pitch * plan.metres_per_pixel
+    room = 0.5 * (pitch - min(plan.style.window_share * pitch, plan.style.window_widest)) - 0.30
+    if room < 0.2:
+        return
+    count = max(2, round((y1 - y0) / 0.46))
+    edges = np.linspace(y0, y1, count + 1)
+    for number, (top, bottom) in enumerate(zip(edges, edges[1:], strict=False)):
+        long = min(0.72 if number % 2 else 0.46, room)
+        tone = colour * (0.97 + 0.05 * ((number * 7) % 3))
+        for x0, x1 in ((0.0, long), (canvas.width_m - long, canvas.width_m)):
+            canvas.box(x0, top + 0.018, x1, bottom - 0.018, tone, 0.055)
+
+
+def surround(canvas: Canvas, plan: Plan, opening: Opening, box: Box, palette: Palette) -> None:
+    """What frames a window, painted before the window itself."""
+    x0, y0, x1, y1 = box
+    trim, kind = palette.trim, plan.style.surround
+    if opening.floor == 0 and plan.style.base == "granite":
+        trim = palette.base * 1.25
+    if opening.kind == "dormer":
+        _dormer(canvas, box, palette)
+        return
+    if opening.kind == "ground" and plan.style.base == "banded":
+        _voussoirs(canvas, box, palette.base)
+        return
+    if kind == "none":
+        sill(canvas, box, linear("#8f9294"), out=0.06)
+        return
+    if kind == "band":
+        rise = 0.20 * (x1 - x0) if opening.kind == "arched" else 0.0
+        if rise:
+            across = np.linspace(-1, 1, 17)
+            arch = [((x0 + x1) / 2 + a * ((x1 - x0) / 2 + 0.16), y0 - 0.16 + rise * a * a) for a in across]
+            canvas.polygon([*arch, (x1 + 0.16, y1), (x0 - 0.16, y1)], trim, 0.04)
+        else:
+            canvas.box(x0 - 0.14, y0 - 0.14, x1 + 0.14, y1, trim, 0.035)
+            canvas.box(x0 - 0.22, y0 - 0.14, x1 + 0.22, y0 - 0.06, trim, 0.06)
+            if opening.kind == "plain":
+                canvas.box(x0 + 0.1, y1 + 0.10, x1 - 0.1, y1 + 0.42, trim * 0.95, 0.02)
+                canvas.box(x0 + 0.2, y1 + 0.18, x1 - 0.2, y1 + 0.34, palette.wall * 0.92, 0.005)
+        sill(canvas, box, trim, out=0.16)
+    elif kind == "brick":
+        _brick_arch(canvas, box, palette)
+        sill(canvas, box, trim, out=0.10)
+    elif kind == "classical":
+        canvas.box(x0 - 0.17, y0 - 0.17, x1 + 0.17, y1, trim, 0.05)
+        canvas.box(x0 - 0.07, y0 - 0.07, x1 + 0.07, y1, trim * 0.96, 0.03)
+        if opening.floor == 1 and plan.floors > 2:
+            _pediment(canvas, box, trim, curved=opening.column % 2 == 1)
+        elif opening.floor < plan.floors - 1 or plan.floors <= 2:
+            canvas.moulding(x0 - 0.26, y0 - 0.40, x1 + 0.26, y0 - 0.25, trim, (0.20, 0.20, 0.14, 0.06))
+        sill(canvas, box, trim, out=0.20)
+    else:
+        canvas.box(x0 - 0.14, y0 - 0.14, x1 + 0.14, y1, trim, 0.04)
+        canvas.box(x0 - 0.05, y0 - 0.05, x1 + 0.05, y1, trim * 0.95, 0.02)
+        mid = (x0 + x1) / 2
+        if opening.floor > 0:
+            canvas.moulding(x0 - 0.22, y0 - 0.30, x1 + 0.22, y0 - 0.16, trim, (0.17, 0.17, 0.12, 0.05))
+            canvas.polygon(
+                [(mid - 0.14, y0 - 0.32), (mid + 0.14, y0 - 0.32), (mid + 0.08, y0), (mid - 0.08, y0)], trim, 0.13
+            )
+        sill(canvas, box, trim, out=0.14)
+
+
+def sill(canvas: Canvas, box: Box, colour: np.ndarray, *, out: float) -> None:
+    x0, _, x1, y1 = box
+    canvas.moulding(x0 - out, y1, x1 + out, y1 + 0.11, colour, SILL)
+
+
+def doorway(canvas: Canvas, plan: Plan, box: Box, palette: Palette) -> None:
+    """A door's surround with a hood; stone for the old styles, a thin canopy for the modern one."""
+    x0, y0, x1, y1 = box
+    if plan.style.name == "functionalist":
+        canvas.box(x0 - 0.08, y0 - 0.08, x1 + 0.08, y1, palette.trim, 0.03)
+        canvas.moulding(x0 - 0.35, y0 - 0.24, x1 + 0.35, y0 - 0.08, palette.trim * 1.05, (0.85, 0.85, 0.82))
+        return
+    stone = palette.trim if plan.style.base != "granite" else palette.base * 1.15
+    canvas.box(x0 - 0.26, y0 - 0.26, x1 + 0.26, y1, stone, 0.11)
+    canvas.box(x0 - 0.09, y0 - 0.09, x1 + 0.09, y1, stone * 0.93, 0.06)
+    canvas.moulding(x0 - 0.38, y0 - 0.42, x1 + 0.38, y0 - 0.24, stone, (0.32, 0.32, 0.24, 0.14, 0.1))
+    mid = (x0 + x1) / 2
+    canvas.polygon(
+        [(mid - 0.15, y0 - 0.36), (mid + 0.15, y0 - 0.36), (mid + 0.09, y0), (mid - 0.09, y0)], stone * 1.05, 0.2
+    )
+
+
+def _dormer(canvas: Canvas, box: Box, palette: Palette) -> None:
+    x0, y0, x1, y1 = box
+    trim, mid = palette.trim, (x0 + x1) / 2
+    canvas.box(x0 - 0.17, y0 - 0.10, x1 + 0.17, y1 + 0.10, trim, 0.22)
+    across = np.linspace(-1, 1, 15)
+    bow = [(mid + a * ((x1 - x0) / 2 + 0.30), y0 - 0.08 - 0.30 * np.sqrt(1 - 0.98 * a * a)) for a in across]
+    canvas.polygon(bow, palette.roof * 0.85, 0.34)
+    inner = [(mid + a * ((x1 - x0) / 2 + 0.12), y0 - 0.08 - 0.17 * np.sqrt(1 - 0.98 * a * a)) for a in across]
+    canvas.polygon(inner, trim * 0.95, 0.26)
+    canvas.moulding(x0 - 0.26, y1, x1 + 0.26, y1 + 0.12, trim, (0.30, 0.30, 0.2))
+
+
+def _brick_arch(canvas: Canvas, box: Box, palette: Palette) -> None:
+    """A flat arch of bricks on end, fanned from a stone key."""
+    x0, y0, x1, _ = box
+    mid, tall = (x0 + x1) / 2, 0.30
+    count = max(7, round((x1 - x0) / 0.12)) | 1
+    feet = np.linspace(x0 - 0.04, x1 + 0.04, count + 1)
+    tops = mid + (feet - mid) * 1.22
+    for number in range(count):
+        a, b = feet[number] + 0.008, feet[number + 1] - 0.008
+        c, d = tops[number + 1] - 0.008, tops[number] + 0.008
+        tone = 0.80 + 0.13 * ((number * 5) % 3)
+        canvas.polygon([(a, y0), (b, y0), (c, y0 - tall), (d, y0 - tall)], palette.wall * tone, 0.025)
+    for x in (x0 - 0.10, mid - 0.11, x1 - 0.12):
+        key = x == mid - 0.11
+        lift = 0.08 if key else 0.0
+        canvas.box(x, y0 - tall - lift, x + 0.22, y0, palette.trim, 0.06 if key else 0.035)
+
+
+def _pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, curved: bool) -> None:
+    x0, y0, x1, _ = box
+    mid, half, foot = (x0 + x1) / 2, (x1 - x0) / 2 + 0.32, y0 - 0.30
+    across = np.linspace(-1, 1, 21)
+    lift = np.sqrt(np.clip(1 - across**2, 0, 1)) if curved else 1 - np.abs(across)
+    for scale, relief, tone in ((1.0, 0.22, 1.0), (0.70, 0.07, 0.93)):
+        shape = [
+            (mid + a * half * scale, foot - 0.06 * (1 - scale) - 0.46 * scale * up)
+            for a, up in zip(across, lift, strict=True)
+        ]
+        canvas.polygon(shape, trim * tone, relief)
+    canvas.moulding(mid - half, foot - 0.02, mid + half, foot + 0.12, trim, (0.24, 0.24, 0.16, 0.06))
+    for x in (x0 - 0.18, x1 + 0.04):
+        canvas.moulding(x, foot + 0.12, x + 0.14, foot + 0.44, trim, (0.18, 0.16, 0.1, 0.05))
+
+
+def _voussoirs(canvas: Canvas, box: Box, stone: np.ndarray) -> None:
+    """Wedge stones of a flat arch that grow out of the rustication."""
+    x0, y0, x1, _ = box
+    mid = (x0 + x1) / 2
+    feet = np.linspace(x0, x1, 6)
+    tops = mid + (feet - mid) * 1.55
+    for number in range(5):
+        lift = 0.52 if number == 2 else 0.42
+        a, b, c, d = feet[number], feet[number + 1], tops[number + 1], tops[number]
+        shape = [(a + 0.015, y0), (b - 0.015, y0), (c - 0.02, y0 - lift), (d + 0.02, y0 - lift)]
+        canvas.polygon(shape, stone * (1.04 if number % 2 else 0.98), 0.10 if number == 2 else 0.075)
+    sill(canvas, box, stone * 1.05, out=0.12)
+
+
+def _dentils(canvas: Canvas, y0: float, y1: float, colour: np.ndarray, *, pitch: float, relief: float) -> None:
+    count = max(3, round(canvas.width_m / pitch))
+    for x in (np.arange(count) + 0.5) * canvas.width_m / count:
+        canvas.box(x - 0.25 * pitch, y0, x + 0.25 * pitch, y1, colour, relief)
+
+
+def _corbels(canvas: Canvas, y0: float, y1: float) -> None:
+    """Brick corbels in two steps that carry the parapet."""
+    count = max(4, round(canvas.width_m / 0.5))
+    for x in (np.arange(count) + 0.5) * canvas.width_m / count:
+        for half, share, relief in ((0.15, 0.55, 0.15), (0.09, 1.0, 0.10)):
+            at = canvas.region(x - half, y0, x + half, y0 + share * (y1 - y0))
+            canvas.relief[at] = np.maximum(canvas.relief[at], np.float32(relief))
+
+
+def _panels(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+    pitch = plan.pitch * plan.metres_per_pixel
+    for x in np.arange(round(canvas.width_m / pitch)) * pitch:
+        canvas.box(x + 0.14 * pitch, y0, x + 0.86 * pitch, y1, colour * 0.94, 0.05)
+
+
+def _garland(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+    """A frieze of stylised leaves in low relief."""
+    count = max(4, round(canvas.width_m / 0.62))
+    width, mid = canvas.width_m / count, (y0 + y1) / 2
+    turn = np.linspace(0, 2 * np.pi, 25)
+    for x in (np.arange(count) + 0.5) * width:
+        petal = 0.42 * (y1 - y0) * (0.72 + 0.28 * np.cos(5 * turn))
+        canvas.polygon(np.stack([x + petal * np.sin(turn), mid - petal * np.cos(turn)], 1), colour * 0.97, 0.045)
+        canvas.box(x - 0.46 * width, mid + 0.30 * (y1 - y0), x + 0.46 * width, mid + 0.42 * (y1 - y0), colour, 0.03)

@@ -1,0 +1,48 @@
+"""What years do to a wall: uneven plaster, rain streaks under sills, soot under cornices, dirt near the ground."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .canvas import Canvas, fractal, noise
+
+_GRIME = np.array([1.0, 1.03, 1.09], np.float32)  # dirt takes more blue than red
+
+
+def weather(
+    canvas: Canvas, sills: list[tuple[float, float, float]], ledges: list[float], rng: np.random.Generator
+) -> None:
+    """Darken the albedo in place; sills = (x0, x1, y) and ledges = y in metres. Glass stays clean."""
+    shape = canvas.relief.shape
+    rows, columns = shape
+    scale = canvas.scale
+    # Runs of water are columns of noise, stretched downwards.
+    runs = np.clip(0.35 + 0.65 * noise(shape, (1.3 * scale, 0.07 * scale), rng), 0, 1.6)
+    dirt = np.zeros(shape, np.float32)
+    for x0, x1, y in sills:
+        at = canvas.region(x0, y, x1, y + float(rng.uniform(0.9, 1.9)))
+        tall, wide = dirt[at].shape
+        if not tall or not wide:
+            continue
+        fade = np.exp(-2.6 * np.linspace(0, 1, tall, dtype=np.float32)) - np.float32(np.exp(-2.6))
+        # Water leaves a sill at its ends.
+        ends = 0.45 + 0.75 * np.abs(np.linspace(-1, 1, wide, dtype=np.float32)) ** 4
+        dirt[at] += np.float32(0.30) * fade[:, None] * ends[None, :] * runs[at]
+    for y in ledges:
+        at = canvas.region(0, y, canvas.width_m, y + 1.5)
+        fade = np.exp(-3.0 * np.linspace(0, 1, dirt[at].shape[0], dtype=np.float32))
+        dirt[at] += np.float32(0.15) * fade[:, None] * runs[at]
+    reach = min(rows, canvas.px(1.5))
+    rise = np.linspace(0, 1, reach, dtype=np.float32)[:, None] ** 2.2
+    dirt[rows - reach :] += (
+        rise * np.float32(0.28) * np.clip(0.9 + 0.3 * noise((reach, columns), 0.6 * scale, rng), 0, 2)
+    )
+    patches = fractal(shape, 3.2 * scale, 4, rng)
+    dirt += np.float32(0.035) * patches
+    dirt *= 1 - canvas.gloss
+    for channel in range(3):
+        canvas.albedo[..., channel] *= np.exp(-_GRIME[channel] * dirt)
+    # Plaster was patched and repainted: the hue drifts a little from place to place.
+    drift = np.float32(0.02) * fractal(shape, 5.0 * scale, 2, rng) * (1 - canvas.gloss)
+    canvas.albedo[..., 0] *= 1 + drift
+    canvas.albedo[..., 2] *= 1 - drift
