@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 from catalogs.block_keys import BlockKeys, TextureSettings, check_keys
 from catalogs.buildings import block_buildings
-from catalogs.features import Centrelines, Footprints
+from catalogs.features import Centrelines
 from catalogs.frames import area_outline, check_scale, named_frame, to_lonlat, utm_frame
 from catalogs.geometry_files import read_centrelines, read_footprints
 from catalogs.images import image_files, photos_by_facade
@@ -83,11 +83,13 @@ def read_block(path: Path | str) -> Block:
     frame = reading("crs", named_frame, keys.crs) if keys.crs else None
     footprints = reading("buildings.path", read_footprints, files["buildings"])
     centrelines = reading("streets.path", read_centrelines, files["streets"])
-    if not footprints.items:
-        raise fail("buildings.path", f"{files['buildings']} holds no buildings; give a file that does")
+    for key, items in (("buildings", footprints.items), ("streets", centrelines.items)):
+        if not items:
+            raise fail(f"{key}.path", f"{files[key]} holds no {key}; give a file that does")
     centrelines = _named_streets(centrelines, keys.streets.names, fail)
 
-    middle = _middle(keys, footprints)
+    west, south, east, north = keys.area or _bounds(footprints.crs, (f.outline for f in footprints.items))
+    middle = ((west + east) / 2, (south + north) / 2)
     notes: tuple[str, ...] = ()
     if frame is None:
         frame = reading("crs", utm_frame, *middle)
@@ -96,10 +98,16 @@ def read_block(path: Path | str) -> Block:
     area = area_outline(keys.area, frame) if keys.area else None
     buildings, more = block_buildings(footprints, frame, area=area, storey=keys.storey)
     streets = block_streets(centrelines, frame, area=area)
-    for key, found in (("buildings", buildings), ("streets", streets)):
+    for key, found, bounds in (
+        ("buildings", buildings, _bounds(footprints.crs, (f.outline for f in footprints.items))),
+        ("streets", streets, _bounds(centrelines.crs, (c.line for c in centrelines.items))),
+    ):
+        if not found and area:
+            named = " of these names" if key == "streets" and keys.streets.names else ""
+            span = ", ".join(f"{value:.4f}" for value in bounds)
+            raise fail("area", f"{files[key]} has no {key}{named} inside area {keys.area}; they span [{span}]")
         if not found:
-            where = f"inside area {keys.area}; its buildings span {_span(footprints)}" if area else "that can be used"
-            raise fail("area" if area else f"{key}.path", f"{files[key]} has no {key} {where}")
+            raise fail(f"{key}.path", f"{files[key]} has no {key} that can be used; give a file that does")
     return Block(
         name=keys.name,
         crs=frame,
@@ -204,20 +212,12 @@ def _named_streets(
     return Centrelines(source.crs, tuple(piece for piece in source.items if piece.name in names))
 
 
-def _middle(keys: BlockKeys, footprints: Footprints) -> tuple[float, float]:
-    west, south, east, north = keys.area or to_lonlat(footprints.crs, _bounds(footprints))
-    return (west + east) / 2, (south + north) / 2
-
-
-def _bounds(footprints: Footprints) -> tuple[float, float, float, float]:
+def _bounds(crs: str, geometries: Iterable[Any]) -> tuple[float, float, float, float]:
+    """(west, south, east, north) in degrees."""
     import shapely
 
-    west, south, east, north = shapely.total_bounds([footprint.outline for footprint in footprints.items])
-    return float(west), float(south), float(east), float(north)
-
-
-def _span(footprints: Footprints) -> str:
-    return "[" + ", ".join(f"{value:.4f}" for value in to_lonlat(footprints.crs, _bounds(footprints))) + "]"
+    xmin, ymin, xmax, ymax = shapely.total_bounds(list(geometries))
+    return to_lonlat(crs, (float(xmin), float(ymin), float(xmax), float(ymax)))
 
 
 def _digest(keys: BlockKeys, crs: CRS, geometry: Iterable[Path], images: Iterable[Iterable[Path]]) -> str:

@@ -24,7 +24,7 @@ class Footprint:
 
 @dataclass(frozen=True, slots=True)
 class Remark:
-    """What a reader did to one outline: reason reads on from a count, e.g. "roofs without walls set aside"."""
+    """What a reader did to one outline: reason is a plural, e.g. "roofs without walls set aside"."""
 
     id: str
     reason: str
@@ -63,11 +63,11 @@ def natural_order(identifier: str) -> tuple[tuple[str, int], ...]:
 
 
 def notes_by_reason(reasons: Mapping[str, Iterable[str]], *, listed: int = 8) -> tuple[str, ...]:
-    """One note per reason: how many features it concerns, why, and the first ids."""
+    """One note per reason, with the number of features it concerns and the first ids."""
     notes = []
     for reason, found in reasons.items():
         ids = sorted(found, key=natural_order)
         if ids:
             more = f" and {len(ids) - listed} more" if len(ids) > listed else ""
-            notes.append(f"{len(ids)} {reason}: {', '.join(ids[:listed])}{more}")
+            notes.append(f"{reason}: {len(ids)} ({', '.join(ids[:listed])}{more})")
     return tuple(notes)

@@ -85,9 +85,12 @@ def read_centrelines(path: Path) -> Centrelines:
     """
     items = []
     for feature, geometry, tags in _features(path, lambda osm: osm.get_network("all")):
-        passable = tags.get("highway") in STREETS and tags.get("area") != "yes" and tags.get("tunnel") != "yes"
-        if passable and _number(tags, "layer") >= 0 and geometry is not None and not geometry.is_empty:
-            for line in getattr(geometry, "geoms", [geometry]):
+        above = tags.get("tunnel") != "yes" and _number(tags, "layer") >= 0
+        if tags.get("highway") not in STREETS or not above or geometry is None or geometry.is_empty:
+            continue
+        for line in getattr(geometry, "geoms", [geometry]):
+            # a closed pedestrian way is the outline of a square, with or without area=yes
+            if not (line.is_ring and (tags["highway"] == "pedestrian" or tags.get("area") == "yes")):
                 items.append(Centreline(feature, line, tags.get("name")))
     return Centrelines("EPSG:4326", tuple(items))
 
