@@ -54,9 +54,9 @@ def _tree(shape: tuple[int, int], scale: float, place: float, share: float, rng:
     """A street tree: the crown is a heap of leafy balls, lit from the upper left, with holes where the wall shows."""
     rows, columns = shape
     area = share * rows * columns / 0.80
-    half_x = min(np.sqrt(area / np.pi) * 1.0, 0.46 * columns)
-    half_y = min(area / np.pi / half_x, 0.40 * rows)
-    clear = min(2.3 * scale, 0.25 * rows)
+    half_x = min(max(np.sqrt(area / np.pi), area / np.pi / (0.28 * rows)), 0.46 * columns)
+    half_y = min(area / np.pi / half_x, 0.28 * rows)
+    clear = min(2.0 * scale, 0.2 * rows)
     cx = float(np.clip(place * columns, 0.7 * half_x, columns - 0.7 * half_x))
     cy = max(rows - clear - half_y, half_y)
     y, x = np.mgrid[:rows, :columns].astype(np.float32)

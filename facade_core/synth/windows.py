@@ -8,8 +8,8 @@ import numpy as np
 
 from .canvas import Canvas, blur, linear, noise
 
-GLASS, BAR, FRAME = -0.20, -0.17, -0.14  # relief in metres
-_SKY_HIGH, _SKY_LOW, _STREET = linear("#9dbbdc"), linear("#e3e9ea"), linear("#837a70")
+GLASS, BAR, FRAME = -0.27, -0.23, -0.20  # relief in metres
+_SKY_HIGH, _SKY_LOW, _STREET = linear("#8fb4df"), linear("#e6ecee"), linear("#837a70")
 _ROOM = linear("#2a2c30")
 
 
@@ -35,7 +35,7 @@ def window_tile(
     tile = Canvas.blank(*shape, scale)
     tile.relief[:] = GLASS
     inside = _room(shape, state, fabrics, scale, rng)
-    tile.albedo[:] = 0.66 * inside + 0.44 * mirrored(shape, rng)
+    tile.albedo[:] = 0.64 * inside + 0.50 * mirrored(shape, rng)
     tile.gloss[:] = 1.0
     _frame(tile, "dormer" if kind == "dormer" else glazing, kind, fabrics.frame)
     if kind != "arched":
