@@ -142,6 +142,6 @@ def test_balconies_of_small_windows_keep_their_size():
 def test_hidden_halves_of_real_facades(data):
     from benchmarks.layout import run
 
-    report = run(data / "layouts" / "cmp.jsonl", every=30)
+    report = run(data / "layouts" / "cmp.jsonl", every=10)
     assert report["right"]["f1@0.5"] >= 0.3
     assert report["region"]["f1@0.5"] >= 0.4
