@@ -16,7 +16,7 @@ from tasks.exemplars import prepare_exemplars
 from tasks.facades import choose, process_facades
 from tasks.ingest import Outline, ingest_block
 from tasks.outcome import Outcome
-from tasks.progress import report
+from tasks.progress import begin_stage
 from tasks.publish import publish_block
 from tasks.run import Run, run_of
 from tasks.streets import texture_street
@@ -65,7 +65,7 @@ def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outc
         if sum(map(len, batches[-1])) >= BATCH:
             batches.append([])
         batches[-1].append(building)
-    report("facades", 0, len(outline.facades))
+    begin_stage("facades", len(outline.facades))
     futures = [
         process_facades.submit(
             run, f"{i + 1} of {len(batches)}", batch, outline.facades, block.photos, chosen, compute
@@ -77,7 +77,7 @@ def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outc
 
 
 def _streets(run: Run, outline: Outline, compute: Compute) -> Outcome:
-    report("viewpoints", 0, sum(outline.viewpoints))
+    begin_stage("viewpoints", sum(outline.viewpoints))
     outcome = Outcome()
     for wave in outline.waves:
         futures = [

@@ -48,7 +48,10 @@ def server(home: Path) -> Iterator[None]:
     port = _free_port()
     log = home / "server.log"
     saved = dict(os.environ)
-    os.environ.update(PREFECT_HOME=str(home), PREFECT_API_URL=f"http://127.0.0.1:{port}/api")
+    # logs are in the terminal and the journal; sent to a server that ends with the run, the last ones would only fail
+    os.environ.update(
+        PREFECT_HOME=str(home), PREFECT_API_URL=f"http://127.0.0.1:{port}/api", PREFECT_LOGGING_TO_API_ENABLED="false"
+    )
     command = [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
     with log.open("wb") as output:
         guard = subprocess.Popen(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, as_completed
@@ -46,9 +47,9 @@ class Cluster:
 
     def submit(self, function: Callable[..., Any], *args: Any, worker: str | None = None) -> Any:
         """Start a unit; `worker` is preferred, since it may hold state that another would have to rebuild."""
-        return self._client.submit(
-            function, *args, workers=[worker] if worker else None, allow_other_workers=True, pure=False
-        )
+        if worker is None:
+            return self._client.submit(function, *args, pure=False)
+        return self._client.submit(function, *args, workers=[worker], allow_other_workers=True, pure=False)
 
     def completed(self, futures: Iterable[Any]) -> Iterator[Any]:
         from distributed import as_completed as completed
@@ -74,6 +75,8 @@ def connect(workers: int, dask: str | None) -> Iterator[Compute]:
             with Client(dask, timeout="30s") as client:
                 yield Cluster(client)
             return
+        for name in ("distributed", "distributed.scheduler", "distributed.nanny", "distributed.core"):
+            logging.getLogger(name).setLevel(logging.ERROR)
         os.environ.update({k: v for k, v in ONE_THREAD.items() if k not in os.environ})
         with (
             LocalCluster(

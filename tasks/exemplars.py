@@ -13,7 +13,7 @@ from facade_core.atlas.journal import unit_key
 from tasks.commits import begin, finish, journal
 from tasks.compute import Compute
 from tasks.outcome import Outcome, failure, is_done
-from tasks.progress import report
+from tasks.progress import advance, begin_stage
 from tasks.run import Run
 from tasks.units.exemplar import exemplar_unit
 
@@ -25,8 +25,8 @@ def prepare_exemplars(run: Run, paths: Sequence[Path], compute: Compute) -> Outc
     keys = [unit_key(run.key, "exemplar", path.name) for path in paths]
     due = [i for i, key in enumerate(keys) if not is_done(held[i], key)]
     outcome = Outcome(skipped=len(paths) - len(due))
-    total = len(paths)
-    report("exemplars", total - len(due), total)
+    begin_stage("exemplars", len(paths))
+    advance("exemplars", outcome.skipped)
     started: dict[Any, tuple[int, Any]] = {}
     for index in due:
         session, fork = begin(run.store)
@@ -39,6 +39,7 @@ def prepare_exemplars(run: Run, paths: Sequence[Path], compute: Compute) -> Outc
             session, fork = begin(run.store)
             records = {index: failure(paths[index].stem, keys[index], error)}
         finish(session, fork, "exemplars", records, f"exemplar {paths[index].stem}")
-        outcome = outcome.add(records.values())
-        report("exemplars", outcome.finished, total, len(outcome.failed))
+        made = Outcome().add(records.values())
+        advance("exemplars", made.finished, len(made.failed))
+        outcome += made
     return outcome

@@ -16,6 +16,7 @@ from tasks.commits import begin, finish, journal
 from tasks.compute import Compute
 from tasks.outcome import Outcome, failure, is_done
 from tasks.plan import read_facades
+from tasks.progress import advance
 from tasks.run import Run
 from tasks.units.facade import facade_unit
 
@@ -57,6 +58,7 @@ def process_facades(
         keys = {f: unit_key(run.key, "facade", names[f]) for f in facades}
         due = [f for f in facades if not is_done(held[f], keys[f])]
         outcome += Outcome(skipped=len(facades) - len(due))
+        advance("facades", len(facades) - len(due))
         if due:
             session, fork = begin(run.store)
             own_photos = {f: photos[names[f]] for f in due if names[f] in photos}
@@ -71,5 +73,7 @@ def process_facades(
             session, fork = begin(run.store)
             records = {f: failure(names[f], key, error) for f, key in due_keys.items()}
         finish(session, fork, "facades", records, f"facades {', '.join(names[f] for f in records)}")
-        outcome = outcome.add(records.values())
+        made = Outcome().add(records.values())
+        advance("facades", made.finished, len(made.failed))
+        outcome += made
     return outcome

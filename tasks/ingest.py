@@ -12,7 +12,7 @@ from catalogs.block import Block
 from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
 from facade_core.ingest import Plan, ingest
 from tasks.plan import read_plan, write_plan
-from tasks.progress import report
+from tasks.progress import advance, begin_stage
 from tasks.run import Run
 
 
@@ -34,7 +34,7 @@ class Outline:
 @task(name="ingest", cache_policy=NO_CACHE)
 def ingest_block(run: Run, block: Block) -> Outline:
     """Write the block's plan and empty arrays in one commit, unless the store holds them for the same inputs and code."""
-    report("ingest", 0, 1)
+    begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
     root = zarr.open_group(session.store, mode="a")
@@ -67,7 +67,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
             streets=len(block.streets),
         )
         commit(session, f"ingest {run.block}")
-    report("ingest", 1, 1)
+    advance("ingest", 1)
     return _outline(plan, skipped)
 
 

@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable
+from threading import Lock
 
 # (stage, units finished, units in all, failed)
 Listener = Callable[[str, int, int, int], None]
 
 _listeners: list[Listener] = []
+_finished: Counter[str] = Counter()
+_failed: Counter[str] = Counter()
+_total: dict[str, int] = {}
+_lock = Lock()
 
 
 def listen(listener: Listener) -> Callable[[], None]:
@@ -16,6 +22,21 @@ def listen(listener: Listener) -> Callable[[], None]:
     return lambda: _listeners.remove(listener)
 
 
-def report(stage: str, finished: int, total: int, failed: int = 0) -> None:
+def begin_stage(stage: str, total: int) -> None:
+    """A stage of `total` units starts."""
+    with _lock:
+        _total[stage], _finished[stage], _failed[stage] = total, 0, 0
+        _tell(stage)
+
+
+def advance(stage: str, finished: int, failed: int = 0) -> None:
+    """So many more units of a stage are finished, of which some failed. From any thread."""
+    with _lock:
+        _finished[stage] += finished
+        _failed[stage] += failed
+        _tell(stage)
+
+
+def _tell(stage: str) -> None:
     for listener in _listeners:
-        listener(stage, finished, total, failed)
+        listener(stage, _finished[stage], _total.get(stage, 0), _failed[stage])

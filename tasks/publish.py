@@ -6,6 +6,7 @@ import io
 import json
 import os
 import shutil
+from collections import Counter
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import Any
@@ -23,7 +24,7 @@ from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, 
 from facade_core.street.translate import Swatches
 from tasks.facade_report import facade_sheets, item_rows
 from tasks.plan import read_plan
-from tasks.progress import report
+from tasks.progress import advance, begin_stage
 from tasks.run import Run, code_version
 
 PICTURE_SIZE = (900, 1440)
@@ -37,7 +38,7 @@ def publish_block(run: Run) -> dict[str, Any]:
     out = Path(run.out)
     final = out / "published" / snapshot
     current = out / "current"
-    report("publish", 0, 1)
+    begin_stage("publish", 1)
     if not (current.is_file() and current.read_text().strip() == snapshot and final.is_dir()):
         temporary = out / "published" / f".{snapshot}.tmp"
         shutil.rmtree(temporary, ignore_errors=True)
@@ -48,7 +49,7 @@ def publish_block(run: Run) -> dict[str, Any]:
         pointer = out / ".current.tmp"
         pointer.write_text(snapshot + "\n")
         os.replace(pointer, current)
-    report("publish", 1, 1)
+    advance("publish", 1)
     summary = json.loads((final / "summary.json").read_text())
     return summary | {
         "snapshot": snapshot,
@@ -113,7 +114,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         streets=[r for r in read_journal(group, "streets") if r],
         viewpoints=[r for r in viewpoints if r],
         panoramas=[(viewpoints[v]["unit"], f"images/panorama-{v}.jpg") for v in shown],
-        heights={str(k): int(n) for k, n in zip(*np.unique(buildings.height_source.values.astype(str), return_counts=True), strict=True)},
+        heights=Counter(map(str, buildings.height_source.values)),
     )
 
 

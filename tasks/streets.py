@@ -15,7 +15,7 @@ from tasks.commits import begin, finish
 from tasks.compute import Compute
 from tasks.outcome import Outcome, failure, is_done
 from tasks.plan import read_plan
-from tasks.progress import report
+from tasks.progress import advance
 from tasks.run import Run
 from tasks.units.viewpoint import street_unit, viewpoint_unit
 
@@ -41,9 +41,11 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
     keys = _chain(street_key, own)
     held = read_journal(group, "viewpoints")
     if is_done(done_streets[street], street_key):
+        advance("viewpoints", len(own))
         return Outcome(skipped=len(own) + 1)
     first = next((k for k, v in enumerate(own) if not is_done(held[v], keys[k])), len(own))
     outcome = Outcome(skipped=first)
+    advance("viewpoints", first)
     step, session = first, None
     try:
         for step in range(first, len(own)):
@@ -52,7 +54,7 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
             record |= {"unit": f"{name}/{step}", "key": keys[step], "status": "done"}
             finish(session, fork, "viewpoints", {own[step]: record}, f"viewpoint {name}/{step}")
             outcome = outcome.add([record])
-            report("viewpoints", 1, 0)
+            advance("viewpoints", 1)
         session, fork = begin(run.store)
         fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
     except Exception as error:

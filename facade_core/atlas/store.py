@@ -24,15 +24,15 @@ icechunk.set_logs_filter("error")
 
 # name -> (dtype, trailing dimension, meaning)
 ATLAS_ARRAYS = {
-    "seed": ("uint8", "rgb", "colour from the facade stages"),
+    "seed": ("uint8", "band", "colour from the facade stages"),
     "seed_evidence": ("uint8", None, "provenance of seed, 0 where there is none"),
-    "street": ("uint8", "rgb", "colour from the street stage, Eq. 1"),
+    "street": ("uint8", "band", "colour from the street stage, Eq. 1"),
     "street_views": ("uint16", None, "views blended into street"),
-    "colour": ("uint8", "rgb", "resolved colour"),
+    "colour": ("uint8", "band", "resolved colour"),
     "provenance": ("uint8", None, "source of colour: 0 unseen, 1 translated, 2 synthesised, 3 inpainted, 4 photo"),
 }
 FACADE_ARRAYS = {
-    "evidence": ("uint8", "rgb", "facade image before completion"),
+    "evidence": ("uint8", "band", "facade image before completion"),
     "labels": ("uint8", None, "class id as in facade_core.labels, 255 unknown"),
     "occluded": ("bool", None, "hidden in the facade image"),
 }
@@ -79,11 +79,13 @@ def create_arrays(
         shape=(viewpoints, panorama_width // 2, panorama_width, 3),
         chunks=(1, panorama_width // 2, panorama_width, 3),
         dtype="uint8",
-        dimension_names=("viewpoint", "row", "column", "rgb"),
+        dimension_names=("viewpoint", "row", "column", "band"),
         fill_value=0,
         attributes={"long_name": "translated equirectangular panorama; the truth of street texturing"},
         overwrite=True,
     )
+    for exemplar in range(exemplars):  # units that run side by side must not create the same group
+        group.create_group(f"exemplars/{exemplar}", overwrite=True)
     group.create_array(
         "hierarchies/data",
         shape=(facades,),

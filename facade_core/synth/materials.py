@@ -57,30 +57,33 @@ def masonry(
     length, header = max(3, canvas.px(bond.length)), canvas.px(bond.header)
     joint = max(1, canvas.px(bond.joint))
     period = length + header
-    # Courses are counted from the ground up, as they are laid.
+    # Courses are counted from the ground up, as they are laid; each is drawn once as a line and then made thick.
     up = np.arange(rows)[::-1]
     row, in_row = up // course, up % course
-    along = np.arange(columns)[None, :] + ((row % 2) * (period // 2))[:, None]
+    count = int(row[0]) + 1
+    along = np.arange(columns)[None, :] + ((np.arange(count) % 2) * (period // 2))[:, None]
     unit, in_unit = np.divmod(along, period)
     short = in_unit >= length
     stone = 2 * unit + short if header else unit
-    table = rng.standard_normal((int(row.max()) + 1, int(stone.max()) + 1), dtype=np.float32)
-    value = table[row[:, None], stone]
-    in_stone = np.where(short, in_unit - length, in_unit)
-    gap = (in_row >= course - joint)[:, None] | (in_stone < joint)
+    value = np.take_along_axis(rng.standard_normal((count, int(stone.max()) + 1), dtype=np.float32), stone, 1)
+    upright = np.where(short, in_unit - length, in_unit) < joint
+    gap = (in_row >= course - joint)[:, None] | upright[row]
+    grain = 1 + np.float32(0.025) * noise((rows, columns), 0.03 * canvas.scale, rng)
     tone = 1 + np.float32(bond.spread) * value
-    tone += np.float32(0.025) * noise((rows, columns), 0.03 * canvas.scale, rng)
-    face = colour * tone[..., None]
     # Firing and quarry beds change the hue as well as the tone.
-    face[..., 0] *= 1 + np.float32(0.35 * bond.spread) * np.sin(7 * value)
-    canvas.albedo[at] = np.where(gap[..., None], mortar * (0.5 + 0.5 * tone[..., None]), face)
-    height = relief + np.float32(0.15 * groove) * value
+    redder = tone * (1 + np.float32(0.35 * bond.spread) * np.sin(7 * value))
+    for channel in range(3):
+        face = (redder if channel == 0 else tone) * colour[channel]
+        face[upright] = mortar[channel]
+        laid = face[row]
+        laid[in_row >= course - joint] = mortar[channel]
+        canvas.albedo[at][..., channel] = laid * grain
+    height = (np.float32(relief) + np.float32(0.15 * groove) * value)[row]
     if rock:
-        mid_row = np.sin(np.pi * (in_row + 0.5) / course).astype(np.float32)[:, None]
-        height = height + np.float32(rock) * (
-            mid_row**0.5 + 0.55 * fractal((rows, columns), 0.16 * canvas.scale, 3, rng)
-        )
-    canvas.relief[at] = np.where(gap, np.float32(relief - groove), height)
+        swell = np.sqrt(np.sin(np.pi * (in_row + 0.5) / course)).astype(np.float32)[:, None]
+        height += np.float32(rock) * (swell + 0.55 * fractal((rows, columns), 0.16 * canvas.scale, 3, rng))
+    height[gap] = relief - groove
+    canvas.relief[at] = height
     canvas.gloss[at] = 0
 
 

@@ -147,7 +147,7 @@ def surround(canvas: Canvas, plan: Plan, opening: Opening, box: Box, palette: Pa
                 canvas.box(x0 + 0.2, y1 + 0.18, x1 - 0.2, y1 + 0.34, palette.wall * 0.92, 0.005)
         sill(canvas, box, trim, out=0.16)
     elif kind == "brick":
-        _brick_arch(canvas, box, palette)
+        _brick_arch(canvas, box, palette.wall if opening.floor else palette.base, trim)
         sill(canvas, box, trim, out=0.10)
     elif kind == "classical":
         canvas.box(x0 - 0.17, y0 - 0.17, x1 + 0.17, y1, trim, 0.05)
@@ -203,7 +203,7 @@ def _dormer(canvas: Canvas, box: Box, palette: Palette) -> None:
     canvas.moulding(x0 - 0.26, y1, x1 + 0.26, y1 + 0.12, trim, (0.30, 0.30, 0.2))
 
 
-def _brick_arch(canvas: Canvas, box: Box, palette: Palette) -> None:
+def _brick_arch(canvas: Canvas, box: Box, brick: np.ndarray, trim: np.ndarray) -> None:
     """A flat arch of bricks on end, fanned from a stone key."""
     x0, y0, x1, _ = box
     mid, tall = (x0 + x1) / 2, 0.30
@@ -214,11 +214,11 @@ def _brick_arch(canvas: Canvas, box: Box, palette: Palette) -> None:
         a, b = feet[number] + 0.008, feet[number + 1] - 0.008
         c, d = tops[number + 1] - 0.008, tops[number] + 0.008
         tone = 0.80 + 0.13 * ((number * 5) % 3)
-        canvas.polygon([(a, y0), (b, y0), (c, y0 - tall), (d, y0 - tall)], palette.wall * tone, 0.025)
+        canvas.polygon([(a, y0), (b, y0), (c, y0 - tall), (d, y0 - tall)], brick * tone, 0.055)
     for x in (x0 - 0.10, mid - 0.11, x1 - 0.12):
         key = x == mid - 0.11
         lift = 0.08 if key else 0.0
-        canvas.box(x, y0 - tall - lift, x + 0.22, y0, palette.trim, 0.06 if key else 0.035)
+        canvas.box(x, y0 - tall - lift, x + 0.22, y0, trim, 0.08 if key else 0.06)
 
 
 def _pediment(canvas: Canvas, box: Box, trim: np.ndarray, *, curved: bool) -> None:

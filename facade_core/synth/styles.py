@@ -35,7 +35,7 @@ class Style:
 JUGEND = Style(
     name="jugend",
     wall="plaster",
-    wall_colours=("#d6b67c", "#d3a08a", "#a3b08c", "#b9b6ac", "#dccba0", "#c58f70", "#9fb0b4"),
+    wall_colours=("#d6b67c", "#d3a08a", "#a9b296", "#b9b6ac", "#dccba0", "#c58f70", "#9fb0b4"),
     trim_colours=("#dfd2b4", "#d8cdb8", "#e2d8c2"),
     base="granite",
     base_colours=("#8f8b86", "#9a857a", "#7d7e82"),
@@ -81,7 +81,7 @@ BRICK = Style(
 NEOCLASSICAL = Style(
     name="neoclassical",
     wall="plaster",
-    wall_colours=("#e3cd94", "#dccdae", "#cfd2cf", "#e0c3a0", "#c9cfb8"),
+    wall_colours=("#e3cd94", "#dccdae", "#cfd2cf", "#e0c3a0", "#cccfbe"),
     trim_colours=("#e0d8c4", "#dcd5c6", "#e3dccd"),
     base="banded",
     base_colours=("#c9bfa9", "#bdb6a8", "#d3c8ae"),

@@ -6,8 +6,6 @@ import numpy as np
 
 from .canvas import Canvas, fractal, noise
 
-_GRIME = np.array([1.0, 1.03, 1.09], np.float32)  # dirt takes more blue than red
-
 
 def weather(
     canvas: Canvas, sills: list[tuple[float, float, float]], ledges: list[float], rng: np.random.Generator
@@ -40,9 +38,10 @@ def weather(
     patches = fractal(shape, 3.2 * scale, 4, rng)
     dirt += np.float32(0.035) * patches
     dirt *= 1 - canvas.gloss
-    for channel in range(3):
-        canvas.albedo[..., channel] *= np.exp(-_GRIME[channel] * dirt)
     # Plaster was patched and repainted: the hue drifts a little from place to place.
     drift = np.float32(0.02) * fractal(shape, 5.0 * scale, 2, rng) * (1 - canvas.gloss)
-    canvas.albedo[..., 0] *= 1 + drift
-    canvas.albedo[..., 2] *= 1 - drift
+    left = np.exp(-dirt)
+    canvas.albedo[..., 0] *= left * (1 + drift)
+    canvas.albedo[..., 1] *= left
+    # Dirt takes more of the blue than of the red.
+    canvas.albedo[..., 2] *= left * (1 - 0.08 * dirt - drift)

@@ -78,7 +78,7 @@ def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rn
             cover = np.clip((np.abs(x - 0.5) - 0.015 - 0.02 * y) * columns / 2, 0, 1)
         else:
             # Tall windows have tied drapes, broad ones hang straight.
-            tie = 0.12 if rows > 1.2 * columns else 0.0
+            tie = 0.12 if rows > 1.35 * columns else 0.0
             drape = (0.29 if tie else 0.2) - tie * np.exp(-(((y - 0.68) / 0.24) ** 2)) + 0.02 * y
             cover = np.clip((np.abs(x - 0.5) - (0.5 - drape)) * columns / 2, 0, 1)
         # A net curtain veils the whole window behind.

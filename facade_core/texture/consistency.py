@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 from numba import njit
+from scipy.spatial.distance import cdist
 
 from facade_core.labels import CLASSES
 from facade_core.types import Lattice
@@ -174,10 +175,8 @@ def _windows(columns: np.ndarray, seen: np.ndarray) -> tuple[np.ndarray, np.ndar
 
 
 def _squared(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """Squared Euclidean distances between the rows of a and of b, float32, never negative."""
-    return np.ascontiguousarray(
-        np.maximum((a**2).sum(1)[:, None] + (b**2).sum(1)[None] - 2.0 * (a @ b.T), 0.0), np.float32
-    )
+    """Squared Euclidean distances between the rows of a and of b, float32; no BLAS, whose sums depend on threads."""
+    return cdist(a, b, "sqeuclidean").astype(np.float32)
 
 
 @njit(cache=True, fastmath={"nnan", "ninf", "nsz", "reassoc"})

@@ -15,6 +15,7 @@ from facade_core.texture.structure import structure
 _SLIVER = 3  # px, patches below this width or height are left to diffusion
 _ALIKE = 0.3  # difference of looks (as priced in sources) below which two floors are of one kind
 _GOOD = 0.1  # price of a source up to which a patch is not split
+_FAIR = 0.25  # the same for a patch of few pixels' width or height
 
 Box = tuple[int, int, int, int]
 
@@ -115,9 +116,10 @@ def _source(
         if scene.floor is not None and _floor_beside(scene, part) and not small:
             return None
         found = best_source(scene, filled, patch, band, shifts)
-    if found is not None and (found[1] <= _GOOD or small):
+    tiny = max(part[1] - part[0], part[3] - part[2]) <= 2 * BAND
+    if found is not None and (found[1] <= (_FAIR if small else _GOOD) or tiny):
         return found[0]
-    if (scene.floor is None and scene.bay is None) or small:
+    if (scene.floor is None and scene.bay is None) or tiny:
         anywhere = any_source(scene, filled, patch, band)
         return None if anywhere is None else anywhere[0]
     return None
@@ -132,7 +134,7 @@ def _floor_beside(scene: Scene, part: Box) -> bool:
         if a < 0 or b > scene.known.shape[0] or not scene.known[a:b, x0:x1].all():
             continue
         there = np.clip(rows + step, 0, scene.known.shape[0] - 1)
-        if np.abs(scene.row_look[rows] - scene.row_look[there]).sum(1).mean() < _ALIKE:
+        if scene.row_look[rows, there].mean() < _ALIKE:
             return True
     return False
 

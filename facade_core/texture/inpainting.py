@@ -16,7 +16,8 @@ from facade_core.texture.structure import structure
 from facade_core.types import Element
 
 METHODS = ("auto", "floors", "tiles")
-_HELD_BACK = 6  # px around the hole that are hidden too, to see which method predicts them better
+_HELD_BACK = 12  # px around the hole that are hidden too, to see which method predicts them better
+_TRUST = 0.85  # tiles must beat floors by this factor: their wider warps look worse than the band's error says
 
 
 def inpaint(
@@ -30,12 +31,14 @@ def inpaint(
 ) -> np.ndarray:
     """image (H, W, 3) uint8 with the pixels of mask (H, W) bool filled; all others keep their bits.
 
-    method "floors" clones large patches a whole number of floors away (floors paper), "tiles" lays visible tiles
-    (tiles paper; needs labels (H, W) uint8 or elements), "auto" hides a band of 6 px more, fills it by both at half
-    size and takes the one of smaller squared error on that band; "floors" where there is nothing to make tiles of.
+    method "floors" clones large patches a whole number of floors away (floors paper); "tiles" lays visible tiles
+    (tiles paper; needs labels (H, W) uint8 or elements); "auto" hides a band of 12 px more, fills it by both at half
+    size and takes the tiles where their squared error on that band is clearly smaller. Without labels and elements it
+    is "floors". Labels count only outside the mask.
+
     elements in pixels, from a completed layout, say where windows go: sources that put elements on elements are
-    preferred. Without any repetition "floors" falls back to the best patch anywhere, then to diffusion. Raises ImageError for bad arrays, a
-    mask without visible pixels, an unknown method, or "tiles" without labels and elements.
+    preferred. Without any repetition "floors" takes the best patch anywhere, then diffusion. Raises ImageError for bad
+    arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and elements.
     """
     check_image(image)
     check_mask(image, mask)
@@ -120,4 +123,4 @@ def _choose(image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guid
         except ImageError:  # no whole tile is left
             continue
         errors[method] = float(((filled[band].astype(np.float32) - small[band]) ** 2).mean())
-    return min(errors, key=lambda name: errors[name])
+    return "tiles" if errors.get("tiles", np.inf) < _TRUST * errors.get("floors", np.inf) else "floors"

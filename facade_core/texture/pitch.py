@@ -8,6 +8,7 @@ import numpy as np
 ITERATIONS = 400
 _SLOPE = np.tan(np.deg2rad(4.0))
 _TOLERANCE = 2.0  # px within which a shifted line meets a line
+_PEAK = 8  # px within which a shift must be the best one
 _LIKENESS = 0.15  # correlation below which there is no repetition
 
 
@@ -58,10 +59,8 @@ def _pitch(lines: np.ndarray, image: np.ndarray, mask: np.ndarray, rng: np.rando
         share[k] *= min(1.0, length[stays].sum() / (0.4 * length.sum()))
     likeness = _likeness(image, mask, shifts.astype(int))
     score = np.maximum(likeness, 0.0) * (0.5 + share)
-    good = score >= 0.75 * score.max()
-    best = int(np.flatnonzero(good)[0])  # the fundamental, not its multiples
-    near = np.flatnonzero(np.abs(shifts - shifts[best]) <= 6)
-    best = int(near[np.argmax(score[near])])
+    peak = score >= np.where(np.abs(shifts[:, None] - shifts) <= _PEAK, score, 0.0).max(1)
+    best = int(np.flatnonzero(peak & (score >= 0.75 * score.max()))[0])  # the fundamental, not its multiples
     if likeness[best] < _LIKENESS:
         return None
     return int(shifts[best])
@@ -80,5 +79,5 @@ def _likeness(image: np.ndarray, mask: np.ndarray, shifts: np.ndarray) -> np.nda
         both = known[:-shift] & known[shift:]
         a, b = detail[:-shift][both], detail[shift:][both]
         if len(a) >= 50:
-            out[k] = float(a @ b) / max(float(np.sqrt((a @ a) * (b @ b))), 1e-6)
+            out[k] = float((a * b).sum()) / max(float(np.sqrt((a * a).sum() * (b * b).sum())), 1e-6)
     return out

@@ -49,10 +49,10 @@ def retarget(
     """Show the exemplar's style on a wall of size_m = (height, width) metres: n different facades.
 
     image (H, W, 3) uint8 and labels (H, W) uint8 are the exemplar. Results have round(size_m / metres_per_pixel)
-    pixels. `floors` counts every row of windows, those of the ground floor and of the roof included where they are
-    shown; `columns` counts window columns (default: as many as keep the windows' proportions). Doors and shops stay on
-    the ground, the roof on top; the sky is left out. The roof is left out, too, where a low wall would squeeze it. A
-    wall too narrow for half a bay is left blank unless `columns` is given.
+    pixels. `floors` counts every row of windows that is shown, the roof's and a full row on the ground included, a few
+    windows between shops not; `columns` counts window columns (default: as many as keep the windows' proportions).
+    Doors and shops stay on the ground, the roof on top; the sky is left out. The roof is left out, too, where a low
+    wall would squeeze it. A wall too narrow for half a bay is left blank unless `columns` is given.
 
     Floors and bays are laid out as the cheapest walk over the exemplar's; the genetic algorithm of the tiles paper
     then refines the upper floors, a node taking only tiles of its own band and of its own place within a bay. Synthesis

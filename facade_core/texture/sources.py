@@ -7,10 +7,12 @@ from dataclasses import dataclass
 import numpy as np
 from numba import njit
 from scipy import fft
+from scipy.spatial.distance import cdist
 
 BAND = 8  # px around a patch over which the source must agree with what is known
 _DRIFT = 6  # px by which floors and bays stray from an even spacing; strays beyond 2 px cost
 _ROWS = 0.2  # price of taking rows (columns) from rows of another look
+_COLUMNS = 0.1  # weight of columns' looks beside rows'
 _GUIDE = 1.0  # price of a source whose elements are not where the layout has them
 _SIDEWAYS = 0.01  # price of not cloning straight up or down
 _STRAY = 0.002  # price of a pixel by which a translation strays from a multiple, beyond 2 px
@@ -22,8 +24,8 @@ _TRIED = 400  # translations of smallest SSD that get a full price where all are
 class Scene:
     """What does not change while a hole is filled.
 
-    image (H, W, 3) float32 in 0-1; known (H, W) bool; row_look (H, d) and column_look (W, d), what visible rows and
-    columns look like; guide (H, W) uint8, class ids where they are known or planned, 255 elsewhere; floor and bay in px.
+    image (H, W, 3) float32 in 0-1; known (H, W) bool; row_look (H, H) and column_look (W, W), how different rows and
+    columns look; guide (H, W) uint8, class ids where they are known or planned, 255 elsewhere; floor and bay in px.
     """
 
     image: np.ndarray
@@ -36,7 +38,10 @@ class Scene:
 
 
 def looks(image: np.ndarray, labels: np.ndarray, known: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Mean colour and share of every label of the visible part of each row, (H, d), and of each column, (W, d)."""
+    """How different rows look, (H, H) float32, and columns, (W, W): city-block distance between what is visible of them.
+
+    Compared are the mean colour, 0-1, and the share of every label.
+    """
     onehot = (labels[..., None] == np.arange(7)).astype(np.float32)
     features = np.concatenate([image, onehot], 2) * known[..., None]
     out = []
@@ -48,7 +53,7 @@ def looks(image: np.ndarray, labels: np.ndarray, known: np.ndarray) -> tuple[np.
             rows = np.flatnonzero(enough)
             nearest = rows[np.abs(np.arange(len(mean))[:, None] - rows[None]).argmin(1)]
             mean = mean[nearest]
-        out.append(mean)
+        out.append(cdist(mean, mean, "cityblock").astype(np.float32))
     return out[0], out[1]
 
 
@@ -97,14 +102,11 @@ def best_source(
         return None
     thin = band[:: max(1, len(band) // 300)]
     sample = patch[:: max(1, len(patch) // 300)]
-    price = _prices(
+    best, price = _cheapest(
         scene.image, scene.known, filled, scene.guide, scene.row_look, scene.column_look, patch, thin, sample,
         shifts.astype(np.int64),
     )  # fmt: skip
-    best = int(np.argmin(price))
-    if not np.isfinite(price[best]):
-        return None
-    return (int(shifts[best, 0]), int(shifts[best, 1])), float(price[best])
+    return None if best < 0 else ((int(shifts[best, 0]), int(shifts[best, 1])), float(price))
 
 
 @njit(cache=True)
@@ -117,43 +119,39 @@ def _falls_on(known, pixels, dy, dx):
 
 
 @njit(cache=True)
-def _prices(image, known, filled, guide, row_look, column_look, patch, band, sample, shifts):
+def _cheapest(image, known, filled, guide, row_look, column_look, patch, band, sample, shifts):
     height, width = known.shape
-    out = np.full(len(shifts), np.inf)
+    best, lowest = -1, np.inf
     for n in range(len(shifts)):
         dy, dx = shifts[n, 0], shifts[n, 1]
         # The sample is spread over the patch, so that it turns most misfits down early.
-        if not (_falls_on(known, sample, dy, dx) and _falls_on(known, patch, dy, dx)):
-            continue
-        squared, seen = 0.0, 0
-        for k in range(len(band)):
-            y, x = band[k, 0] + dy, band[k, 1] + dx
-            if 0 <= y < height and 0 <= x < width and known[y, x]:
-                seen += 1
-                for c in range(3):
-                    squared += (filled[band[k, 0], band[k, 1], c] - image[y, x, c]) ** 2
-        if 2 * seen < len(band):
+        if not _falls_on(known, sample, dy, dx):
             continue
         look, wrong, planned = 0.0, 0.0, 0
         for k in range(len(sample)):
             y, x = sample[k, 0], sample[k, 1]
             if dy != 0:
-                for d in range(row_look.shape[1]):
-                    look += abs(row_look[y, d] - row_look[y + dy, d])
+                look += row_look[y, y + dy]
             if dx != 0:
-                for d in range(column_look.shape[1]):
-                    look += abs(column_look[x, d] - column_look[x + dx, d]) * 0.5
+                look += _COLUMNS * column_look[x, x + dx]
             if guide[y, x] != 255 and guide[y + dy, x + dx] != 255:
                 planned += 1
                 wrong += guide[y, x] != guide[y + dy, x + dx]
-        out[n] = (
-            squared / max(seen, 1)
-            + _ROWS * look / len(sample)
-            + _GUIDE * wrong / max(planned, 1)
-            + _STRAY * shifts[n, 2]
-            + _SIDEWAYS * (dx != 0)
-        )
-    return out
+        price = _ROWS * look / len(sample) + _GUIDE * wrong / max(planned, 1) + _STRAY * shifts[n, 2]
+        price += _SIDEWAYS * (dx != 0)
+        squared, seen = 0.0, 0
+        for k in range(len(band)):
+            if price + squared / len(band) >= lowest:
+                break
+            y, x = band[k, 0] + dy, band[k, 1] + dx
+            if 0 <= y < height and 0 <= x < width and known[y, x]:
+                seen += 1
+                for c in range(3):
+                    squared += (filled[band[k, 0], band[k, 1], c] - image[y, x, c]) ** 2
+        price += squared / max(seen, 1)
+        if price < lowest and 2 * seen >= len(band) and _falls_on(known, patch, dy, dx):
+            best, lowest = n, price
+    return best, lowest
 
 
 def any_source(

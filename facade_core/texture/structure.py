@@ -69,11 +69,16 @@ def structure(labels: np.ndarray) -> Structure | None:
     clear = np.flatnonzero(sky < 0.1)
     top = int(clear[0]) if len(clear) and clear[0] < 0.6 * height else 0
     window = labels == WINDOW
+    top = _clear_of_windows(window, top)
     window[:top] = False
     floors = window_spans(window)
     if not floors:
         return None
     kinds = _kinds(labels, floors, top)
+    if kinds[-1] == "ground" and len(floors) > 1:
+        shares = [float(window[a:b].any(0).mean()) for a, b in floors]
+        if shares[-1] < 0.6 * np.median(shares[:-1]):  # a few windows between shops are no floor
+            floors, kinds = floors[:-1], kinds[:-1]
     middle = [span for span, kind in zip(floors, kinds, strict=True) if kind == "middle"] or floors
     rows = np.concatenate([np.arange(a, b) for a, b in middle])
     bays = window_spans(window[rows].T)
@@ -93,6 +98,14 @@ def structure(labels: np.ndarray) -> Structure | None:
     across = element[floors[0][0] : ground_top].mean(0)
     bay_cuts = [0, *(_cut(across, a[1], b[0], 0.5) for a, b in zip(bays, bays[1:], strict=False)), width]
     return Structure(tuple(floors), kinds, tuple(bays), tuple(floor_cuts), tuple(bay_cuts), top, ground_top, bottom)
+
+
+def _clear_of_windows(window: np.ndarray, top: int) -> int:
+    """A top that cuts no window: below windows that mostly lie above it, else above them."""
+    for a, b in runs(window.mean(1), 0.0):
+        if a < top < b:
+            return a if top - a <= b - top else b
+    return top
 
 
 def _kinds(labels: np.ndarray, floors: list[Span], top: int) -> tuple[str, ...]:

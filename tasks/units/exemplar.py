@@ -37,7 +37,7 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
         f"exemplars/{index}/image",
         data=texture,
         chunks=texture.shape,
-        dimension_names=("row", "column", "rgb"),
+        dimension_names=("row", "column", "band"),
         overwrite=True,
     )
     group.create_array(

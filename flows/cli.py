@@ -1,0 +1,170 @@
+"""The command line. Heavy imports are inside the commands, so that --help answers at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any
+
+import click
+
+EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
+EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+FOLDER = click.Path(file_okay=False, path_type=Path)
+
+
+class Commands(click.Group):
+    """Turns the project's errors into one line on stderr and exit code 2."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        from facade_core.errors import FacadeError
+
+        try:
+            return super().invoke(ctx)
+        except FacadeError as error:
+            click.echo(f"streetloom: {' '.join(str(error).split())}", err=True)
+            ctx.exit(2)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="streetloom")
+def main() -> None:
+    """Turns an untextured city block into a textured, searchable one.
+
+    \b
+    Examples:
+      streetloom demo                          the embedded block of central Helsinki
+      streetloom run block.yaml --out out/mine
+      streetloom query out/mine --where "floors >= 5"
+    """
+
+
+def _compute_options(command: Any) -> Any:
+    for option in (
+        click.option("--workers", default=2, show_default=True, type=click.IntRange(1), help="Local processes."),
+        click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786."),
+        click.option("--json", "as_json", is_flag=True, help="Print one JSON object last."),
+    ):
+        command = option(command)
+    return command
+
+
+@main.command()
+@click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
+@click.option("--out", type=FOLDER, help="Where results go.  [default: out/NAME of the block file]")
+@_compute_options
+def run(block_file: Path, out: Path | None, workers: int, dask: str | None, as_json: bool) -> None:
+    """Texture a block. What an earlier run finished is not done again.
+
+    \b
+    Example:
+      streetloom run block.yaml --out out/mine --workers 2
+    """
+    _run(block_file, out or Path("out") / block_file.stem, workers, dask, as_json)
+
+
+@main.command()
+@click.option("--out", type=FOLDER, default=Path("out/demo"), show_default=True, help="Where results go.")
+@click.option("--exemplars", type=EXISTING_FOLDER, help="Facade photos to use instead of the painted ones.")
+@_compute_options
+def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_json: bool) -> None:
+    """Texture the embedded block: streets of central Helsinki with painted facades. Needs no download.
+
+    \b
+    Examples:
+      streetloom demo
+      streetloom demo --exemplars facades/ --out out/photos
+    """
+    from tasks.demo import write_demo
+
+    _run(write_demo(out / "input", exemplars), out, workers, dask, as_json)
+
+
+@main.command()
+@click.argument("out", type=EXISTING_FOLDER)
+@click.option("--where", metavar="SQL", help="A condition on the columns of items.parquet.")
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--format", "style", type=click.Choice(["table", "json", "geojson"]), default="table", show_default=True)
+def query(out: Path, where: str | None, bbox: tuple[float, ...] | None, style: str) -> None:
+    """Find facades in what a run published.
+
+    \b
+    Examples:
+      streetloom query out/demo --where "floors >= 5 and occluded > 0.1"
+      streetloom query out/demo --bbox 24.94 60.16 24.95 60.17 --format geojson
+    """
+    from catalogs.query import format_items, query as find
+
+    click.echo(format_items(find(out, where=where, bbox=bbox or None), style))
+
+
+@main.group()
+def train() -> None:
+    """Train the models that are shipped, from a data folder.
+
+    \b
+    Example:
+      streetloom train parser --data ../shared/data --out parser/
+    """
+
+
+@train.command("parser")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds facades/ecp.")
+@click.option("--out", type=FOLDER, required=True, help="Where forest.onnx, its card and checksum go.")
+@click.option("--seed", default=0, show_default=True)
+def train_parser(data: Path, out: Path, seed: int) -> None:
+    """Train the facade parser (extra: train).
+
+    \b
+    Example:
+      streetloom train parser --data ../shared/data --out parser/
+    """
+    from tasks.train import train_parser as train_it
+
+    click.echo(train_it(data, out, seed=seed))
+
+
+@main.command()
+@click.argument("name", required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print JSON (benchmarks print nothing else anyway).")
+def bench(name: str | None, as_json: bool) -> None:
+    """Run a benchmark by name; without a name, list them.
+
+    \b
+    Example:
+      streetloom bench block --json
+    """
+    import importlib
+    import pkgutil
+
+    import benchmarks
+
+    names = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
+    if name is None:
+        click.echo(json.dumps(names) if as_json else "\n".join(names))
+        return
+    if name not in names:
+        raise click.BadParameter(f"{name}: there is {', '.join(names)}", param_hint="NAME")
+    sys.argv = [f"benchmarks/{name}.py"]
+    importlib.import_module(f"benchmarks.{name}").main()
+
+
+def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: bool) -> None:
+    from flows.console import console, progress, show
+    from flows.server import server
+
+    with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect"):
+        from flows.block import city_block
+
+        summary = city_block(block_file.resolve(), out, workers=workers, dask=dask)
+    if as_json:
+        click.echo(json.dumps(summary))
+    else:
+        show(console, summary)
+    if summary["facades_failed"] or summary["failures"]:
+        sys.exit(1)
+
+
+if __name__ == "__main__":
+    main()
