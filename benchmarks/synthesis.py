@@ -11,6 +11,7 @@ import os
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -76,33 +77,32 @@ def measure(folder: Path) -> dict[str, Any]:
     scores: dict[str, list[tuple[float, float, float]]] = {}
     for name in FACADES:
         square = load(folder, name, side=400)
-        seconds, result = timed(lambda square=square: synthesize(*square, (400, 500), seed=1))
+        seconds, result = timed(partial(synthesize, *square, (400, 500), seed=1))
         synthesis.append({"facade": name, "seconds": round(seconds, 3), "energy": round(result.energy, 2)})
         image, labels = load(folder, name)
         scale = exemplar_scale(image, labels)
         for size, floors in WALLS:
-            seconds, (wall,) = timed(
-                lambda a=(image, labels, size), f=floors, s=scale: retarget(*a, floors=f, metres_per_pixel=s)
-            )
+            call = partial(retarget, image, labels, size, floors=floors, metres_per_pixel=scale)
+            seconds, (wall,) = timed(call)
             pixels = f"{wall.image.shape[0]} x {wall.image.shape[1]}"
             retargeting.append({"facade": name, "pixels": pixels, "seconds": round(seconds, 3)})
         for mask in holes(labels.shape).values():
             hidden, seen = image.copy(), np.where(mask, WALL, labels).astype(np.uint8)
             hidden[mask] = 128
-            calls = {
-                "telea": lambda a=hidden, m=mask: cv2.inpaint(a, m.astype(np.uint8), 3, cv2.INPAINT_TELEA),
-                "floors": lambda a=hidden, m=mask: inpaint(a, m, method="floors"),
-                "floors with labels": lambda a=hidden, m=mask, s=seen: inpaint(a, m, labels=s, method="floors"),
-                "tiles": lambda a=hidden, m=mask, s=seen: inpaint(a, m, labels=s, method="tiles"),
-                "auto": lambda a=hidden, m=mask, s=seen: inpaint(a, m, labels=s),
+            calls: dict[str, Callable[[], Any]] = {
+                "telea": partial(cv2.inpaint, hidden, mask.astype(np.uint8), 3, cv2.INPAINT_TELEA),
+                "floors": partial(inpaint, hidden, mask, method="floors"),
+                "floors with labels": partial(inpaint, hidden, mask, labels=seen, method="floors"),
+                "tiles": partial(inpaint, hidden, mask, labels=seen, method="tiles"),
+                "auto": partial(inpaint, hidden, mask, labels=seen),
             }
             for method, call in calls.items():
                 seconds, filled = timed(call)
                 scores.setdefault(method, []).append((seconds, *quality(filled, image, mask)))
-    inpainting = {
-        method: dict(zip(("seconds", "psnr", "ssim"), np.round(np.mean(rows, axis=0), 3).tolist(), strict=True))
-        for method, rows in scores.items()
-    }
+    inpainting = {}
+    for method, rows in scores.items():
+        seconds, ratio, similarity = np.round(np.mean(rows, axis=0), 3).tolist()
+        inpainting[method] = {"seconds": seconds, "psnr": ratio, "ssim": similarity}
     return {"synthesis": synthesis, "retargeting": retargeting, "inpainting": inpainting}
 
 
