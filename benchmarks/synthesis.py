@@ -27,9 +27,10 @@ _CHIMNEY = 7
 def load(folder: Path, name: str, *, side: int | None = None) -> tuple[np.ndarray, np.ndarray]:
     """One ECP facade: image (H, W, 3), labels (H, W) with chimneys as roof; resized to side x side px if given."""
     import cv2
+    from PIL import Image
 
-    image = cv2.cvtColor(cv2.imread(str(folder / "images" / f"{name}.jpg")), cv2.COLOR_BGR2RGB)
-    labels = cv2.imread(str(folder / "labels" / f"{name}.png"), cv2.IMREAD_UNCHANGED)
+    image = np.array(Image.open(folder / "images" / f"{name}.jpg").convert("RGB"))
+    labels = np.array(Image.open(folder / "labels" / f"{name}.png"))
     labels = np.where(labels == _CHIMNEY, ROOF, labels).astype(np.uint8)
     if side is not None:
         image = cv2.resize(image, (side, side), interpolation=cv2.INTER_AREA)
@@ -82,8 +83,8 @@ def measure(folder: Path) -> dict[str, Any]:
         image, labels = load(folder, name)
         scale = exemplar_scale(image, labels)
         for size, floors in WALLS:
-            call = partial(retarget, image, labels, size, floors=floors, metres_per_pixel=scale)
-            seconds, (wall,) = timed(call)
+            show = partial(retarget, image, labels, size, floors=floors, metres_per_pixel=scale)
+            seconds, (wall,) = timed(show)
             pixels = f"{wall.image.shape[0]} x {wall.image.shape[1]}"
             retargeting.append({"facade": name, "pixels": pixels, "seconds": round(seconds, 3)})
         for mask in holes(labels.shape).values():
@@ -101,7 +102,7 @@ def measure(folder: Path) -> dict[str, Any]:
                 scores.setdefault(method, []).append((seconds, *quality(filled, image, mask)))
     inpainting = {}
     for method, rows in scores.items():
-        seconds, ratio, similarity = np.round(np.mean(rows, axis=0), 3).tolist()
+        seconds, ratio, similarity = (round(float(v), 3) for v in np.mean(rows, axis=0))
         inpainting[method] = {"seconds": seconds, "psnr": ratio, "ssim": similarity}
     return {"synthesis": synthesis, "retargeting": retargeting, "inpainting": inpainting}
 

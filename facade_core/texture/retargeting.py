@@ -19,6 +19,7 @@ from facade_core.types import Lattice, Synthesis
 
 GENERATIONS = 400
 _NOISE = 0.35  # how far (log-normal) the prices of jumps vary between results
+_EAVES = 2.0  # price of showing the top floor below another: it carries the eaves
 _SOFT = (0.45, 1.8)  # how far a pier may shrink or grow before its windows do
 
 
@@ -91,6 +92,7 @@ def _take_apart(image: np.ndarray, labels: np.ndarray, found: Structure) -> _Pla
     bay_price = {name: jump_costs(image[a:b], labels[a:b], bay_cuts) for name, (a, b) in bands.items() if b - a >= 2}
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
     floor_price = jump_costs(rows, labels.T, np.asarray(found.floor_cuts))
+    floor_price[:, 0] += _EAVES
     street = (labels[found.ground_top :] == DOOR).sum(0)
     door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
     pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
@@ -137,7 +139,7 @@ def _storeys(plan: _Plan, height: int, floors: int, rng: np.random.Generator, no
         wanted = floors - len(kept) - sum(g >= 0 for g in ground)
         if wanted < 0 or (wanted == 0 and not ground):
             continue
-        start = price[kept[-1], middle] if kept else 0.05 * np.arange(len(middle))
+        start = price[kept[-1], middle] if kept else 0.3 * np.arange(len(middle))
         end = price[middle, ground[0]] if ground and ground[0] >= 0 else 0.05 * np.arange(len(middle))[::-1]
         walk = middle[cheapest_walk(price[np.ix_(middle, middle)], start, end, wanted)] if wanted else []
         storeys = [int(f) for f in [*kept, *walk, *ground]]
