@@ -25,7 +25,7 @@ def paint_occluders(
     scale = 2 / metres_per_pixel
     rows, columns = image.shape[0] * 2, image.shape[1] * 2
     kinds = [("tree", "car", "lamp", "tree", "car")[i % 5] for i in range(count)]
-    share = min(0.05 + 0.045 * count, 0.24) * float(rng.uniform(0.85, 1.1)) / kinds.count("tree")
+    share = min(0.045 + 0.04 * count, 0.24) * float(rng.uniform(0.85, 1.1)) / kinds.count("tree")
     places = (np.arange(count) + rng.uniform(0.25, 0.75, count)) / count
     rng.shuffle(places)
     for kind, place in sorted(zip(kinds, places, strict=True), key=lambda item: ("tree", "lamp", "car").index(item[0])):
@@ -60,7 +60,7 @@ def _tree(shape: tuple[int, int], scale: float, place: float, share: float, rng:
     cx = float(np.clip(place * columns, 0.7 * half_x, columns - 0.7 * half_x))
     cy = max(rows - clear - half_y, half_y)
     y, x = np.mgrid[:rows, :columns].astype(np.float32)
-    crown = np.full(shape, -1.0, np.float32)
+    crown = np.full(shape, -3.0, np.float32)
     for _ in range(26):
         turn, out = rng.uniform(0, 2 * np.pi), np.sqrt(rng.uniform(0, 1)) * 0.68
         bx, by = cx + half_x * out * np.cos(turn), cy + half_y * out * np.sin(turn)
