@@ -12,6 +12,9 @@ _KERNEL_WIDTH = 0.1
 _FACTORS = (1.0, 1.2, 1.45, 0.8, 0.65, 0.5, 0.4, 0.3, 0.22)
 # Mean silhouette from which types other than those of the paper's kernel are believed.
 _CLEAR = 0.2
+# The same for a type's own elements, of which there must be a few.
+_CLEARER = 0.6
+_SMALLEST_SPLIT = 5
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,19 +61,41 @@ def cluster(coordinates: np.ndarray, values: int) -> tuple[np.ndarray, np.ndarra
     curtains differ by less than the paper's kernel, photographed windows of one state by more.
     """
     points = coordinates / (255 * np.sqrt(values))
-    distance = np.sqrt(((points[:, None] - points[None]) ** 2).sum(axis=2))
-    types, best = mean_shift(points, _KERNEL_WIDTH), _CLEAR
-    for factor in _FACTORS:
-        found = mean_shift(points, factor * _KERNEL_WIDTH)
-        score = silhouette(distance, found)
-        if score > best:
-            types, best = found, score
+    types = _ordered(_separate(points, _CLEAR))
     representatives = np.empty(types.max(initial=-1) + 1, np.int32)
     for t in range(len(representatives)):
         members = np.flatnonzero(types == t)
         to_centroid = ((points[members] - points[members].mean(axis=0)) ** 2).sum(axis=1)
         representatives[t] = members[to_centroid.argmin()]
     return types, representatives
+
+
+def _separate(points: np.ndarray, clear: float) -> np.ndarray:
+    """Types by the clearest kernel, each type then separated further while that is clearer still.
+
+    Without the second step one odd kind of window, say the dormers, hides the states of all others.
+    """
+    distance = np.sqrt(((points[:, None] - points[None]) ** 2).sum(axis=2))
+    types, best = mean_shift(points, _KERNEL_WIDTH), clear
+    for factor in _FACTORS:
+        found = mean_shift(points, factor * _KERNEL_WIDTH)
+        score = silhouette(distance, found)
+        if score > best:
+            types, best = found, score
+    if types.max(initial=0) == 0:
+        return types
+    parts = np.zeros_like(types)
+    for t in range(types.max() + 1):
+        members = types == t
+        if members.sum() >= _SMALLEST_SPLIT:
+            parts[members] = _separate(points[members], _CLEARER)
+    return np.unique(types * (len(types) + 1) + parts, return_inverse=True)[1]
+
+
+def _ordered(types: np.ndarray) -> np.ndarray:
+    """(N,) int32: the labels renumbered, the most frequent first, then the first to appear."""
+    _, first, index, counts = np.unique(types, return_index=True, return_inverse=True, return_counts=True)
+    return np.argsort(np.lexsort((first, -counts)))[index].astype(np.int32)
 
 
 def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
@@ -91,9 +116,7 @@ def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
         if label[i] < 0:
             close = ((modes - modes[i]) ** 2).sum(axis=1) <= width**2
             label[close & (label < 0)] = i
-    _, first, index, counts = np.unique(label, return_index=True, return_inverse=True, return_counts=True)
-    order = np.lexsort((first, -counts))
-    return np.argsort(order)[index].astype(np.int32)
+    return _ordered(label)
 
 
 def silhouette(distance: np.ndarray, types: np.ndarray) -> float:
