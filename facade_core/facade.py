@@ -73,7 +73,9 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facad
         height, width = hidden.shape
         with _timed(seconds, "complete"):
             if observed:
-                completion = complete(observed, (0, 0, width, height), visible_boxes(hidden), seed=seed)[0]
+                # an element between the leaves of a tree is seen, though it lies in the hole's bounding box
+                seen = visible_boxes(hidden) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
+                completion = complete(observed, (0, 0, width, height), seen, seed=seed)[0]
                 layout = completion.elements
             complete_labels = _draw(parsing.labels, hidden, layout)
         with _timed(seconds, "inpaint"):

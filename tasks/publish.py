@@ -73,7 +73,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     def page_jpeg(page: int) -> tuple[int, np.ndarray, bytes]:
         colour, provenance = group["atlas/colour"][page], group["atlas/provenance"][page]
         filled = fill_unseen(scene, swatches, page, colour, provenance)
-        return page, filled, _jpeg(filled, 88)
+        return page, filled, _jpeg(filled, 95)  # the model's writer encodes it once more
 
     with ThreadPoolExecutor(2) as threads:
         # a few pages at a time: memory stays bounded however many there are

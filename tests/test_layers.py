@@ -41,9 +41,7 @@ def wrong_arrows(layer: str, modules: list[str]) -> list[str]:
     def within(module: str, roots: tuple[str, ...]) -> bool:
         return any(module == root or module.startswith(root + ".") for root in roots)
 
-    return [
-        m for m in modules if within(m, MUST_NOT[layer]) or (within(m, HOUSE) and not within(m, MAY[layer]))
-    ]
+    return [m for m in modules if within(m, MUST_NOT[layer]) or (within(m, HOUSE) and not within(m, MAY[layer]))]
 
 
 @pytest.mark.parametrize("layer", MAY)
@@ -56,7 +54,9 @@ def test_no_arrow_against_the_layers(layer: str) -> None:
 
 def test_an_arrow_the_other_way_is_found() -> None:
     assert wrong_arrows("facade_core", ["tasks.run.Run", "numpy", "dask.array"]) == ["tasks.run.Run", "dask.array"]
-    assert wrong_arrows("catalogs", ["facade_core.types.Element", "facade_core.parse.parse"]) == ["facade_core.parse.parse"]
+    assert wrong_arrows("catalogs", ["facade_core.types.Element", "facade_core.parse.parse"]) == [
+        "facade_core.parse.parse"
+    ]
 
 
 def test_units_know_no_prefect() -> None:

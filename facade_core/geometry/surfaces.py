@@ -16,6 +16,9 @@ from facade_core.types import Building, Street
 # Footprint vertices nearer than this to the wall they lie on do not split it into two facades.
 COLLINEAR_M = 0.2
 SHORTEST_WALL_M = 0.05
+# Ground reaches this far around buildings, and fills gaps between them up to twice the second figure.
+FORECOURT_M = 6.0
+COURTYARD_M = 22.0
 
 
 class _Pieces:
@@ -77,7 +80,7 @@ def block_surfaces(
     """Charts and mesh of a block: walls and flat roof of every building, and the ground near the streets at z = 0.
 
     Surfaces longer than `largest` metres, and all ground, are cut on the world grid of `grid` metres; pieces keep their
-    surface's id. Ground reaches `ground_margin` metres from the centrelines. Raises GeometryError when nothing is left.
+    surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills courtyards. Raises GeometryError when nothing is left.
     """
     pieces = _Pieces()
     outlines = []
@@ -90,8 +93,11 @@ def block_surfaces(
             _walls(pieces, index, np.asarray(ring.coords), building.height, largest, grid)
         _level(pieces, ROOF, index, footprint, building.height, largest, grid)
     if streets:
-        near = shapely.union_all([street.line.buffer(ground_margin) for street in streets])
-        open_ground = near.difference(shapely.union_all(outlines)) if outlines else near
+        near = [street.line.buffer(ground_margin) for street in streets]
+        built = shapely.union_all(outlines)
+        # closing the footprints covers courtyards and gaps that no street comes near
+        around = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
+        open_ground = shapely.union_all([*near, around]).difference(built)
         for part in sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds):
             if part.geom_type == "Polygon" and part.area > 0.01:
                 _level(pieces, GROUND, -1, part, 0.0, 0.0, grid)

@@ -94,6 +94,7 @@ def _dip(profile: np.ndarray) -> tuple[float, int]:
     if len(profile) < 3:
         return 1.0, 0
     left, right = np.maximum.accumulate(profile), np.maximum.accumulate(profile[::-1])[::-1]
-    share = profile / np.minimum(left, right)
+    peaks = np.minimum(left, right)
+    share = np.divide(profile, peaks, out=np.ones(len(profile)), where=peaks > 0)  # an empty end is no dip
     lowest = np.flatnonzero(share == share.min())
     return float(share.min()), int(lowest[len(lowest) // 2])

@@ -17,6 +17,7 @@ from facade_core.errors import FacadeError
 from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
 from facade_core.ingest import Plan
 from facade_core.labels import CLASSES
+from tasks.outcome import failure
 from tasks.run import Run
 from tasks.units.context import context, unit_seed, worker_name
 from tasks.units.exemplar import read_exemplar
@@ -43,8 +44,8 @@ def facade_unit(
         record = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": time.time()}
         try:
             made = _make(run, plan, group, facade, photos.get(facade), exemplars.get(facade))
-        except FacadeError as error:
-            records[facade] = record | {"status": "failed", "reason": str(error)}
+        except Exception as error:
+            records[facade] = record | failure(name, keys[facade], error)
             continue
         _write(group, plan, facade, made)
         source = photos[facade].name if facade in photos else exemplars[facade][1]

@@ -1,0 +1,39 @@
+# `make demo` and `make test` are all a newcomer needs: each sets up what it needs.
+PYTHON ?= $(shell for p in python3.12 python3.11 python3; do $$p -c 'import sys; sys.exit(sys.version_info[:2] not in ((3, 11), (3, 12)))' 2>/dev/null && echo $$p && break; done)
+BIN := .venv/bin
+DEMO_FLAGS ?=
+
+.PHONY: demo test setup check bench constraints clean
+
+demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
+	$(BIN)/streetloom demo $(DEMO_FLAGS)
+
+test: setup check  ## Everything: style, types and tests
+	$(BIN)/python -m pytest
+
+check: setup
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	$(BIN)/mypy
+
+setup: .venv/ready
+
+.venv/ready: pyproject.toml deploy/constraints/constraints.txt deploy/constraints/installer.txt
+	@test -n "$(PYTHON)" || { echo "Python 3.11 or 3.12 is needed; name it with: make PYTHON=/path/to/python"; exit 1; }
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --disable-pip-version-check --require-hashes -r deploy/constraints/installer.txt
+	$(BIN)/uv pip sync --quiet --python $(BIN)/python --require-hashes deploy/constraints/constraints.txt
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .
+	@touch $@
+
+bench: setup  ## Every figure that the README quotes
+	$(BIN)/streetloom bench block --json
+
+constraints: setup  ## Pin anew what pyproject.toml asks for
+	$(BIN)/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/constraints.txt
+	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
+
+clean:
+	rm -rf .venv out

@@ -1,0 +1,60 @@
+"""A small block for whole runs: two crossing streets, a handful of boxes, three exemplars, one photo with a hole."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def write_block(folder: Path) -> Path:
+    """Input of a small block cut from the real extract, seeded and complete; returns its block file."""
+    from tasks import demo
+
+    saved = {name: getattr(demo, name) for name in ("AREA", "STREETS", "TEXELS_PER_METRE", "EXEMPLARS")}
+    try:
+        demo.AREA = [24.9471, 60.1659, 24.9488, 60.1667]
+        demo.STREETS = ["Kasarmikatu", "Rikhardinkatu"]
+        demo.TEXELS_PER_METRE = 6
+        demo.EXEMPLARS = 4
+        return demo.write_demo(folder)
+    finally:
+        for name, value in saved.items():
+            setattr(demo, name, value)
+
+
+def command(block: Path, out: Path, workers: int) -> list[str]:
+    return [sys.executable, "-m", "flows", "run", str(block), "--out", str(out), "--workers", str(workers), "--json"]
+
+
+def environment(home: Path) -> dict[str, str]:
+    """The environment of a run: no server of the user's, no colour."""
+    return {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")} | {"HOME": str(home), "NO_COLOR": "1"}
+
+
+def run(block: Path, out: Path, workers: int = 2, expect: int = 0) -> dict[str, Any]:
+    """Run a block as a user would; returns the JSON object printed last."""
+    done = subprocess.run(
+        command(block, out, workers), cwd=ROOT, env=environment(out.parent), capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == expect, done.stderr[-3000:] + done.stdout[-2000:]
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+@pytest.fixture(scope="session")
+def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return write_block(tmp_path_factory.mktemp("block"))
+
+
+@pytest.fixture(scope="session")
+def undisturbed(block: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
+    """One whole run with two workers that nothing disturbs."""
+    out = tmp_path_factory.mktemp("undisturbed") / "out"
+    return out, run(block, out, workers=2)

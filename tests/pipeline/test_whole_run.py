@@ -1,0 +1,169 @@
+"""The whole run, as a user types it."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import psutil
+import pytest
+import trimesh
+import xarray as xr
+import zarr
+
+from catalogs.query import query
+from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, atlas_digest, open_repository
+from tasks.commits import journal
+from tests.pipeline.conftest import ROOT, command, environment, run, write_block
+
+STAGE_GROUPS = ("atlas", "charts", "mesh", "facades", "viewpoints", "streets", "buildings", "panoramas", "facade_maps")
+
+Run = tuple[Path, dict[str, Any]]
+
+
+def test_everything_is_done_and_published(undisturbed: Run) -> None:
+    out, summary = undisturbed
+    assert summary["facades_failed"] == 0
+    assert summary["facades_done"] >= 5
+    assert summary["viewpoints"] >= 10
+    assert summary["units_skipped"] == 0
+    for path in (*summary["outputs"]["glb"], summary["outputs"]["report"], summary["outputs"]["items"]):
+        assert Path(path).stat().st_size > 1000
+    assert (out / "current").read_text().strip() in summary["outputs"]["report"]
+
+
+def test_all_sources_reach_the_atlas(undisturbed: Run) -> None:
+    out, summary = undisturbed
+    group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
+    provenance = group["atlas/provenance"][:]
+    assert set(np.unique(provenance)) >= {TRANSLATED, SYNTHESISED, INPAINTED, PHOTO}
+    colour = group["atlas/colour"][:]
+    assert colour[provenance > 0].std() > 10
+    assert (colour[provenance == 0] == 0).all()
+    assert atlas_digest(group) == summary["atlas_digest"]
+
+
+def test_photo_texels_are_the_photos(undisturbed: Run) -> None:
+    out, _ = undisturbed
+    group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
+    photo = group["atlas/seed_evidence"][:] == PHOTO
+    np.testing.assert_array_equal(group["atlas/colour"][:][photo], group["facade_maps/evidence"][:][photo])
+
+
+def test_xarray_opens_every_group_with_dimensions_and_crs(undisturbed: Run) -> None:
+    out, _ = undisturbed
+    store = open_repository(out / "store").readonly_session("main").store
+    for name in STAGE_GROUPS:
+        dataset = xr.open_zarr(store, group=name, consolidated=False)
+        assert not any(str(dim).startswith("dim_") for dim in dataset.sizes), name
+        assert "crs" in dataset.attrs or name in ("panoramas", "facade_maps", "atlas"), name
+
+
+def test_workers_wrote_and_are_named_in_the_journal(undisturbed: Run) -> None:
+    out, _ = undisturbed
+    for stage in ("facades", "viewpoints"):
+        records = journal(out / "store", stage)
+        assert all(r and r["status"] == "done" and r["seconds"] for r in records)
+        assert {r["worker"] for r in records if r} <= {"0", "1"}
+    assert len({r["worker"] for r in journal(out / "store", "facades") if r}) == 2
+
+
+def test_the_model_opens_with_its_textures(undisturbed: Run) -> None:
+    _, summary = undisturbed
+    model = trimesh.load(summary["outputs"]["glb"][0])
+    assert model.geometry
+    for part in model.geometry.values():
+        image = np.asarray(part.visual.material.baseColorTexture.convert("RGB"))
+        assert image.std() > 5
+        assert part.visual.uv.min() >= 0
+        assert part.visual.uv.max() <= 1
+    low, high = model.bounds
+    assert low[1] == pytest.approx(0, abs=0.01)  # y is up
+    assert 8 < high[1] < 40
+
+
+def test_items_answer_queries(undisturbed: Run) -> None:
+    out, summary = undisturbed
+    assert len(query(out)) == summary["facades_done"]
+    hidden = query(out, where="occluded > 0 and photo > 0.5")
+    assert 0 < len(hidden) < summary["facades_done"]
+    done = subprocess.run(
+        [sys.executable, "-m", "flows", "query", str(out), "--where", "floors >= 1", "--format", "geojson"],
+        cwd=ROOT,
+        capture_output=True,
+        text=True,
+        timeout=60,
+    )
+    assert len(json.loads(done.stdout)["features"]) == summary["facades_done"]
+
+
+def test_the_report_shows_every_facade_and_no_outside_address(undisturbed: Run) -> None:
+    _, summary = undisturbed
+    report = Path(summary["outputs"]["report"])
+    page = report.read_text()
+    for name in query(Path(summary["out"]))["id"]:
+        assert f'id="{name}"' in page
+    for part in page.split('src="')[1:]:
+        assert (report.parent / part.split('"')[0]).is_file()
+    assert "http:" not in page
+    assert "https:" not in page
+
+
+def test_again_does_no_unit_twice(block: Path, undisturbed: Run) -> None:
+    out, first = undisturbed
+    again = run(block, out)
+    assert again["units_done"] == 0
+    assert again["units_skipped"] == first["units_done"]
+    assert again["atlas_digest"] == first["atlas_digest"]
+    assert again["outputs"] == first["outputs"]
+
+
+def test_one_worker_makes_the_same_atlas(block: Path, undisturbed: Run, tmp_path: Path) -> None:
+    alone = run(block, tmp_path / "out", workers=1)
+    assert alone["atlas_digest"] == undisturbed[1]["atlas_digest"]
+    assert {r["worker"] for r in journal(tmp_path / "out" / "store", "facades") if r} == {"serial"}
+
+
+def test_a_broken_photo_is_set_aside(tmp_path: Path) -> None:
+    block = write_block(tmp_path / "input")
+    photo = sorted((tmp_path / "input" / "photos").iterdir())[0]
+    photo.write_bytes(photo.read_bytes()[: photo.stat().st_size // 2])
+    summary = run(block, tmp_path / "out", workers=1, expect=1)
+    assert summary["facades_failed"] == 1
+    failed = query(tmp_path / "out", where="status = 'failed'")
+    assert failed["id"].tolist() == [photo.stem]
+    assert photo.name in failed["reason"].item()
+    assert Path(summary["outputs"]["glb"][0]).is_file()
+
+
+def test_nothing_is_left_running(block: Path, tmp_path: Path) -> None:
+    """A killed run takes its Prefect server and its workers with it."""
+    import signal
+    import time
+
+    process = subprocess.Popen(
+        command(block, tmp_path / "out", 2),
+        cwd=ROOT,
+        env=environment(tmp_path),
+        stdout=subprocess.DEVNULL,
+        stderr=subprocess.DEVNULL,
+    )
+    family: set[int] = set()
+    deadline = time.monotonic() + 300
+    while not (tmp_path / "out" / "store").is_dir() and time.monotonic() < deadline:
+        family |= {child.pid for child in psutil.Process(process.pid).children(recursive=True)}
+        time.sleep(0.2)
+    family |= {child.pid for child in psutil.Process(process.pid).children(recursive=True)}
+    process.send_signal(signal.SIGKILL)
+    process.wait()
+    assert family
+    gone = time.monotonic() + 30
+    while (
+        alive := [p for p in family if psutil.pid_exists(p) and psutil.Process(p).status() != "zombie"]
+    ) and time.monotonic() < gone:
+        time.sleep(0.2)
+    assert not alive
