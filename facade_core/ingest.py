@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry.charts import WALL, Charts, Mesh
-from facade_core.geometry.packing import Placement, pack
+from facade_core.geometry.charts import WALL
+from facade_core.geometry.packing import pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.street.scene import Scene

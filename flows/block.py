@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import time
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +27,11 @@ BATCH = 24
 @flow(
     name="city-block",
     flow_run_name="{block_file.stem}",
-    task_runner=ThreadPoolTaskRunner(max_workers=8),
+    task_runner=ThreadPoolTaskRunner(max_workers=8),  # type: ignore[arg-type]
     validate_parameters=False,
 )
 def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None = None) -> dict[str, Any]:
     """Texture the block of `block_file` into `out`; resumes by itself. Returns the run's summary."""
-    start = time.monotonic()
     block = read_block(block_file)
     run = run_of(block, out)
     with connect(workers, dask) as compute:
@@ -42,18 +40,11 @@ def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None =
         streets = _streets(run, outline, compute)
         published = publish_block(run)
     outcome = facades + streets
-    return {
-        "block": block.name,
+    return published | {
         "out": str(out),
-        "facades_done": published["facades_done"],
-        "facades_failed": published["facades_failed"],
-        "viewpoints": sum(outline.viewpoints),
         "units_skipped": outcome.skipped + (1 if outline.skipped else 0),
         "units_done": outcome.done + (0 if outline.skipped else 1),
         "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed],
-        "atlas_digest": published["atlas_digest"],
-        "seconds": round(time.monotonic() - start, 2),
-        "outputs": published["outputs"],
     }
 
 
@@ -67,9 +58,7 @@ def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outc
         batches[-1].append(building)
     begin_stage("facades", len(outline.facades))
     futures = [
-        process_facades.submit(
-            run, f"{i + 1} of {len(batches)}", batch, outline.facades, block.photos, chosen, compute
-        )
+        process_facades.submit(run, f"{i + 1} of {len(batches)}", batch, outline.facades, block.photos, chosen, compute)
         for i, batch in enumerate(batches)
         if batch
     ]

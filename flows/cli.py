@@ -94,7 +94,8 @@ def query(out: Path, where: str | None, bbox: tuple[float, ...] | None, style: s
       streetloom query out/demo --where "floors >= 5 and occluded > 0.1"
       streetloom query out/demo --bbox 24.94 60.16 24.95 60.17 --format geojson
     """
-    from catalogs.query import format_items, query as find
+    from catalogs.query import format_items
+    from catalogs.query import query as find
 
     click.echo(format_items(find(out, where=where, bbox=bbox or None), style))
 
@@ -154,13 +155,22 @@ def bench(name: str | None, as_json: bool) -> None:
 
 
 def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: bool) -> None:
+    import time
+
+    from catalogs.block import read_block
     from flows.console import console, progress, show
     from flows.server import server
+    from tasks.run import run_of
+    from tasks.standing import nothing_due
 
-    with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect"):
-        from flows.block import city_block
+    start = time.monotonic()
+    summary = nothing_due(run_of(read_block(block_file), out))
+    if summary is None:
+        with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect"):
+            from flows.block import city_block
 
-        summary = city_block(block_file.resolve(), out, workers=workers, dask=dask)
+            summary = city_block(block_file.resolve(), out, workers=workers, dask=dask)
+    summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:
         click.echo(json.dumps(summary))
     else:

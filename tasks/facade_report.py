@@ -8,9 +8,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import zarr
 
 from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import draw_facade, overlay_hidden
 from facade_core.ingest import Plan
 from facade_core.types import Lattice, Street
@@ -24,9 +24,7 @@ if TYPE_CHECKING:
 LEVELS_SHOWN = 3
 
 
-def facade_sheets(
-    group: zarr.Group, plan: Plan, records: Sequence[dict[str, Any] | None], folder: Path
-) -> None:
+def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any] | None], folder: Path) -> None:
     """One WebP per facade and stage: evidence, hidden, parse with lattice, levels of the hierarchy, a sample, the result."""
     for index, record in enumerate(records):
         if record is None or record["status"] != "done":

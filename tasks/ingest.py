@@ -10,6 +10,7 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.block import Block
 from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan, ingest
 from tasks.plan import read_plan, write_plan
 from tasks.progress import advance, begin_stage
@@ -37,7 +38,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
-    root = zarr.open_group(session.store, mode="a")
+    root: StoreGroup = zarr.open_group(session.store, mode="a")
     skipped = root.attrs.get("key") == run.key
     if skipped:
         plan, _ = read_plan(session, run.texels_per_metre)

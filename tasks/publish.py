@@ -20,12 +20,14 @@ from catalogs.items import write_items
 from catalogs.report import write_report
 from facade_core.atlas.journal import atlas_digest, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_table
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
 from facade_core.street.translate import Swatches
 from tasks.facade_report import facade_sheets, item_rows
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run, code_version
+from tasks.standing import current_snapshot, published_summary
 
 PICTURE_SIZE = (900, 1440)
 
@@ -37,9 +39,8 @@ def publish_block(run: Run) -> dict[str, Any]:
     snapshot = session.snapshot_id
     out = Path(run.out)
     final = out / "published" / snapshot
-    current = out / "current"
     begin_stage("publish", 1)
-    if not (current.is_file() and current.read_text().strip() == snapshot and final.is_dir()):
+    if current_snapshot(out) != snapshot:
         temporary = out / "published" / f".{snapshot}.tmp"
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
@@ -48,21 +49,13 @@ def publish_block(run: Run) -> dict[str, Any]:
         os.replace(temporary, final)
         pointer = out / ".current.tmp"
         pointer.write_text(snapshot + "\n")
-        os.replace(pointer, current)
+        os.replace(pointer, out / "current")
     advance("publish", 1)
-    summary = json.loads((final / "summary.json").read_text())
-    return summary | {
-        "snapshot": snapshot,
-        "outputs": {
-            "glb": [str(final / "block.glb")],
-            "report": str(final / "report" / "index.html"),
-            "items": str(final / "items.parquet"),
-        },
-    }
+    return published_summary(out, snapshot)
 
 
 def _write(run: Run, session: Any, folder: Path) -> None:
-    group = zarr.open_group(session.store, mode="r")
+    group: StoreGroup = zarr.open_group(session.store, mode="r")
     plan, streets = read_plan(session, run.texels_per_metre)
     scene = plan.scene
     swatches = Swatches(scene, streets, seed=run.seed)
@@ -113,7 +106,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         records={r["unit"]: r for r in records if r},
         streets=[r for r in read_journal(group, "streets") if r],
         viewpoints=[r for r in viewpoints if r],
-        panoramas=[(viewpoints[v]["unit"], f"images/panorama-{v}.jpg") for v in shown],
+        panoramas=[(record["unit"], f"images/panorama-{v}.jpg") for v in shown if (record := viewpoints[v])],
         heights=Counter(map(str, buildings.height_source.values)),
     )
 

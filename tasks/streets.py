@@ -11,6 +11,7 @@ from prefect.cache_policies import NO_CACHE
 
 from facade_core.atlas.journal import latest_chunks, read_journal, unit_key
 from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
 from tasks.commits import begin, finish
 from tasks.compute import Compute
 from tasks.outcome import Outcome, failure, is_done
@@ -25,7 +26,7 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
     """Every viewpoint not yet journalled, one commit each, then the street's texels in one commit, tagged."""
     session = open_repository(run.store).readonly_session(BRANCH)
     plan, streets = read_plan(session, run.texels_per_metre)
-    group = zarr.open_group(session.store, mode="r")
+    group: StoreGroup = zarr.open_group(session.store, mode="r")
     wave, name = int(plan.wave[street]), streets[street].id
     own = [v.id for v in plan.viewpoints if v.street == street]
 
@@ -46,7 +47,7 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
     first = next((k for k, v in enumerate(own) if not is_done(held[v], keys[k])), len(own))
     outcome = Outcome(skipped=first)
     advance("viewpoints", first)
-    step, session = first, None
+    step = first
     try:
         for step in range(first, len(own)):
             session, fork = begin(run.store)

@@ -10,7 +10,7 @@ import hashlib
 import json
 from typing import Any
 
-import zarr
+from facade_core.atlas.zarr_types import StoreGroup
 
 STAGES = ("exemplars", "facades", "viewpoints", "streets")
 
@@ -18,12 +18,12 @@ STAGES = ("exemplars", "facades", "viewpoints", "streets")
 VOLATILE = ("worker", "seconds", "started")
 
 
-def read_journal(group: zarr.Group, stage: str) -> list[dict[str, Any] | None]:
+def read_journal(group: StoreGroup, stage: str) -> list[dict[str, Any] | None]:
     """All records of a stage by unit index; None where there is none."""
     return [json.loads(text) if text else None for text in group[f"journal/{stage}"][:]]
 
 
-def write_record(group: zarr.Group, stage: str, index: int, record: dict[str, Any]) -> None:
+def write_record(group: StoreGroup, stage: str, index: int, record: dict[str, Any]) -> None:
     group[f"journal/{stage}"][index] = json.dumps(record, sort_keys=True, allow_nan=False)
 
 
@@ -43,7 +43,7 @@ def latest_chunks(facades: list[dict[str, Any] | None], streets: list[dict[str, 
     return chunks
 
 
-def atlas_digest(group: zarr.Group) -> str:
+def atlas_digest(group: StoreGroup) -> str:
     """One digest of the whole atlas: of the chunks' digests in (page, row, column) order."""
     chunks = latest_chunks(read_journal(group, "facades"), read_journal(group, "streets"))
     digest = hashlib.sha256()

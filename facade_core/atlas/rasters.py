@@ -7,9 +7,9 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-import zarr
 
 from facade_core.atlas.spec import AtlasSpec
+from facade_core.atlas.zarr_types import StoreArray
 from facade_core.geometry.packing import Placement
 
 
@@ -38,7 +38,7 @@ class Rasters:
         return slice(start, start + int(placement.width[chart]) * int(placement.height[chart]))
 
 
-def read_rasters(array: zarr.Array, placement: Placement, rasters: Rasters) -> np.ndarray:
+def read_rasters(array: StoreArray, placement: Placement, rasters: Rasters) -> np.ndarray:
     """The held charts' texels of a (page, y, x, ...) array: (total, ...)."""
     flat = np.empty((rasters.total, *array.shape[3:]), array.dtype)
     for c in rasters.charts:
@@ -48,7 +48,7 @@ def read_rasters(array: zarr.Array, placement: Placement, rasters: Rasters) -> n
     return flat
 
 
-def write_rasters(array: zarr.Array, spec: AtlasSpec, placement: Placement, rasters: Rasters, flat: np.ndarray) -> None:
+def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rasters: Rasters, flat: np.ndarray) -> None:
     """Write the held charts' texels (total, ...) and their gutters into a (page, y, x, ...) array.
 
     A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones share theirs, and
@@ -67,7 +67,7 @@ def write_rasters(array: zarr.Array, spec: AtlasSpec, placement: Placement, rast
 
 
 def chunk_digests(
-    colour: zarr.Array, provenance: zarr.Array, spec: AtlasSpec, placement: Placement, charts: Iterable[int]
+    colour: StoreArray, provenance: StoreArray, spec: AtlasSpec, placement: Placement, charts: Iterable[int]
 ) -> dict[str, str]:
     """Digest of colour and provenance of every chunk that holds one of `charts`: "page/row/column" -> hex."""
     digests: dict[str, str] = {}

@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import icechunk
 import numpy as np
-import zarr
 
 from facade_core.atlas.journal import STAGES
 from facade_core.atlas.spec import AtlasSpec
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
 
 if TYPE_CHECKING:
@@ -50,7 +50,7 @@ def open_repository(path: Path, *, create: bool = False) -> icechunk.Repository:
 
 
 def create_arrays(
-    group: zarr.Group,
+    group: StoreGroup,
     spec: AtlasSpec,
     *,
     panorama_width: int,

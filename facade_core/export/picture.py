@@ -36,7 +36,9 @@ class Picture:
 
 def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
     """Which texel every pixel shows. Rays are `samples` times denser per axis; average the picture down after painting."""
-    dense = Camera(camera.position, camera.target, camera.field_of_view, tuple(s * samples for s in camera.size))
+    dense = Camera(
+        camera.position, camera.target, camera.field_of_view, (camera.size[0] * samples, camera.size[1] * samples)
+    )
     rays = dense.rays()
     depth, chart = scene.caster.cast(camera.position, rays)
     up = np.clip(rays[..., 2:], 0, 1) ** 0.6

@@ -35,8 +35,8 @@ class _Pieces:
         """One chart of the current surface; polygon is in its frame, in metres, touching x = 0 and y = 0."""
         rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
         flat = np.concatenate(rings)
-        triangles = mapbox_earcut.triangulate_float64(flat, np.cumsum([len(r) for r in rings]).astype(np.uint32))
-        triangles = np.asarray(triangles, np.int64).reshape(-1, 3)
+        corners = mapbox_earcut.triangulate_float64(flat, np.cumsum([len(r) for r in rings]).astype(np.uint32))
+        triangles = corners.astype(np.int64).reshape(-1, 3)
         a, b, c = (flat[triangles[:, k]] for k in range(3))
         area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
         # y runs down: counter-clockwise seen from outside is a negative area here
@@ -80,7 +80,8 @@ def block_surfaces(
     """Charts and mesh of a block: walls and flat roof of every building, and the ground near the streets at z = 0.
 
     Surfaces longer than `largest` metres, and all ground, are cut on the world grid of `grid` metres; pieces keep their
-    surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills courtyards. Raises GeometryError when nothing is left.
+    surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills courtyards. Raises
+    GeometryError when nothing is left.
     """
     pieces = _Pieces()
     outlines = []
@@ -126,13 +127,13 @@ def _walls(pieces: _Pieces, building: int, ring: np.ndarray, height: float, larg
 
 def _grid_cuts(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.ndarray:
     """Distances along a wall at which it crosses the world grid, both ends included."""
-    cuts = [0.0, length]
+    crossings = [np.array([0.0, length])]
     for axis in range(2):
         low, high = sorted((a[axis], b[axis]))
         lines = np.arange(np.ceil(low / grid), np.floor(high / grid) + 1) * grid
         if high - low > 1e-9:
-            cuts.extend((lines - a[axis]) / (b[axis] - a[axis]) * length)
-    cuts = np.unique(np.round(np.clip(cuts, 0, length), 6))
+            crossings.append((lines - a[axis]) / (b[axis] - a[axis]) * length)
+    cuts = np.unique(np.round(np.clip(np.concatenate(crossings), 0, length), 6))
     keep = np.concatenate([[True], np.diff(cuts) > SHORTEST_WALL_M])
     keep[-1], keep[0] = True, True
     if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= SHORTEST_WALL_M:

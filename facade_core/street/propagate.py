@@ -47,7 +47,7 @@ def propagate(
         rgb,
         np.where(seen >= 0, charts.surface[seen], -1),
         scene.visibility_range,
-        int(round(1000 * GATE_SPACINGS * scene.spacing)),
+        round(1000 * GATE_SPACINGS * scene.spacing),
         viewpoint.id,
     )
     atlas.refresh(placement, held)

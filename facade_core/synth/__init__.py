@@ -1,7 +1,7 @@
 """A procedural painter of facades with ground truth: demo input, test input, training input."""
 
-from .exemplars import exemplars
-from .facade import PaintedFacade, facade
-from .styles import STYLES
+from facade_core.synth.exemplars import exemplars
+from facade_core.synth.facade import PaintedFacade, facade
+from facade_core.synth.styles import STYLES
 
 __all__ = ["STYLES", "PaintedFacade", "exemplars", "facade"]

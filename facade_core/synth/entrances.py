@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .canvas import Canvas, Plate, linear, noise
-from .windows import BAR, FRAME, GLASS, mirrored
+from facade_core.synth.canvas import Canvas, Plate, linear, noise
+from facade_core.synth.windows import BAR, FRAME, GLASS, mirrored
 
 SIGNS = (
     "KAHVILA",

@@ -5,10 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.errors import LayoutError
-
-from .facade import PaintedFacade, facade
-from .plan import GROUND_SHARE
-from .styles import BY_NAME, STYLES
+from facade_core.synth.facade import PaintedFacade, facade
+from facade_core.synth.plan import GROUND_SHARE
+from facade_core.synth.styles import BY_NAME, STYLES
 
 STOREY = 3.2  # metres, upper storeys
 

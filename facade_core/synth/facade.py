@@ -9,16 +9,15 @@ import cv2
 import numpy as np
 
 from facade_core.errors import LayoutError
+from facade_core.synth import entrances, materials, ornament, railings
+from facade_core.synth.canvas import GAMMA, Canvas, linear
+from facade_core.synth.light import shade
+from facade_core.synth.occluders import paint_occluders
+from facade_core.synth.plan import Opening, Plan, plan
+from facade_core.synth.styles import BY_NAME, STYLES
+from facade_core.synth.weather import weather
+from facade_core.synth.windows import Fabrics, panes_differ, window_tile
 from facade_core.types import Element
-
-from . import entrances, materials, ornament, railings
-from .canvas import GAMMA, Canvas, linear
-from .light import shade
-from .occluders import paint_occluders
-from .plan import Opening, Plan, plan
-from .styles import BY_NAME, STYLES
-from .weather import weather
-from .windows import Fabrics, panes_differ, window_tile
 
 LOWEST_STOREY, NARROWEST_COLUMN = 2.4, 1.5  # metres
 FINEST, COARSEST = 0.01, 0.2  # metres per pixel

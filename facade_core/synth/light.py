@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .canvas import Canvas, Plate, blur
+from facade_core.synth.canvas import Canvas, Plate, blur
 
 SUN = np.array([0.665, 0.625, 0.560], np.float32)
 SKY = np.array([0.345, 0.370, 0.415], np.float32)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .canvas import Canvas, fractal, linear, noise
+from facade_core.synth.canvas import Canvas, fractal, linear, noise
 
 
 @dataclass(frozen=True)

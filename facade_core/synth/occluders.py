@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .canvas import GAMMA, blur, fractal, linear, noise
+from facade_core.synth.canvas import GAMMA, blur, fractal, linear, noise
 
 MOST_HIDDEN = 0.40
 _LEAVES = ("#5f7d3a", "#6f8a3f", "#4f6f3c", "#8a8b3c", "#b08a3a")

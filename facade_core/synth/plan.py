@@ -7,9 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.labels import BALCONY, CLASSES, DOOR, ELEMENT_CLASSES, ROOF, SHOP, WALL, WINDOW
+from facade_core.synth.styles import Style
 from facade_core.types import Element
-
-from .styles import Style
 
 GROUND_SHARE = 1.28  # height of the ground floor, in upper storeys
 WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")

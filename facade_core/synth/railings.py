@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from .canvas import Canvas, Plate, fractal, linear
+from facade_core.synth.canvas import Canvas, Plate, fractal, linear
 
 DEPTH = {"iron": 0.75, "bars": 0.9, "solid": 0.95, "stone": 0.8}
 _FLOWERS = ("#c8413c", "#d96a8c", "#e0a63a", "#b65bb0", "#f0e6e0")

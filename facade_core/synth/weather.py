@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .canvas import Canvas, fractal, noise
+from facade_core.synth.canvas import Canvas, fractal, noise
 
 
 def weather(

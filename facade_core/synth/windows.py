@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .canvas import Canvas, blur, linear, noise
+from facade_core.synth.canvas import Canvas, blur, linear, noise
 
 GLASS, BAR, FRAME = -0.27, -0.23, -0.20  # relief in metres
 _SKY_HIGH, _SKY_LOW, _STREET = linear("#8fb4df"), linear("#e6ecee"), linear("#837a70")

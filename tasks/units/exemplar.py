@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 import zarr
 
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facade import prepare_exemplar
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
@@ -32,7 +33,7 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
     texture = cv2.resize(prepared.facade.image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
     labels = cv2.resize(prepared.facade.labels, size, interpolation=cv2.INTER_NEAREST)
 
-    group = zarr.open_group(fork.store)
+    group: StoreGroup = zarr.open_group(fork.store)
     group.create_array(
         f"exemplars/{index}/image",
         data=texture,
@@ -60,6 +61,6 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
     return fork, {index: record}
 
 
-def read_exemplar(group: zarr.Group, index: int) -> tuple[np.ndarray, np.ndarray]:
+def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray]:
     """A prepared exemplar at the block's density: image (h, w, 3) uint8 and labels (h, w) uint8."""
     return group[f"exemplars/{index}/image"][:], group[f"exemplars/{index}/labels"][:]

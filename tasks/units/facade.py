@@ -13,6 +13,7 @@ import zarr
 
 from facade_core.atlas.provenance import resolve
 from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError
 from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
 from facade_core.ingest import Plan
@@ -37,7 +38,7 @@ def facade_unit(
     A facade that cannot be made is set aside with its reason; the others of the building are written.
     """
     plan = context(run).plan
-    group = zarr.open_group(fork.store)
+    group: StoreGroup = zarr.open_group(fork.store)
     records: dict[int, dict[str, Any]] = {}
     for facade in facades:
         name = plan.facades.id[facade]
@@ -59,7 +60,7 @@ def facade_unit(
 
 
 def _make(
-    run: Run, plan: Plan, group: zarr.Group, facade: int, photo: Path | None, exemplar: tuple[int, str] | None
+    run: Run, plan: Plan, group: StoreGroup, facade: int, photo: Path | None, exemplar: tuple[int, str] | None
 ) -> Facade:
     import cv2
 
@@ -88,7 +89,7 @@ def _make(
     )
 
 
-def _write(group: zarr.Group, plan: Plan, facade: int, made: Facade) -> None:
+def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade) -> None:
     scene, chart = plan.scene, int(plan.facades.chart[facade])
     rasters = Rasters.of(scene.placement, [chart])
     seed = made.image.reshape(-1, 3)

@@ -10,6 +10,7 @@ import numpy as np
 import zarr
 
 from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.street.blend import blend
 from facade_core.street.propagate import propagate
 from facade_core.street.render import render
@@ -34,7 +35,7 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     """Texture the `step`-th viewpoint of a street: render, translate, propagate, write the panorama through the fork."""
     start = time.time()
     here = context(run)
-    group = zarr.open_group(fork.store)
+    group: StoreGroup = zarr.open_group(fork.store)
     progress = _progress(run, here, group, street, step, street_key)
     viewpoint = _of_street(here, street)[step]
     size = (run.panorama_width // 2, run.panorama_width)
@@ -70,7 +71,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     """Write what the street's `steps` viewpoints made of its charts: street colour, views, resolved colour, provenance."""
     start = time.time()
     here = context(run)
-    group = zarr.open_group(fork.store)
+    group: StoreGroup = zarr.open_group(fork.store)
     window = _progress(run, here, group, street, steps, street_key).window
     _streets.pop((run, street, street_key), None)
     scene = here.plan.scene
@@ -97,7 +98,7 @@ def _of_street(here: Context, street: int) -> list:
     return [v for v in here.plan.viewpoints if v.street == street]
 
 
-def _progress(run: Run, here: Context, group: zarr.Group, street: int, step: int, street_key: str) -> _Progress:
+def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int, street_key: str) -> _Progress:
     """The street's window with its first `step` viewpoints in it: from this process, else replayed from panoramas."""
     entry = (run, street, street_key)
     if entry not in _streets or _streets[entry].done != step:
@@ -105,7 +106,7 @@ def _progress(run: Run, here: Context, group: zarr.Group, street: int, step: int
     return _streets[entry]
 
 
-def _replay(here: Context, group: zarr.Group, street: int, step: int) -> _Progress:
+def _replay(here: Context, group: StoreGroup, street: int, step: int) -> _Progress:
     """Rebuild a window: seeds, then every panorama of earlier waves that shows one of its charts, then the street's own."""
     plan = here.plan
     scene = plan.scene

@@ -92,7 +92,9 @@ def test_two_workers_write_through_forks_and_one_commits(repository, placement) 
         session = repository.writable_session("main")
         fork = pickle.loads(pickle.dumps(session.fork()))
         one = Rasters.of(placement, [chart])
-        write_rasters(zarr.open_group(fork.store)["atlas/provenance"], spec, placement, one, np.full(one.total, 7, np.uint8))
+        write_rasters(
+            zarr.open_group(fork.store)["atlas/provenance"], spec, placement, one, np.full(one.total, 7, np.uint8)
+        )
         begun.append((session, pickle.loads(pickle.dumps(fork))))
     for index, (session, fork) in enumerate(begun):
         session.merge(fork)

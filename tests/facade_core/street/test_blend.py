@@ -30,7 +30,9 @@ def blended(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray
 
 
 @settings(max_examples=300, deadline=None)
-@given(st.integers(0, 2**32 - 1), st.integers(1, 30), st.sampled_from([0, 1, 100, 7500]), st.sampled_from([0.0, 0.5, 1.0]))
+@given(
+    st.integers(0, 2**32 - 1), st.integers(1, 30), st.sampled_from([0, 1, 100, 7500]), st.sampled_from([0.0, 0.5, 1.0])
+)
 def test_equals_the_direct_formula_in_any_order(seed: int, n: int, largest: int, improper: float) -> None:
     rng = np.random.default_rng(seed)
     d = rng.integers(0, largest + 1, n)

@@ -39,7 +39,9 @@ def window(scene: Scene, writable, seed=None, evidence=None) -> Window:
 
 def south_wall(scene: Scene, building: int) -> int:
     charts = scene.charts
-    return int(np.flatnonzero((charts.building == building) & (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))[0])
+    return int(
+        np.flatnonzero((charts.building == building) & (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))[0]
+    )
 
 
 def test_untextured_is_grey_and_sky_black(scene: Scene) -> None:

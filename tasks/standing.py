@@ -1,0 +1,55 @@
+"""Whether a run has anything left to do: read from the store alone, so that asking costs no server and no cluster."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import zarr
+
+from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import StoreError
+from tasks.run import Run
+
+
+def published_summary(out: Path, snapshot: str) -> dict[str, Any]:
+    """The summary of a published snapshot, with the paths of its outputs."""
+    folder = out / "published" / snapshot
+    return json.loads((folder / "summary.json").read_text()) | {
+        "outputs": {
+            "glb": [str(folder / "block.glb")],
+            "report": str(folder / "report" / "index.html"),
+            "items": str(folder / "items.parquet"),
+        },
+    }
+
+
+def current_snapshot(out: Path) -> str | None:
+    """The published snapshot that `current` points at, None where there is none."""
+    pointer = out / "current"
+    snapshot = pointer.read_text().strip() if pointer.is_file() else ""
+    return snapshot if snapshot and (out / "published" / snapshot / "summary.json").is_file() else None
+
+
+def nothing_due(run: Run) -> dict[str, Any] | None:
+    """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
+
+    A unit's key stands on the run's key, and a change of that empties the journal: so one comparison covers them all.
+    """
+    if not run.store.is_dir():
+        return None
+    try:
+        session = open_repository(run.store).readonly_session(BRANCH)
+        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        if group.attrs.get("key") != run.key or current_snapshot(Path(run.out)) != session.snapshot_id:
+            return None
+        records = [record for stage in STAGES for record in read_journal(group, stage)]
+    except (StoreError, KeyError, FileNotFoundError):
+        return None
+    if not all(record and record["status"] == "done" for record in records):
+        return None
+    summary = published_summary(Path(run.out), session.snapshot_id)
+    return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": []}
