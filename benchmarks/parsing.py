@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 import time
 from collections.abc import Iterable
@@ -57,7 +58,12 @@ def scores(counts: np.ndarray) -> dict[str, Any]:
 
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Score the shipped parser on ECP (held-out fold) and Art-Deco.")
-    parser.add_argument("--data", type=Path, required=True, help="data folder with facades/ecp and facades/artdeco")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")),
+        help="folder with facades/ecp, facades/artdeco",
+    )
     parser.add_argument("--model", type=Path, help="another .onnx file, with its .json beside it")
     options = parser.parse_args(arguments)
     facades = options.data / "facades"

@@ -129,15 +129,16 @@ def train_parser(data: Path, out: Path, seed: int) -> None:
     click.echo(model)
 
 
-@main.command()
+@main.command(context_settings={"ignore_unknown_options": True})
 @click.argument("name", required=False)
-@click.option("--json", "as_json", is_flag=True, help="Print JSON (benchmarks print nothing else anyway).")
-def bench(name: str | None, as_json: bool) -> None:
-    """Run a benchmark by name; without a name, list them.
+@click.argument("options", nargs=-1, type=click.UNPROCESSED)
+def bench(name: str | None, options: tuple[str, ...]) -> None:
+    """Run a benchmark by name, which prints JSON; without a name, list them. OPTIONS are the benchmark's own.
 
     \b
-    Example:
+    Examples:
       streetloom bench block --json
+      streetloom bench parsing --data ../shared/data
     """
     import importlib
     import pkgutil
@@ -146,11 +147,12 @@ def bench(name: str | None, as_json: bool) -> None:
 
     names = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
     if name is None:
-        click.echo(json.dumps(names) if as_json else "\n".join(names))
+        click.echo("\n".join(names))
         return
     if name not in names:
         raise click.BadParameter(f"{name}: there is {', '.join(names)}", param_hint="NAME")
-    sys.argv = [f"benchmarks/{name}.py"]
+    # every benchmark prints JSON; --json is accepted since all commands that can print it have it
+    sys.argv = [f"benchmarks/{name}.py", *(option for option in options if option != "--json")]
     importlib.import_module(f"benchmarks.{name}").main()
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 
 import icechunk
@@ -48,12 +49,15 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
     outcome = Outcome(skipped=first)
     advance("viewpoints", first)
     step = first
+    commits: list[float] = []
     try:
         for step in range(first, len(own)):
             session, fork = begin(run.store)
             fork, record = compute.submit(viewpoint_unit, run, fork, street, step, street_key, worker=worker).result()
             record |= {"unit": f"{name}/{step}", "key": keys[step], "status": "done"}
+            started = time.perf_counter()
             finish(session, fork, "viewpoints", {own[step]: record}, f"viewpoint {name}/{step}")
+            commits.append(round(time.perf_counter() - started, 4))
             outcome = outcome.add([record])
             advance("viewpoints", 1)
         session, fork = begin(run.store)
@@ -64,7 +68,7 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
         record["reason"] = f"viewpoint {step}: {record['reason']}"
         finish(session, fork, "streets", {street: record}, f"street {name} failed")
         return outcome.add([record])
-    record |= {"unit": name, "key": street_key, "status": "done", "wave": wave}
+    record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
     snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
     _tag(run, f"street-{name}-{street_key[:12]}", snapshot)
     return outcome.add([record])

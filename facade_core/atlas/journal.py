@@ -15,7 +15,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 STAGES = ("exemplars", "facades", "viewpoints", "streets")
 
 # Fields of a record that may differ between two runs of the same unit on the same input.
-VOLATILE = ("worker", "seconds", "started")
+VOLATILE = ("worker", "seconds", "started", "commits")
 
 
 def read_journal(group: StoreGroup, stage: str) -> list[dict[str, Any] | None]:

@@ -126,6 +126,7 @@ def _summary(made: Facade) -> dict[str, Any]:
         "provenance": [
             round(float(v), 4) for v in np.bincount(made.provenance.reshape(-1), minlength=5) / made.labels.size
         ],
+        "variation_types": int((made.hierarchy.levels[0].counts > 0).sum()),
         "variation_levels": len(made.hierarchy.levels),
         "variation_bytes": int(made.hierarchy.nbytes),
         "layout_score": None if made.completion is None else round(float(made.completion.score), 4),
