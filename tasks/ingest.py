@@ -61,6 +61,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
         create_arrays(
             root,
             plan.scene.spec,
+            crs=run.crs,
             panorama_width=run.panorama_width,
             exemplars=len(block.exemplars),
             facades=len(plan.facades),

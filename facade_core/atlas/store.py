@@ -53,6 +53,7 @@ def create_arrays(
     group: StoreGroup,
     spec: AtlasSpec,
     *,
+    crs: str,
     panorama_width: int,
     exemplars: int,
     facades: int,
@@ -73,7 +74,7 @@ def create_arrays(
                 attributes={"long_name": meaning},
                 overwrite=True,
             )
-        group[folder].attrs.update(texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel")
+        group[folder].attrs.update(crs=crs, texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel")
     group.create_array(
         "panoramas/rgb",
         shape=(viewpoints, panorama_width // 2, panorama_width, 3),
@@ -84,6 +85,7 @@ def create_arrays(
         attributes={"long_name": "translated equirectangular panorama; the truth of street texturing"},
         overwrite=True,
     )
+    group["panoramas"].attrs.update(crs=crs)
     for exemplar in range(exemplars):  # units that run side by side must not create the same group
         group.create_group(f"exemplars/{exemplar}", overwrite=True)
     group.create_array(

@@ -10,6 +10,9 @@ from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.scene import Scene
 
+# Free space around the block in the aerial picture.
+FRAME = 1.04
+
 
 @dataclass(frozen=True)
 class Camera:
@@ -39,13 +42,18 @@ def aerial(scene: Scene, size: tuple[int, int]) -> Camera:
     """The block from above, obliquely from the south-west: the whole of its buildings in view."""
     walls = scene.charts.kind[scene.mesh.vertex_chart] == WALL
     points = scene.mesh.vertices[walls] if walls.any() else scene.mesh.vertices
-    low, high = points.min(axis=0), points.max(axis=0)
-    radius = float(np.linalg.norm((high - low)[:2])) / 2 + 5
-    direction = np.array([-0.45, -0.62, 0.64])
+    target = (points.min(axis=0) + points.max(axis=0)) / 2
+    away = np.array([-0.45, -0.62, 0.64])
+    away /= np.linalg.norm(away)
+    right = np.cross(-away, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    relative = points - target
+    across, along, nearer = relative @ right, relative @ np.cross(away, right), relative @ away
     field_of_view = 38.0
-    distance = radius / np.tan(np.radians(field_of_view) / 2) * 0.92
-    target = (low + high) / 2 * [1, 1, 0]
-    return Camera(target + direction / np.linalg.norm(direction) * distance, target, field_of_view, size)
+    half_width = np.tan(np.radians(field_of_view) / 2) / FRAME
+    half_height = half_width * size[0] / size[1]
+    distance = np.maximum(np.abs(across) / half_width, np.abs(along) / half_height) + nearer
+    return Camera(target + away * float(distance.max()), target, field_of_view, size)
 
 
 def street_level(viewpoint: Viewpoint, size: tuple[int, int]) -> Camera:

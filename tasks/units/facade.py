@@ -24,6 +24,9 @@ from tasks.units.context import context, unit_seed, worker_name
 from tasks.units.exemplar import read_exemplar
 from tasks.units.images import read_image
 
+# Texels around a photo's holes that count as hidden.
+RIM = 2
+
 
 def facade_unit(
     run: Run,
@@ -71,7 +74,9 @@ def _make(
     if photo is not None:
         image, hidden = read_image(photo)
         image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
-        hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+        hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST)
+        # beside a hole, resampling has mixed in what hides the wall
+        hidden = cv2.dilate(hidden, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
         return from_photo(image, hidden, seed=seed)
     if exemplar is None:
         raise FacadeError(

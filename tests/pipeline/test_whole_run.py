@@ -60,7 +60,7 @@ def test_xarray_opens_every_group_with_dimensions_and_crs(undisturbed: Run) -> N
     for name in STAGE_GROUPS:
         dataset = xr.open_zarr(store, group=name, consolidated=False)
         assert not any(str(dim).startswith("dim_") for dim in dataset.sizes), name
-        assert "crs" in dataset.attrs or name in ("panoramas", "facade_maps", "atlas"), name
+        assert dataset.attrs["crs"] == "EPSG:32635", name
 
 
 def test_workers_wrote_and_are_named_in_the_journal(undisturbed: Run) -> None:

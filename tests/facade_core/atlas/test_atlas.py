@@ -49,6 +49,7 @@ def repository(tmp_path: Path, placement):
     create_arrays(
         zarr.group(store=session.store),
         AtlasSpec(placement.pages, 20.0, page=512),
+        crs="EPSG:32635",
         panorama_width=64,
         exemplars=1,
         facades=3,

@@ -1,0 +1,121 @@
+"""The model and the pictures say what the atlas says."""
+
+from __future__ import annotations
+
+import io
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+from PIL import Image
+
+from facade_core.atlas import UNSEEN, AtlasSpec
+from facade_core.export import Camera, aerial, aim, draw_facade, fill_unseen, overlay_hidden, write_glb
+from facade_core.geometry import WALL, block_surfaces, pack
+from facade_core.labels import WINDOW
+from facade_core.street import Scene, Swatches
+from facade_core.types import Building, Lattice, Street
+
+STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    charts, mesh = block_surfaces(
+        [Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")], [STREET], ground_margin=10, largest=90
+    )
+    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
+
+
+def page_of_kinds(scene: Scene, page: int) -> np.ndarray:
+    """A page with every chart in its own colour."""
+    colour = np.zeros((1024, 1024, 3), np.uint8)
+    placement = scene.placement
+    for c in np.flatnonzero(placement.page == page):
+        y, x = placement.y[c], placement.x[c]
+        colour[y - 2 : y + placement.height[c] + 2, x - 2 : x + placement.width[c] + 2] = [c * 7 + 20, 120, 255 - 5 * c]
+    return colour
+
+
+def jpeg(image: np.ndarray) -> bytes:
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=95)
+    return buffer.getvalue()
+
+
+def test_every_triangle_of_the_model_shows_its_own_chart(scene: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "block.glb"
+    write_glb(path, scene, {p: jpeg(page_of_kinds(scene, p)) for p in range(scene.placement.pages)})
+    model = trimesh.load(path)
+    checked = 0
+    for part in model.geometry.values():
+        image = np.asarray(part.visual.material.baseColorTexture.convert("RGB")).astype(int)
+        middle = part.visual.uv[part.faces].mean(axis=1)
+        pixels = image[((1 - middle[:, 1]) * 1024).astype(int), (middle[:, 0] * 1024).astype(int)]
+        for face, pixel in zip(part.faces, pixels, strict=True):
+            x, up, minus_y = part.vertices[face].mean(axis=0) + [10, 0, 0]
+            chart = round((pixel[0] - 20) / 7)
+            kind, origin = scene.charts.kind[chart], scene.charts.origin[chart]
+            if kind == WALL:
+                assert abs(up - scene.charts.size[chart, 1] / 2) < 6
+            else:
+                assert up == pytest.approx(origin[2], abs=1e-4)
+            checked += 1
+    assert checked == len(scene.mesh.triangles)
+
+
+def test_model_frame_is_y_up_and_east_is_x(scene: Scene, tmp_path: Path) -> None:
+    path = tmp_path / "block.glb"
+    write_glb(path, scene, {p: jpeg(page_of_kinds(scene, p)) for p in range(scene.placement.pages)})
+    low, high = trimesh.load(path).bounds
+    extent = scene.mesh.vertices.max(axis=0) - scene.mesh.vertices.min(axis=0)
+    np.testing.assert_allclose(high - low, extent[[0, 2, 1]], atol=1e-3)
+
+
+def test_unseen_texels_are_filled_and_seen_ones_kept(scene: Scene) -> None:
+    colour = np.zeros((1024, 1024, 3), np.uint8)
+    provenance = np.full((1024, 1024), UNSEEN, np.uint8)
+    c = int(np.flatnonzero(scene.placement.page == 0)[0])
+    y, x = int(scene.placement.y[c]), int(scene.placement.x[c])
+    colour[y, x], provenance[y, x] = [1, 2, 3], 4
+    filled = fill_unseen(scene, Swatches(scene, [STREET], seed=0), 0, colour, provenance)
+    assert filled[y, x].tolist() == [1, 2, 3]
+    height, width = int(scene.placement.height[c]), int(scene.placement.width[c])
+    inside = filled[y : y + height, x : x + width].reshape(-1, 3)
+    assert (inside[1:].max(axis=1) > 30).all()
+    assert colour.sum() == 6
+
+
+def test_the_picture_shows_walls_upright_and_sky_above(scene: Scene) -> None:
+    picture = aim(scene, Camera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1)
+    for page in range(scene.placement.pages):
+        picture.paint(page, np.full((1024, 1024, 3), 9, np.uint8))
+    assert (picture.rgb[30, 40] == 9).all()
+    assert (picture.rgb[0] > 100).all()
+
+
+def test_the_aerial_camera_sees_the_whole_building(scene: Scene) -> None:
+    camera = aerial(scene, (90, 144))
+    forward = (camera.target - camera.position) / np.linalg.norm(camera.target - camera.position)
+    walls = scene.mesh.vertices[scene.charts.kind[scene.mesh.vertex_chart] == WALL]
+    rays = camera.rays()
+    border = np.concatenate([rays[0], rays[-1], rays[:, 0], rays[:, -1]])
+    to_walls = walls - camera.position
+    to_walls /= np.linalg.norm(to_walls, axis=1, keepdims=True)
+    assert (to_walls @ forward).min() > (border @ forward).min()
+
+
+def test_stage_pictures() -> None:
+    labels = np.full((20, 30), WINDOW, np.uint8)
+    drawn = draw_facade(labels, Lattice((0, 10, 20), (0, 30)))
+    assert (drawn[10] == 255).all()
+    assert (drawn[5, 5] != 255).any()
+    hidden = np.zeros((20, 30), bool)
+    hidden[3, 4] = True
+    image = np.full((20, 30, 3), 100, np.uint8)
+    tinted = overlay_hidden(image, hidden)
+    assert tinted[3, 4, 0] > 100 > tinted[3, 4, 2]
+    assert (tinted[~hidden] == 100).all()

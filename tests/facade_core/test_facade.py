@@ -1,0 +1,92 @@
+"""The facade stages in order, on painted facades whose truth is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
+from facade_core.errors import ImageError
+from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
+from facade_core.labels import SKY, WALL
+from facade_core.style import choose_exemplars
+from facade_core.synth import facade as paint
+from facade_core.types import Element
+
+PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
+
+
+def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
+    made = from_photo(PAINTED.image, PAINTED.occluded, seed=1)
+    seen = ~PAINTED.occluded
+    np.testing.assert_array_equal(made.image[seen], PAINTED.image[seen])
+    assert (made.provenance[seen] == PHOTO).all()
+    assert (made.provenance[~seen] == INPAINTED).all()
+    assert (made.image[~seen] != PAINTED.image[~seen]).any(axis=1).mean() > 0.8
+    assert made.completion is not None
+    assert set(made.seconds) >= {"parse", "elements", "complete", "inpaint", "lattice", "encode"}
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
+    with_things = np.abs(PAINTED.image[~seen].astype(int) - clean.image[~seen]).mean()
+    completed = np.abs(made.image[~seen].astype(int) - clean.image[~seen]).mean()
+    assert completed < 0.8 * with_things
+
+
+def test_the_same_photo_and_seed_make_the_same_bits() -> None:
+    one, two = (from_photo(PAINTED.image, PAINTED.occluded, seed=5) for _ in range(2))
+    np.testing.assert_array_equal(one.image, two.image)
+    assert one.hierarchy.to_bytes() == two.hierarchy.to_bytes()
+
+
+def test_a_photo_of_which_nothing_is_seen_is_refused() -> None:
+    with pytest.raises(ImageError, match="whole facade is hidden"):
+        from_photo(PAINTED.image, np.ones_like(PAINTED.occluded))
+
+
+def test_a_photo_without_holes_needs_no_completion() -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
+    made = from_photo(clean.image, np.zeros(clean.labels.shape, bool))
+    assert made.completion is None
+    np.testing.assert_array_equal(made.image, clean.image)
+
+
+def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
+    made = from_exemplar(clean.image, clean.labels, (16.2, 20.0), (270, 334), floors=5, metres_per_pixel=0.06, seed=3)
+    assert made.image.shape == (270, 334, 3)
+    assert (made.provenance == SYNTHESISED).all()
+    assert not made.occluded.any()
+    assert sum(e.label == "window" for e in made.elements) >= 15
+
+
+def test_an_exemplar_is_measured_and_cut_below_its_sky() -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
+    prepared = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), storey=3.2)
+    assert prepared.metres_per_pixel == pytest.approx(0.05, rel=0.2)
+    assert abs(prepared.floors - 4) <= 1
+    assert (prepared.facade.labels[0] == SKY).mean() < 0.5
+    assert (prepared.facade.labels == WALL).any()
+
+
+def test_visible_boxes_leave_out_the_holes() -> None:
+    hidden = np.zeros((40, 60), bool)
+    hidden[10:20, 30:50] = True
+    boxes = visible_boxes(hidden)
+    drawn = np.zeros_like(hidden)
+    for x0, y0, x1, y1 in boxes:
+        assert not drawn[int(y0) : int(y1), int(x0) : int(x1)].any()
+        drawn[int(y0) : int(y1), int(x0) : int(x1)] = True
+    np.testing.assert_array_equal(drawn, ~hidden)
+
+
+def test_columns_are_counted_in_the_fullest_row() -> None:
+    row = [Element("window", x, 10, x + 5, 20) for x in (0, 10, 20)] + [Element("window", 0, 30, 5, 40)]
+    assert count_columns([*row, Element("door", 0, 40, 5, 60)]) == 3
+    assert count_columns([]) == 0
+
+
+def test_one_building_one_exemplar_and_size_decides() -> None:
+    width, floors, building = np.array([20.0, 8.0, 20.0]), np.array([6, 6, 2]), np.array([3, 3, 4])
+    chosen = choose_exemplars(width, floors, building, [20.0, 20.0], [6, 1], seed=1)
+    assert chosen[0] == chosen[1] == 0
+    many = choose_exemplars(np.full(40, 20.0), np.full(40, 5), np.arange(40), [20.0] * 6, [5] * 6, seed=1)
+    assert len(set(many.tolist())) >= 4

@@ -1,0 +1,63 @@
+"""What a user types and sees when it goes wrong: one line, a code, no traceback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def streetloom(*arguments: str, timeout: int = 120) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "flows", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=timeout
+    )
+
+
+@pytest.mark.parametrize("command", [(), ("run",), ("demo",), ("query",), ("train",), ("train", "parser"), ("bench",)])
+def test_help_has_an_example(command: tuple[str, ...]) -> None:
+    shown = streetloom(*command, "--help")
+    assert shown.returncode == 0
+    assert "Example" in shown.stdout
+    assert "streetloom" in shown.stdout
+
+
+def test_help_imports_nothing_heavy() -> None:
+    code = "import sys, flows.cli; print([m for m in ('prefect', 'numpy', 'dask', 'zarr', 'rich') if m in sys.modules])"
+    shown = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert shown.stdout.strip() == "[]"
+
+
+def one_line_and_code_2(result: subprocess.CompletedProcess) -> str:
+    assert result.returncode == 2, result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+    return result.stderr
+
+
+def test_unknown_key_names_file_and_key(tmp_path: Path) -> None:
+    block = tmp_path / "bad.yaml"
+    block.write_text("name: x\nbuildigs: {path: a.pbf}\n")
+    message = one_line_and_code_2(streetloom("run", str(block), "--out", str(tmp_path / "out")))
+    assert "bad.yaml" in message
+    assert "buildigs" in message
+    assert len(message.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_block_file(tmp_path: Path) -> None:
+    assert "nothing.yaml" in one_line_and_code_2(streetloom("run", str(tmp_path / "nothing.yaml")))
+
+
+def test_query_of_nothing(tmp_path: Path) -> None:
+    message = one_line_and_code_2(streetloom("query", str(tmp_path)))
+    assert "streetloom run" in message
+    assert len(message.strip().splitlines()) == 1
+
+
+def test_unknown_benchmark_names_those_there_are() -> None:
+    message = one_line_and_code_2(streetloom("bench", "speed"))
+    assert "block" in message
