@@ -50,7 +50,7 @@ def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None =
 
 def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outcome:
     exemplars = prepare_exemplars(run, block.exemplars, compute)
-    chosen = choose(run, block.photos)
+    chosen = choose(run, block.photos) if run.walls == "exemplar" else {}
     batches: list[list[tuple[int, ...]]] = [[]]
     for building in outline.buildings:
         if sum(map(len, batches[-1])) >= BATCH:

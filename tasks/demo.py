@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import shutil
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import yaml
 
 from catalogs.block import Block, read_block
-from facade_core.ingest import Facades, ingest
 from facade_core.synth import STYLES, PaintedFacade, exemplars, facade
+from tasks.plan import plan_of
 from tasks.progress import advance, begin_stage
 
 NAME = "helsinki"
@@ -77,7 +78,8 @@ def _paint_exemplars(folder: Path) -> None:
 def _paint_photos(block: Block, folder: Path) -> None:
     """A photo for every third facade, at its own size and floors, with trees and cars before it cut out."""
     folder.mkdir(exist_ok=True)
-    facades = _facades(block)
+    # facades are found the same with coarse panoramas; only what each panorama shows is coarser
+    facades = plan_of(replace(block, texture=replace(block.texture, panorama_width=256))).facades
     chosen = [i for i in range(len(facades)) if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
     begin_stage("paint", len(chosen))
 
@@ -98,21 +100,6 @@ def _paint_photos(block: Block, folder: Path) -> None:
 
     with ThreadPoolExecutor(2) as threads:
         list(threads.map(paint, range(len(chosen))))
-
-
-def _facades(block: Block) -> Facades:
-    texture = block.texture
-    return ingest(
-        block.buildings,
-        block.streets,
-        texels_per_metre=texture.texels_per_metre,
-        spacing=texture.viewpoint_spacing,
-        height=texture.viewpoint_height,
-        visibility_range=texture.visibility_range,
-        panorama_width=256,  # facades are found the same; only what each panorama shows is coarser
-        storey=block.storey,
-        walls=texture.walls,
-    ).facades
 
 
 def _save(path: Path, painted: PaintedFacade) -> None:

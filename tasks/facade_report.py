@@ -27,7 +27,7 @@ LEVELS_SHOWN = 3
 def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any] | None], folder: Path) -> None:
     """One WebP per facade and stage: evidence, hidden, parse with lattice, levels of the hierarchy, a sample, the result."""
     for index, record in enumerate(records):
-        if record is None or record["status"] != "done":
+        if record is None or "lattice" not in record:
             continue
         chart = int(plan.facades.chart[index])
         placement = plan.scene.placement
@@ -78,7 +78,7 @@ def item_rows(
         end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
         normal = charts.normal()[chart]
         record = records[index] or {"status": "failed", "reason": "not processed"}
-        done = record["status"] == "done"
+        lattice = record.get("lattice", {})
         street = streets[int(facades.street[index])]
         rows.append(
             {
@@ -93,8 +93,8 @@ def item_rows(
                 "floors": int(facades.floors[index]),
                 **{key: record.get(key) for key in _FROM_RECORD},
                 **dict(zip(_SHARES, (record.get("provenance") or [None] * 5)[1:], strict=True)),
-                "lattice_rows": len(record["lattice"]["rows"]) if done else None,
-                "lattice_columns": len(record["lattice"]["columns"]) if done else None,
+                "lattice_rows": len(lattice["rows"]) if lattice else None,
+                "lattice_columns": len(lattice["columns"]) if lattice else None,
                 "seconds": round(sum(record.get("seconds", {}).values()), 4),
                 "status": record["status"],
                 "reason": record.get("reason"),

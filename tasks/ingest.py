@@ -11,8 +11,8 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.block import Block
 from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.ingest import Plan, ingest
-from tasks.plan import read_plan, write_plan
+from facade_core.ingest import Plan
+from tasks.plan import plan_of, read_plan, write_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
 
@@ -43,18 +43,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
     if skipped:
         plan, _ = read_plan(session, run.texels_per_metre)
     else:
-        texture = block.texture
-        plan = ingest(
-            block.buildings,
-            block.streets,
-            texels_per_metre=texture.texels_per_metre,
-            spacing=texture.viewpoint_spacing,
-            height=texture.viewpoint_height,
-            visibility_range=texture.visibility_range,
-            panorama_width=texture.panorama_width,
-            storey=block.storey,
-            walls=texture.walls,
-        )
+        plan = plan_of(block)
         root = zarr.group(store=session.store, overwrite=True)
         root.attrs.update(block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=list(block.notes))
         write_plan(session, plan, block.buildings, block.streets, run.crs)

@@ -1,4 +1,4 @@
-"""A block's plan in the store: tables in, values out."""
+"""A block's plan: made by ingest, kept in the store as tables."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ import icechunk
 import numpy as np
 import shapely
 
+from catalogs.block import Block
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import open_table, text_column, write_table
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.packing import Placement
 from facade_core.geometry.streets import Viewpoint
-from facade_core.ingest import Facades, Plan
+from facade_core.ingest import Facades, Plan, ingest
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Street
 
@@ -22,6 +23,22 @@ if TYPE_CHECKING:
     import xarray as xr
 
 METRES = {"units": "m"}
+
+
+def plan_of(block: Block) -> Plan:
+    """Ingest a block as its settings say."""
+    texture = block.texture
+    return ingest(
+        block.buildings,
+        block.streets,
+        texels_per_metre=texture.texels_per_metre,
+        spacing=texture.viewpoint_spacing,
+        height=texture.viewpoint_height,
+        visibility_range=texture.visibility_range,
+        panorama_width=texture.panorama_width,
+        storey=block.storey,
+        walls=texture.walls,
+    )
 
 
 def write_plan(

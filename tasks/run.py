@@ -24,6 +24,7 @@ class Run:
     texels_per_metre: float
     panorama_width: int
     storey: float
+    walls: str
 
     @property
     def store(self) -> Path:
@@ -56,4 +57,5 @@ def run_of(block: Block, out: Path) -> Run:
         texels_per_metre=texture.texels_per_metre,
         panorama_width=texture.panorama_width,
         storey=block.storey,
+        walls=texture.walls,
     )

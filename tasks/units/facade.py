@@ -45,7 +45,10 @@ def facade_unit(
     records: dict[int, dict[str, Any]] = {}
     for facade in facades:
         name = plan.facades.id[facade]
-        record = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": time.time()}
+        record: dict[str, Any] = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": time.time()}
+        if run.walls == "translate" and facade not in photos:
+            records[facade] = record | {"status": "done", "source": "translator"}  # the street stage textures it
+            continue
         try:
             made = _make(run, plan, group, facade, photos.get(facade), exemplars.get(facade))
         except Exception as error:
@@ -55,7 +58,7 @@ def facade_unit(
         source = photos[facade].name if facade in photos else exemplars[facade][1]
         records[facade] = record | {"status": "done", "source": source} | _summary(made)
     for facade, record in records.items():
-        if record["status"] == "done":
+        if "lattice" in record:
             scene, chart = plan.scene, int(plan.facades.chart[facade])
             atlas = group["atlas"]
             record["chunks"] = chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, [chart])

@@ -17,6 +17,8 @@ def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
         with Image.open(path) as image:
             upright = ImageOps.exif_transpose(image)
             alpha = upright.getchannel("A") if "A" in upright.getbands() else None
+            if upright.mode.startswith("I"):  # 16 bits a pixel, which the library would clip, not scale
+                upright = Image.fromarray((np.asarray(upright, np.uint32) >> 8).astype(np.uint8))
             rgb = np.asarray(upright.convert("RGB"))
             hidden = np.asarray(alpha) < 128 if alpha is not None else np.zeros(rgb.shape[:2], bool)
     except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:

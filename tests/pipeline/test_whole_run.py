@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -13,10 +14,11 @@ import psutil
 import pytest
 import trimesh
 import xarray as xr
+import yaml
 import zarr
 
 from catalogs.query import query
-from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, atlas_digest, open_repository
+from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, atlas_digest, open_repository
 from tasks.commits import journal
 from tests.pipeline.conftest import ROOT, command, environment, run, write_block
 
@@ -126,6 +128,21 @@ def test_one_worker_makes_the_same_atlas(block: Path, undisturbed: Run, tmp_path
     alone = run(block, tmp_path / "out", workers=1)
     assert alone["atlas_digest"] == undisturbed[1]["atlas_digest"]
     assert {r["worker"] for r in journal(tmp_path / "out" / "store", "facades") if r} == {"serial"}
+
+
+def test_walls_left_to_the_translator(block: Path, tmp_path: Path) -> None:
+    """With `walls: translate` no exemplar is needed, and the street stage textures every wall that has no photo."""
+    folder = tmp_path / "input"
+    shutil.copytree(block.parent, folder)
+    keys = yaml.safe_load((folder / block.name).read_text())
+    keys["texture"]["walls"] = "translate"
+    del keys["imagery"]["exemplars"]
+    (folder / block.name).write_text(yaml.safe_dump(keys))
+    summary = run(folder / block.name, tmp_path / "out", workers=1)
+    assert summary["facades_failed"] == 0
+    group = zarr.open_group(open_repository(tmp_path / "out" / "store").readonly_session("main").store, mode="r")
+    assert set(np.unique(group["atlas/provenance"][:])) == {UNSEEN, TRANSLATED, INPAINTED, PHOTO}
+    assert set(query(tmp_path / "out", where="photo is null")["source"]) == {"translator"}
 
 
 def test_a_broken_photo_is_set_aside(tmp_path: Path) -> None:

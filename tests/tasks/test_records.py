@@ -1,0 +1,99 @@
+"""Outcomes, seeds, keys and images: the small parts that a run stands on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from facade_core.errors import FacadeError, ImageError
+from tasks.outcome import Outcome, failure, is_done
+from tasks.progress import advance, begin_stage, listen
+from tasks.run import Run, code_version
+from tasks.units.context import unit_seed
+from tasks.units.images import read_image
+
+RUN = Run("out", "b", "key", "EPSG:32635", 7, 20.0, 512, 3.2, "exemplar")
+
+
+def test_outcomes_add_up() -> None:
+    records = [{"unit": "a", "status": "done"}, {"unit": "b", "status": "failed", "reason": "r"}]
+    total = Outcome(skipped=2).add(records) + Outcome(done=1)
+    assert (total.done, total.skipped, total.failed, total.finished) == (2, 2, (("b", "r"),), 5)
+
+
+def test_failed_units_are_tried_again_and_others_only_when_their_key_changes() -> None:
+    assert is_done({"status": "done", "key": "k"}, "k")
+    assert not is_done({"status": "done", "key": "k"}, "other")
+    assert not is_done(failure("u", "k", FacadeError("no")), "k")
+    assert not is_done(None, "k")
+
+
+def test_reasons_are_one_line() -> None:
+    assert failure("u", "k", KeyError("a\nb"))["reason"].startswith("KeyError:")
+    assert "\n" not in failure("u", "k", ValueError("a\nb"))["reason"]
+    assert failure("u", "k", ImageError("x.jpg: broken"))["reason"] == "x.jpg: broken"
+
+
+def test_seeds_differ_by_unit_and_stage_and_repeat() -> None:
+    seeds = {unit_seed(RUN, unit, stage) for unit in ("a", "b") for stage in ("x", "y")}
+    assert len(seeds) == 4
+    assert unit_seed(RUN, "a", "x") == unit_seed(RUN, "a", "x")
+
+
+def test_code_version_is_stable() -> None:
+    assert code_version() == code_version()
+    assert "+" in code_version()
+
+
+def test_progress_tells_listeners_until_they_stop() -> None:
+    seen: list[tuple] = []
+    stop = listen(lambda *event: seen.append(event))
+    begin_stage("s", 3)
+    advance("s", 2, 1)
+    stop()
+    advance("s", 1)
+    assert seen == [("s", 0, 3, 0), ("s", 2, 3, 1)]
+
+
+def test_alpha_is_what_hides(tmp_path: Path) -> None:
+    rgba = np.full((4, 6, 4), 200, np.uint8)
+    rgba[1, 2, 3] = 0
+    Image.fromarray(rgba).save(tmp_path / "a.png")
+    rgb, hidden = read_image(tmp_path / "a.png")
+    assert rgb.shape == (4, 6, 3)
+    assert hidden.sum() == 1
+    assert hidden[1, 2]
+
+
+@pytest.mark.parametrize("mode", ["L", "CMYK", "P", "I;16"])
+def test_any_mode_becomes_rgb(tmp_path: Path, mode: str) -> None:
+    suffix = "jpg" if mode == "CMYK" else "png"
+    Image.new(mode, (5, 3)).save(tmp_path / f"a.{suffix}")
+    rgb, hidden = read_image(tmp_path / f"a.{suffix}")
+    assert rgb.shape == (3, 5, 3)
+    assert rgb.dtype == np.uint8
+    assert not hidden.any()
+
+
+def test_sixteen_bits_are_scaled_not_clipped(tmp_path: Path) -> None:
+    Image.fromarray(np.full((4, 4), 0x8000, np.uint16)).save(tmp_path / "a.png")
+    assert (read_image(tmp_path / "a.png")[0] == 128).all()
+
+
+def test_exif_turns_the_image(tmp_path: Path) -> None:
+    image = Image.new("RGB", (8, 4))
+    exif = image.getexif()
+    exif[0x0112] = 6
+    image.save(tmp_path / "a.jpg", exif=exif)
+    assert read_image(tmp_path / "a.jpg")[0].shape == (8, 4, 3)
+
+
+def test_a_truncated_image_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "broken.jpg"
+    Image.fromarray(np.random.default_rng(0).integers(0, 255, (64, 64, 3), np.uint8)).save(path)
+    path.write_bytes(path.read_bytes()[:700])
+    with pytest.raises(ImageError, match=r"broken\.jpg"):
+        read_image(path)
