@@ -47,13 +47,18 @@ def aerial(scene: Scene, size: tuple[int, int]) -> Camera:
     away /= np.linalg.norm(away)
     right = np.cross(-away, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
-    relative = points - target
-    across, along, nearer = relative @ right, relative @ np.cross(away, right), relative @ away
+    up = np.cross(away, right)
     field_of_view = 38.0
     half_width = np.tan(np.radians(field_of_view) / 2) / FRAME
     half_height = half_width * size[0] / size[1]
-    distance = np.maximum(np.abs(across) / half_width, np.abs(along) / half_height) + nearer
-    return Camera(target + away * float(distance.max()), target, field_of_view, size)
+    for _ in range(8):  # the nearer side spreads more, so the middle of the picture is found by steps
+        relative = points - target
+        across, along, nearer = relative @ right, relative @ up, relative @ away
+        distance = float((np.maximum(np.abs(across) / half_width, np.abs(along) / half_height) + nearer).max())
+        depth = distance - nearer
+        middle = [(np.ptp(s) / 2 + s.min()) * distance for s in (across / depth, along / depth)]
+        target = target + middle[0] * right + middle[1] * up
+    return Camera(target + away * distance, target, field_of_view, size)
 
 
 def street_level(viewpoint: Viewpoint, size: tuple[int, int]) -> Camera:
