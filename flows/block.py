@@ -28,7 +28,6 @@ BATCH = 24
     name="city-block",
     flow_run_name="{block_file.stem}",
     task_runner=ThreadPoolTaskRunner(max_workers=8),  # type: ignore[arg-type]
-    validate_parameters=False,
 )
 def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None = None) -> dict[str, Any]:
     """Texture the block of `block_file` into `out`; resumes by itself. Returns the run's summary."""
