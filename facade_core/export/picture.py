@@ -46,17 +46,9 @@ def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
     hit = chart.reshape(-1)[pixel]
     points = camera.position + rays.reshape(-1, 3)[pixel] * depth.reshape(-1)[pixel, None]
-    relative = points - scene.charts.origin[hit]
-    placement, density = scene.placement, scene.spec.texels_per_metre
-    x = (np.einsum("ij,ij->i", relative, scene.charts.axis_u[hit]) * density).astype(np.int64)
-    y = (np.einsum("ij,ij->i", relative, scene.charts.axis_v[hit]) * density).astype(np.int64)
-    return Picture(
-        rgb,
-        pixel,
-        placement.page[hit],
-        placement.y[hit] + np.clip(y, 0, placement.height[hit] - 1),
-        placement.x[hit] + np.clip(x, 0, placement.width[hit] - 1),
-    )
+    row, column = scene.locate(points, hit)
+    placement = scene.placement
+    return Picture(rgb, pixel, placement.page[hit], placement.y[hit] + row, placement.x[hit] + column)
 
 
 def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:

@@ -56,16 +56,12 @@ def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, i
     seen = chart != MISS
     hit = chart[seen]
     points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
-    relative = points[seen] - scene.charts.origin[hit]
-    placement, density = scene.placement, scene.spec.texels_per_metre
-    column = (np.einsum("ij,ij->i", relative, scene.charts.axis_u[hit]) * density).astype(np.int64)
-    row = (np.einsum("ij,ij->i", relative, scene.charts.axis_v[hit]) * density).astype(np.int64)
-    column = np.clip(column, 0, placement.width[hit] - 1)
-    row = np.clip(row, 0, placement.height[hit] - 1)
+    row, column = scene.locate(points[seen], hit)
     held = atlas.rasters.offset[hit] >= 0
-    texel = (atlas.rasters.offset[hit] + row * placement.width[hit] + column)[held]
+    texel = (atlas.rasters.offset[hit] + row * scene.placement.width[hit] + column)[held]
 
-    pixels = np.repeat((255 * shade(scene.charts.normal()[hit])).astype(np.uint8)[:, None], 3, axis=1)
+    grey = (255 * shade(scene.charts.normal())).astype(np.uint8)
+    pixels = np.repeat(grey[hit][:, None], 3, axis=1)
     known = np.zeros(len(hit), bool)
     known[held] = atlas.provenance[texel] > UNSEEN
     pixels[known] = atlas.colour[texel[known[held]]]

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry.charts import Charts, Mesh
@@ -37,7 +38,29 @@ class Scene:
         chart = np.where(depth <= self.visibility_range, chart, MISS)
         return rays, depth, chart
 
+    def locate(self, points: np.ndarray, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The texel that holds each world point (k, 3) on its chart (k,): row and column (k,) int32, clipped to the chart."""
+        charts, placement = self.charts, self.placement
+        row, column = np.empty(len(chart), np.int32), np.empty(len(chart), np.int32)
+        density = self.spec.texels_per_metre
+        frame = (charts.origin, charts.axis_u, charts.axis_v, placement.width, placement.height)
+        _locate(points, chart, *frame, density, row, column)
+        return row, column
+
     def seen(self, viewpoint: Viewpoint, width: int) -> np.ndarray:
         """Sorted ids of the charts that the viewpoint's panorama shows: what it reads, and may write."""
         chart = self.look(viewpoint, width)[2]
         return np.unique(chart[chart != MISS])
+
+
+@njit(cache=True, nogil=True)
+def _locate(points, chart, origin, axis_u, axis_v, width, height, density, row, column):
+    for k in range(len(chart)):
+        c = chart[k]
+        x, y = 0.0, 0.0
+        for i in range(3):
+            offset = points[k, i] - origin[c, i]
+            x += offset * axis_u[c, i]
+            y += offset * axis_v[c, i]
+        column[k] = min(max(int(x * density), 0), width[c] - 1)
+        row[k] = min(max(int(y * density), 0), height[c] - 1)

@@ -6,6 +6,7 @@ import json
 import os
 import subprocess
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
@@ -39,10 +40,25 @@ def environment(home: Path) -> dict[str, str]:
     return {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")} | {"HOME": str(home), "NO_COLOR": "1"}
 
 
-def run(block: Path, out: Path, workers: int = 2, expect: int = 0) -> dict[str, Any]:
-    """Run a block as a user would; returns the JSON object printed last."""
+LOOPBACK_UP = """
+import fcntl, os, socket, struct, sys
+UP, SET_FLAGS = 0x1 | 0x40, 0x8914
+fcntl.ioctl(socket.socket(), SET_FLAGS, struct.pack("16sh", b"lo", UP))
+os.execvp(sys.argv[1], sys.argv[1:])
+"""
+# A network namespace of its own, in which there is nothing but loopback.
+ALONE = ["unshare", "--map-root-user", "--net", sys.executable, "-c", LOOPBACK_UP]
+
+
+def run(block: Path, out: Path, workers: int = 2, expect: int = 0, within: Sequence[str] = ()) -> dict[str, Any]:
+    """Run a block as a user would, `within` another command if given; returns the JSON object printed last."""
     done = subprocess.run(
-        command(block, out, workers), cwd=ROOT, env=environment(out.parent), capture_output=True, text=True, timeout=600
+        [*within, *command(block, out, workers)],
+        cwd=ROOT,
+        env=environment(out.parent),
+        capture_output=True,
+        text=True,
+        timeout=600,
     )
     assert done.returncode == expect, done.stderr[-3000:] + done.stdout[-2000:]
     return json.loads(done.stdout.strip().splitlines()[-1])
