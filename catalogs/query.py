@@ -30,6 +30,7 @@ _TABLE = (
     "balconies",
     "shops",
     "window_to_wall",
+    "occluded",
     "status",
 )
 _SETTINGS: dict[str, str | bool | int | float | list[str]] = {
@@ -89,15 +90,6 @@ def items_path(out: Path | str) -> Path:
     return path
 
 
-def parse_bbox(text: str) -> tuple[float, float, float, float]:
-    """ "24.93,60.16,24.95,60.17" -> (west, south, east, north); InputError for anything else."""
-    try:
-        west, south, east, north = (float(part) for part in text.replace(",", " ").split())
-    except ValueError:
-        raise InputError(f"--bbox {text!r}: not four numbers; give WEST,SOUTH,EAST,NORTH in degrees") from None
-    return west, south, east, north
-
-
 def format_items(items: pd.DataFrame, format: str = "table") -> str:
     """The facades as aligned text, a JSON array, or a GeoJSON FeatureCollection (lon/lat, 7 decimals, about 1 cm)."""
     if format == "table":
@@ -115,7 +107,7 @@ def _checked_box(bbox: Sequence[float] | None) -> list[float]:
     box = [float(value) for value in bbox]
     if len(box) != 4 or not all(map(math.isfinite, box)) or box[0] > box[2] or box[1] > box[3]:
         raise InputError(
-            f"--bbox {','.join(f'{v:g}' for v in box)}: give WEST,SOUTH,EAST,NORTH in degrees, west before east"
+            f"--bbox {' '.join(f'{v:g}' for v in box)}: give WEST SOUTH EAST NORTH in degrees, west before east"
         )
     return box
 

@@ -38,7 +38,7 @@ def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None =
         facades = _facades(run, block, outline, compute)
         streets = _streets(run, outline, compute)
         published = publish_block(run)
-    outcome = facades + streets
+    outcome = facades + streets + Outcome(failed=outline.strays)
     return published | {
         "out": str(out),
         "units_skipped": outcome.skipped + (1 if outline.skipped else 0),

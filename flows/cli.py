@@ -76,9 +76,12 @@ def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_j
       streetloom demo
       streetloom demo --exemplars facades/ --out out/photos
     """
+    from flows.lock import locked
     from tasks.demo import write_demo
 
-    _run(write_demo(out / "input", exemplars), out, workers, dask, as_json)
+    with locked(out):
+        block_file = write_demo(out / "input", exemplars)
+    _run(block_file, out, workers, dask, as_json)
 
 
 @main.command()
@@ -161,17 +164,22 @@ def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: b
 
     from catalogs.block import read_block
     from flows.console import console, progress, show
+    from flows.interrupts import end_on_interrupt
+    from flows.lock import locked
     from flows.server import server
     from tasks.run import run_of
     from tasks.standing import nothing_due
 
     start = time.monotonic()
-    summary = nothing_due(run_of(read_block(block_file), out))
-    if summary is None:
-        with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect"):
-            from flows.block import city_block
+    run = run_of(read_block(block_file), out)
+    with locked(out):
+        summary = nothing_due(run)
+        if summary is None:
+            end_on_interrupt()
+            with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect"):
+                from flows.block import city_block
 
-            summary = city_block(block_file.resolve(), out, workers=workers, dask=dask)
+                summary = city_block(block_file.resolve(), out, workers=workers, dask=dask)
     summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:
         click.echo(json.dumps(summary))

@@ -48,7 +48,7 @@ def show(target: Console, summary: dict[str, Any]) -> None:
     line = f"[bold]{summary['block']}[/bold]: {summary['facades_done']} facades, {summary['viewpoints']} viewpoints"
     target.print(f"{line} in {summary['seconds']:.0f} s, {summary['units_skipped']} units were done before")
     for failure in summary["failures"]:
-        target.print(f"  [red]failed[/red] {failure['unit']}: {failure['reason']}", highlight=False)
+        target.print(f"  [red]failed[/red] {failure['unit']}: {failure['reason']}", highlight=False, soft_wrap=True)
     target.print(f"  report  {summary['outputs']['report']}", highlight=False, soft_wrap=True)
     for model in summary["outputs"]["glb"]:
         target.print(f"  model   {model}", highlight=False, soft_wrap=True)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import logging
 import os
+import signal
 from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Future, as_completed
 from contextlib import contextmanager
@@ -83,13 +84,19 @@ def connect(workers: int, dask: str | None) -> Iterator[Compute]:
                 n_workers=workers,
                 threads_per_worker=1,
                 host="127.0.0.1",
-                dashboard_address=None,
-                silence_logs=40,
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,  # what a unit raises comes back to its task, which says it better
             ) as cluster,
             Client(cluster) as client,
         ):
-            client.run(_single_threaded)
+            client.run(_prepare_worker)
             yield Cluster(client)
+
+
+def _prepare_worker() -> None:
+    # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    _single_threaded()
 
 
 def _single_threaded() -> None:

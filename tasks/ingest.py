@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from difflib import get_close_matches
+from pathlib import Path
 
 import zarr
 from prefect import task
@@ -22,13 +25,14 @@ class Outline:
     """What the flow needs of a plan to order the work: units by index, no arrays.
 
     buildings: the facades of each building that has some; waves: the streets of each wave; viewpoints: how many each street
-    has.
+    has; strays: input that belongs to nothing, as (unit, reason).
     """
 
     facades: tuple[str, ...]
     buildings: tuple[tuple[int, ...], ...]
     waves: tuple[tuple[int, ...], ...]
     viewpoints: tuple[int, ...]
+    strays: tuple[tuple[str, str], ...]
     skipped: bool
 
 
@@ -45,7 +49,9 @@ def ingest_block(run: Run, block: Block) -> Outline:
     else:
         plan = plan_of(block)
         root = zarr.group(store=session.store, overwrite=True)
-        root.attrs.update(block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=list(block.notes))
+        strays = stray_photos(block.photos, plan.facades.id)
+        notes = [*block.notes, *(f"{unit}: {reason}" for unit, reason in strays)]
+        root.attrs.update(block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=notes, strays=strays)
         write_plan(session, plan, block.buildings, block.streets, run.crs)
         create_arrays(
             root,
@@ -59,10 +65,10 @@ def ingest_block(run: Run, block: Block) -> Outline:
         )
         commit(session, f"ingest {run.block}")
     advance("ingest", 1)
-    return _outline(plan, skipped)
+    return _outline(plan, tuple(map(tuple, root.attrs["strays"])), skipped)
 
 
-def _outline(plan: Plan, skipped: bool) -> Outline:
+def _outline(plan: Plan, strays: tuple, skipped: bool) -> Outline:
     building = plan.facades.building.tolist()
     per_street = [0] * len(plan.wave)
     for viewpoint in plan.viewpoints:
@@ -75,5 +81,16 @@ def _outline(plan: Plan, skipped: bool) -> Outline:
             for wave in range(int(plan.wave.max(initial=-1)) + 1)
         ),
         viewpoints=tuple(per_street),
+        strays=strays,
         skipped=skipped,
     )
+
+
+def stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
+    """Photos whose name is no facade's id, as (file name, reason with the nearest id)."""
+    strays = []
+    for name in sorted(set(photos) - set(facades)):
+        near = get_close_matches(name, facades, n=1, cutoff=0.0)
+        hint = f"the nearest is {near[0]}; " if near else ""
+        strays.append((photos[name].name, f"no facade has the id {name}; {hint}rename or remove the photo"))
+    return strays

@@ -123,13 +123,13 @@ def _summary(made: Facade) -> dict[str, Any]:
     for element in made.elements:
         counts["balconies" if element.label == "balcony" else f"{element.label}s"] += 1
     labels = np.bincount(made.labels.reshape(-1), minlength=256)
-    window, wall = labels[CLASSES.index("window")], labels[CLASSES.index("wall")]
+    window = labels[CLASSES.index("window")]
     return {
         "elements": [[e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1))] for e in made.elements],
         "lattice": {"rows": list(map(int, made.lattice.rows)), "columns": list(map(int, made.lattice.columns))},
         "columns": count_columns(made.elements),
         **counts,
-        "window_to_wall": round(float(window / max(1, wall)), 4),
+        "window_to_wall": round(float(window / labels.sum()), 4),
         "occluded": round(float(made.occluded.mean()), 4),
         "provenance": [
             round(float(v), 4) for v in np.bincount(made.provenance.reshape(-1), minlength=5) / made.labels.size

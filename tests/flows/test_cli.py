@@ -52,6 +52,13 @@ def test_missing_block_file(tmp_path: Path) -> None:
     assert "nothing.yaml" in one_line_and_code_2(streetloom("run", str(tmp_path / "nothing.yaml")))
 
 
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    message = one_line_and_code_2(streetloom("demo", "--out", str(tmp_path / "file" / "out")))
+    assert "cannot be written" in message
+    assert "--out" in message
+
+
 def test_query_of_nothing(tmp_path: Path) -> None:
     message = one_line_and_code_2(streetloom("query", str(tmp_path)))
     assert "streetloom run" in message

@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 import json
+import os
 import shutil
+import signal
 import subprocess
 import sys
+import time
 from pathlib import Path
 from typing import Any
 
@@ -147,11 +150,14 @@ def test_walls_left_to_the_translator(block: Path, tmp_path: Path) -> None:
     assert set(query(tmp_path / "out", where="photo is null")["source"]) == {"translator"}
 
 
-def test_a_broken_photo_is_set_aside(tmp_path: Path) -> None:
+def test_a_broken_photo_and_one_of_no_facade_are_set_aside(tmp_path: Path) -> None:
     block = write_block(tmp_path / "input")
     photo = sorted((tmp_path / "input" / "photos").iterdir())[0]
+    shutil.copy(photo, photo.with_name("w999-0.png"))  # no facade has this id
     photo.write_bytes(photo.read_bytes()[: photo.stat().st_size // 2])
     summary = run(block, tmp_path / "out", workers=1, expect=1)
+    assert {failure["unit"] for failure in summary["failures"]} == {photo.stem, "w999-0.png"}
+    assert "w999-0" in Path(summary["outputs"]["report"]).read_text()
     assert summary["facades_failed"] == 1
     failed = query(tmp_path / "out", where="status = 'failed'")
     assert failed["id"].tolist() == [photo.stem]
@@ -159,17 +165,18 @@ def test_a_broken_photo_is_set_aside(tmp_path: Path) -> None:
     assert Path(summary["outputs"]["glb"][0]).is_file()
 
 
-def test_nothing_is_left_running(block: Path, tmp_path: Path) -> None:
-    """A killed run takes its Prefect server and its workers with it."""
-    import signal
-    import time
-
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGINT, signal.SIGTERM])
+def test_a_run_that_is_ended_ends_and_leaves_nothing_running(
+    block: Path, tmp_path: Path, number: signal.Signals
+) -> None:
+    """Its Prefect server and its workers go with it, and a second run in the same folder is refused before that."""
     process = subprocess.Popen(
         command(block, tmp_path / "out", 2),
         cwd=ROOT,
         env=environment(tmp_path),
         stdout=subprocess.DEVNULL,
-        stderr=subprocess.DEVNULL,
+        stderr=subprocess.PIPE,
+        start_new_session=True,
     )
     family: set[int] = set()
     deadline = time.monotonic() + 300
@@ -177,12 +184,30 @@ def test_nothing_is_left_running(block: Path, tmp_path: Path) -> None:
         family |= {child.pid for child in psutil.Process(process.pid).children(recursive=True)}
         time.sleep(0.2)
     family |= {child.pid for child in psutil.Process(process.pid).children(recursive=True)}
-    process.send_signal(signal.SIGKILL)
-    process.wait()
-    assert family
-    gone = time.monotonic() + 30
-    while (
-        alive := [p for p in family if psutil.pid_exists(p) and psutil.Process(p).status() != "zombie"]
-    ) and time.monotonic() < gone:
+    assert len(family) >= 4  # guard, server and two workers
+    if number == signal.SIGKILL:
+        second = subprocess.run(
+            command(block, tmp_path / "out", 1), cwd=ROOT, env=environment(tmp_path), capture_output=True, text=True
+        )
+        assert second.returncode == 2
+        assert "another run is at work" in second.stderr
+        process.kill()
+    else:
+        os.killpg(process.pid, number)  # as a terminal's Ctrl-C does
+    _, said = process.communicate(timeout=20)
+    if number != signal.SIGKILL:
+        assert process.returncode == 128 + number
+        assert b"run the same command to go on" in said
+    if number == signal.SIGINT:  # a supervisor's SIGTERM also meets Prefect's own handler, which may be heard
+        assert b"Traceback" not in said
+    deadline = time.monotonic() + 30
+    while (left := [pid for pid in family if _runs(pid)]) and time.monotonic() < deadline:
         time.sleep(0.2)
-    assert not alive
+    assert not left
+
+
+def _runs(pid: int) -> bool:
+    try:
+        return psutil.Process(pid).status() != psutil.STATUS_ZOMBIE
+    except psutil.NoSuchProcess:
+        return False

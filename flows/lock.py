@@ -1,0 +1,31 @@
+"""One run at a time in an output folder."""
+
+from __future__ import annotations
+
+import fcntl
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+from facade_core.errors import InputError
+
+
+@contextmanager
+def locked(out: Path) -> Iterator[None]:
+    """Make the folder `out` and hold it; the lock goes with the process, however it ends.
+
+    Raises InputError when the folder cannot be written, or another run is at work in it.
+    """
+    try:
+        out.mkdir(parents=True, exist_ok=True)
+        handle = (out / ".lock").open("w")
+    except OSError as error:
+        raise InputError(f"{out}: cannot be written ({error.strerror}); name another folder with --out") from error
+    with handle:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InputError(
+                f"{out}: another run is at work in it; wait for it, or name another folder with --out"
+            ) from error
+        yield
