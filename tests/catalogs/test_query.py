@@ -127,7 +127,7 @@ def test_box(out: Path) -> None:
 def test_table(out: Path) -> None:
     lines = format_items(query(out, where="floors = 5")).splitlines()
     assert lines[0].split()[:4] == ["id", "street", "height_m", "width_m"]
-    assert lines[2].split() == ["f2", "Fabianinkatu", "14.00", "-", "5", "20", "-", "-", "-", "-", "done"]
+    assert lines[2].split() == ["f2", "Fabianinkatu", "14.00", "-", "5", "20", "-", "-", "-", "-", "-", "done"]
     assert lines[-1] == "3 facades"
     assert len({line.index("14.00") + 5 for line in lines if "14.00" in line}) == 1
     assert format_items(query(out, where="floors = 50")) == "no facade matches"
