@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+from facade_core.types import Roof, Shell
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
@@ -13,13 +16,33 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A building outline in the source's frame. height: metres from the ground to the eaves; None where unstated."""
+    """A building outline in the source's frame. height: metres from the ground to the eaves; None where unstated.
+
+    base: height of the ground, where the source states it; roof: what is above the eaves, where tagged.
+    """
 
     id: str
     outline: Polygon | MultiPolygon
     height: float | None
     levels: float | None
     name: str | None
+    base: float | None = None
+    roof: Roof | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Model:
+    """A building modelled in 3D. The shell is in the source's frame: x east or longitude, y north or latitude, z metres up.
+
+    height: from the ground to the top, where the source states it; base: height of the ground, likewise.
+    """
+
+    id: str
+    shell: Shell
+    height: float | None = None
+    levels: float | None = None
+    name: str | None = None
+    base: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -29,6 +52,20 @@ class Remark:
     id: str
     reason: str
     outline: Any
+
+
+@dataclass(frozen=True, slots=True)
+class Fault:
+    """A unit that is set aside since it is broken: a run goes on without it, exits with 1 and keeps the reason.
+
+    kind: "building", "street", "panorama", "photo" or "exemplar"; reason: what is wrong and the remedy, one line; place: a
+    geometry in the source's frame, where it has one.
+    """
+
+    id: str
+    kind: str
+    reason: str
+    place: Any = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -42,19 +79,32 @@ class Centreline:
 
 @dataclass(frozen=True, slots=True)
 class Footprints:
-    """All outlines of one source, the frame they are in, and what the reader remarks on some."""
+    """All outlines of one source, the frame they are in (None where it states none), and what the reader says of some."""
 
-    crs: str
+    crs: str | None
     items: tuple[Footprint, ...]
     remarks: tuple[Remark, ...] = ()
+    faults: tuple[Fault, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Models:
+    """All modelled buildings of one source; textures are the pictures that their shells' texture indices count."""
+
+    crs: str | None
+    items: tuple[Model, ...]
+    textures: tuple[Path, ...] = ()
+    remarks: tuple[Remark, ...] = ()
+    faults: tuple[Fault, ...] = ()
 
 
 @dataclass(frozen=True, slots=True)
 class Centrelines:
-    """All centrelines of one source and the frame they are in."""
+    """All centrelines of one source, the frame they are in (None where it states none), and those that are broken."""
 
-    crs: str
+    crs: str | None
     items: tuple[Centreline, ...]
+    faults: tuple[Fault, ...] = ()
 
 
 def natural_order(identifier: str) -> tuple[tuple[str, int], ...]:

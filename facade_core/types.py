@@ -69,12 +69,47 @@ class Synthesis:
     energy: float
 
 
+# What a building's surfaces can be. "unknown" is told from its slope and place.
+SEMANTICS = ("wall", "roof", "ground", "window", "door", "ceiling", "unknown")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Shell:
+    """A building's surface as triangles, in the block's metric frame (z up).
+
+    vertices (v, 3) float64 metres; triangles (t, 3) int32, counter-clockwise seen from outside where the source keeps to it;
+    semantic (t,) uint8, an index into SEMANTICS; texture (t,) int32, an index into the block's own textures, -1 without;
+    uv (t, 3, 2) float32, texture coordinates of the corners, 0 to 1, u right and v up; zeros without texture.
+    """
+
+    vertices: np.ndarray
+    triangles: np.ndarray
+    semantic: np.ndarray
+    texture: np.ndarray
+    uv: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Roof:
+    """A roof over the eaves: shape as in OpenStreetMap's roof:shape; height in metres from the eaves to the ridge.
+
+    direction: degrees clockwise from grid north that a skillion roof faces (falls towards); across: the ridge runs along the
+    short side.
+    """
+
+    shape: str
+    height: float
+    direction: float | None = None
+    across: bool = False
+
+
 @dataclass(frozen=True, slots=True)
 class Building:
-    """A footprint to extrude, in the block's metric frame (metres, z up).
+    """A building in the block's metric frame (metres, z up): a footprint to extrude, or a shell.
 
-    height is from the ground to the roof; height_source says where it is from: "height", "levels" or "default".
-    levels is the number of storeys where the source states it.
+    height is from the ground to the eaves (of a shell: to its top); height_source says where it is from: "height", "levels",
+    "default" or "model". levels is the number of storeys where the source states it. base is the height of the ground at the
+    building, None where the terrain decides.
     """
 
     id: str
@@ -83,6 +118,41 @@ class Building:
     height_source: str
     levels: int | None = None
     name: str | None = None
+    base: float | None = None
+    roof: Roof | None = None
+    shell: Shell | None = None
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Elevation:
+    """A raster of ground heights in the block's metric frame.
+
+    x, y: the centre of the first (north-western) cell; step: metres between cells, both ways; heights (rows, columns)
+    float32 metres, row 0 north, NaN where unknown.
+    """
+
+    x: float
+    y: float
+    step: float
+    heights: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Pose:
+    """Where an equirectangular picture was taken, in the block's metric frame.
+
+    z is None where only the place is known: the camera then stands on the terrain. heading: degrees clockwise from grid north
+    of the centre of the full panorama; pitch (up) and roll (clockwise) in degrees. view: the part of the full panorama
+    that the picture holds, (left, top, width, height) as shares of it.
+    """
+
+    x: float
+    y: float
+    z: float | None
+    heading: float
+    pitch: float = 0.0
+    roll: float = 0.0
+    view: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0)
 
 
 @dataclass(frozen=True, slots=True)
