@@ -5,233 +5,290 @@ from __future__ import annotations
 import difflib
 import hashlib
 import json
-from collections.abc import Callable, Iterable
-from dataclasses import asdict, dataclass
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
 from catalogs.block_keys import BlockKeys, TextureSettings, check_keys
-from catalogs.buildings import block_buildings
-from catalogs.features import Centrelines
-from catalogs.frames import area_outline, check_scale, named_frame, to_lonlat, utm_frame
-from catalogs.geometry_files import read_centrelines, read_footprints
+from catalogs.block_paths import named_paths
+from catalogs.buildings import Buildings, block_buildings
+from catalogs.features import Centrelines, Fault, Footprints, Models
+from catalogs.frames import area_outline, block_frame, check_scale, known_frame, named_frame, to_lonlat
+from catalogs.geometry_files import read_buildings, read_centrelines
 from catalogs.images import image_files, photos_by_facade
 from catalogs.streets import block_streets
+from catalogs.yaml_files import read_yaml
 from facade_core.errors import BlockFileError, InputError
-from facade_core.types import Building, Street
+from facade_core.types import Building, Elevation, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
+    from shapely import Polygon
+
+    from catalogs.panoramas import PosedPanorama
 
 __all__ = ["Block", "TextureSettings", "read_block"]
 
 T = TypeVar("T")
+Files = Mapping[str, tuple[Path, ...]]
+# Ground is wanted this far around the buildings, and panoramas further away belong to another site.
+SURROUNDINGS_M = 200.0
 
 
 @dataclass(frozen=True)
 class Block:
     """One city block, ready to be textured.
 
-    crs is horizontal, projected and in metres (x east, y north); buildings and streets are in it. photos: facade id ->
-    file. notes says what was set aside or assumed, one line each. digest is the sha256 of everything that determines
-    the result: settings and contents of the files, not their places or dates.
+    crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
+    streets they are derived from the gaps between the buildings when the block is ingested. photos: facade id -> file;
+    textures: the pictures that the buildings' own texture indices count. notes says what was left out or assumed, one line
+    each; faults are the units that are broken. digest is the sha256 of everything that determines the result: settings and
+    contents of the files, not their places or dates.
     """
 
     name: str
     crs: CRS
     buildings: tuple[Building, ...]
     streets: tuple[Street, ...]
+    terrain: Elevation | None
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
+    panoramas: tuple[PosedPanorama, ...]
+    textures: tuple[Path, ...]
     texture: TextureSettings
     storey: float
     geoid_separation: float | None
     seed: int
     notes: tuple[str, ...]
+    faults: tuple[Fault, ...]
     digest: str
+
+
+@dataclass(frozen=True)
+class _File:
+    """The block file that is being read, for messages."""
+
+    path: Path
+
+    def fault(self, key: str, problem: str) -> BlockFileError:
+        return BlockFileError(f"{self.path}: {key}: {problem}")
+
+    def read(self, key: str, read: Callable[..., T], *arguments: Any) -> T:
+        """Call a reader; what it raises names the block file and the key too."""
+        try:
+            return read(*arguments)
+        except OSError as error:
+            raise self.fault(
+                key, f"{error.filename} cannot be read ({error.strerror}); check its permissions"
+            ) from error
+        except InputError as error:
+            raise self.fault(key, str(error)) from error
 
 
 def read_block(path: Path | str) -> Block:
     """Read and check a block file; the README of this package documents its keys.
 
-    Raises BlockFileError: one line with the block file, the key, the file concerned and the remedy.
+    Raises BlockFileError: one line with the block file, the key, the file concerned and the remedy. A unit that is broken
+    (a building, a street, a picture) is no reason to raise: it is in `faults`.
     """
-    path = Path(path)
+    file = _File(Path(path))
     try:
-        keys = check_keys(_yaml(path))
+        keys = check_keys(read_yaml(file.path))
+        files = named_paths(keys, file.path)
     except ValueError as error:
-        raise BlockFileError(f"{path}: {error}") from error
+        raise BlockFileError(f"{file.path}: {error}") from error
+    if keys.texture.translator == "neural":
+        raise file.fault("texture.translator", "no neural model is shipped yet; write translator: swatch")
 
-    def fail(key: str, problem: str) -> BlockFileError:
-        return BlockFileError(f"{path}: {key}: {problem}")
+    exemplars, photos, broken_pictures = _pictures(keys, files, file)
+    sources = _building_sources(keys, files, file)
+    centrelines = _centrelines(keys, files, sources, file) if keys.streets else None
+    frame, area, frame_notes = _frame(keys, sources, file)
+    built = block_buildings(sources, frame, area=area, storey=keys.storey)
+    if not built.items:
+        raise _nothing("buildings", keys, files, _bounds(sources), built.faults, file)
+    streets, broken_streets = _streets(keys, files, centrelines, frame, area, file)
+    extent = _extent(built.items)
+    terrain = None
+    if "terrain.path" in files:
+        from catalogs.elevation import read_elevation
 
-    def reading(key: str, read: Callable[..., T], *arguments: Any) -> T:
-        try:
-            return read(*arguments)
-        except OSError as error:
-            raise fail(key, f"{error.filename} cannot be read ({error.strerror}); check its permissions") from error
-        except InputError as error:
-            raise fail(key, str(error)) from error
+        terrain = file.read("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
+    panoramas: tuple[PosedPanorama, ...] = ()
+    broken_panoramas: tuple[Fault, ...] = ()
+    if "imagery.panoramas.path" in files:
+        from catalogs.panoramas import read_panoramas
 
-    _refuse_what_is_not_built(keys, fail)
-    files = {key: _existing(path, key, named) for key, named in _paths(keys).items()}
-    exemplars = reading("imagery.exemplars.path", image_files, files["exemplars"]) if "exemplars" in files else ()
-    photos = reading("imagery.photos.path", photos_by_facade, files["photos"]) if "photos" in files else {}
-    if keys.texture.walls == "exemplar" and not exemplars:
-        raise fail("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
-
-    frame = reading("crs", named_frame, keys.crs) if keys.crs else None
-    footprints = reading("buildings.path", read_footprints, files["buildings"])
-    centrelines = reading("streets.path", read_centrelines, files["streets"])
-    for key, items in (("buildings", footprints.items), ("streets", centrelines.items)):
-        if not items:
-            raise fail(f"{key}.path", f"{files[key]} holds no {key}; give a file that does")
-    centrelines = _named_streets(centrelines, keys.streets.names, fail)
-
-    west, south, east, north = keys.area or _bounds(footprints.crs, (f.outline for f in footprints.items))
-    middle = ((west + east) / 2, (south + north) / 2)
-    notes: tuple[str, ...] = ()
-    if frame is None:
-        frame = reading("crs", utm_frame, *middle)
-        notes = (f"crs not given: {frame.to_string()} ({frame.name}) chosen",)
-    reading("crs", check_scale, frame, *middle)
-    area = area_outline(keys.area, frame) if keys.area else None
-    buildings, more = block_buildings(footprints, frame, area=area, storey=keys.storey)
-    streets = block_streets(centrelines, frame, area=area)
-    for key, found, bounds in (
-        ("buildings", buildings, _bounds(footprints.crs, (f.outline for f in footprints.items))),
-        ("streets", streets, _bounds(centrelines.crs, (c.line for c in centrelines.items))),
-    ):
-        if not found and area:
-            named = " of these names" if key == "streets" and keys.streets.names else ""
-            span = ", ".join(f"{value:.4f}" for value in bounds)
-            raise fail("area", f"{files[key]} has no {key}{named} inside area {keys.area}; they span [{span}]")
-        if not found:
-            raise fail(f"{key}.path", f"{files[key]} has no {key} that can be used; give a file that does")
+        poses = files.get("imagery.panoramas.poses", (None,))[0]
+        found = file.read("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
+        panoramas, broken_panoramas = found.items, found.faults
     return Block(
         name=keys.name,
         crs=frame,
-        buildings=buildings,
+        buildings=built.items,
         streets=streets,
+        terrain=terrain,
         exemplars=exemplars,
         photos=photos,
+        panoramas=panoramas,
+        textures=built.textures,
         texture=keys.texture,
         storey=keys.storey,
         geoid_separation=keys.geoid_separation,
         seed=keys.seed,
-        notes=notes + more,
-        digest=_digest(keys, frame, (files["buildings"], files["streets"]), (exemplars, tuple(photos.values()))),
+        notes=frame_notes + built.notes,
+        faults=(*built.faults, *broken_streets, *broken_pictures, *broken_panoramas),
+        digest=_digest(keys, frame, files, built, exemplars, photos, panoramas),
     )
 
 
-def _yaml(path: Path) -> Any:
-    """The content of a YAML file; ValueError in one line, with the line number where YAML itself is at fault."""
-    import yaml
-
-    try:
-        text = path.read_text(encoding="utf-8")
-    except FileNotFoundError:
-        raise ValueError("no such block file; check the path") from None
-    except OSError as error:
-        raise ValueError(f"cannot be read ({error.strerror}); name a block file") from error
-    except UnicodeDecodeError:
-        raise ValueError("is not UTF-8 text; a block file is YAML") from None
-    try:
-        _refuse_twins(yaml.compose(text, Loader=yaml.SafeLoader))
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        problem = " ".join(str(getattr(error, "problem", None) or error).split())
-        raise ValueError(f"{place}not valid YAML ({problem}); mend that line") from error
+def _pictures(
+    keys: BlockKeys, files: Files, file: _File
+) -> tuple[tuple[Path, ...], dict[str, Path], tuple[Fault, ...]]:
+    exemplars: tuple[Path, ...] = ()
+    photos: dict[str, Path] = {}
+    faults: tuple[Fault, ...] = ()
+    if "imagery.exemplars.path" in files:
+        exemplars, broken = file.read(
+            "imagery.exemplars.path", image_files, *files["imagery.exemplars.path"], "exemplar"
+        )
+        faults += broken
+    if "imagery.photos.path" in files:
+        photos, broken = file.read("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
+        faults += broken
+    if keys.texture.walls == "exemplar" and not exemplars:
+        raise file.fault("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
+    return exemplars, photos, faults
 
 
-def _refuse_twins(root: Any) -> None:
-    """YAML lets the last of two equal keys win in silence."""
-    import yaml
-
-    waiting, seen = [root], set()
-    while waiting:
-        node = waiting.pop()
-        if id(node) in seen:  # anchors make a graph of it
-            continue
-        seen.add(id(node))
-        if isinstance(node, yaml.SequenceNode):
-            waiting += node.value
-        elif isinstance(node, yaml.MappingNode):
-            lines: dict[str, int] = {}
-            for key, value in node.value:
-                line = key.start_mark.line + 1
-                if isinstance(key, yaml.ScalarNode) and lines.setdefault(key.value, line) != line:
-                    raise ValueError(
-                        f"line {line}: {key.value}: given twice (also on line {lines[key.value]}); remove one"
-                    )
-                waiting.append(value)
+def _building_sources(keys: BlockKeys, files: Files, file: _File) -> list[Footprints | Models]:
+    """What each building file holds, where the block file says that it lies."""
+    sources = []
+    for path in files["buildings.path"]:
+        source = file.read("buildings.path", read_buildings, path, keys.buildings.lod)
+        crs = keys.buildings.crs or source.crs or keys.crs
+        if crs is None:
+            raise file.fault("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
+        file.read("buildings.crs", known_frame, crs)
+        source = replace(source, crs=crs)
+        sources.append(source.moved(keys.buildings.offset) if keys.buildings.offset else source)
+    if not any(source.items or source.faults for source in sources):
+        names = ", ".join(map(str, files["buildings.path"]))
+        raise file.fault("buildings.path", f"{names} holds no buildings; give a file that does")
+    return sources
 
 
-def _refuse_what_is_not_built(keys: BlockKeys, fail: Callable[[str, str], BlockFileError]) -> None:
-    if keys.imagery.panoramas:
-        raise fail("imagery.panoramas", "posed panoramas are not read yet; remove the key and use photos or exemplars")
-    if keys.texture.translator == "neural":
-        raise fail("texture.translator", "no neural model is shipped yet; write translator: swatch")
+def _centrelines(keys: BlockKeys, files: Files, sources: Sequence[Footprints | Models], file: _File) -> Centrelines:
+    assert keys.streets is not None
+    source = file.read("streets.path", read_centrelines, *files["streets.path"])
+    source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs)
+    file.read("streets.crs", known_frame, source.crs)
+    if not source.items and not source.faults:
+        raise file.fault("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
+    return _named_streets(source, keys.streets.names, file) if keys.streets.names else source
 
 
-def _paths(keys: BlockKeys) -> dict[str, str]:
-    named = {"buildings": keys.buildings.path, "streets": keys.streets.path}
-    if keys.imagery.exemplars:
-        named["exemplars"] = keys.imagery.exemplars.path
-    if keys.imagery.photos:
-        named["photos"] = keys.imagery.photos.path
-    return named
+def _frame(
+    keys: BlockKeys, sources: Sequence[Footprints | Models], file: _File
+) -> tuple[CRS, Polygon | None, tuple[str, ...]]:
+    """The metric frame, the area in it, and a note where the frame was chosen."""
+    west, south, east, north = keys.area or _bounds(sources)
+    middle = ((west + east) / 2, (south + north) / 2)
+    notes: tuple[str, ...] = ()
+    if keys.crs:
+        frame = file.read("crs", named_frame, keys.crs)
+        file.read("crs", check_scale, frame, *middle)
+    else:
+        frame = file.read("crs", block_frame, sources[0].crs, *middle)
+        notes = (f"crs not given: {frame.to_string()} ({frame.name}) chosen",)
+    return frame, area_outline(keys.area, frame) if keys.area else None, notes
 
 
-def _existing(block: Path, key: str, named: str) -> Path:
-    path = block.parent / Path(named).expanduser()
-    dotted = f"imagery.{key}.path" if key in ("exemplars", "photos") else f"{key}.path"
-    if not path.exists():
-        near = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-        close = difflib.get_close_matches(path.name, near, n=1)
-        remedy = f"did you mean {close[0]}?" if close else "paths are relative to the block file"
-        raise BlockFileError(f"{block}: {dotted}: {path} does not exist; {remedy}")
-    if key in ("buildings", "streets") and not path.is_file():
-        raise BlockFileError(f"{block}: {dotted}: {path} is a folder; name a file in it")
-    return path
+def _streets(
+    keys: BlockKeys, files: Files, centrelines: Centrelines | None, frame: CRS, area: Polygon | None, file: _File
+) -> tuple[tuple[Street, ...], tuple[Fault, ...]]:
+    if centrelines is None:
+        return (), ()
+    streets, faults = block_streets(centrelines, frame, area=area)
+    if not streets:
+        raise _nothing("streets", keys, files, _bounds([centrelines]), faults, file)
+    return streets, faults
 
 
-def _named_streets(
-    source: Centrelines, names: list[str] | None, fail: Callable[[str, str], BlockFileError]
-) -> Centrelines:
-    if names is None:
-        return source
+def _nothing(
+    key: str, keys: BlockKeys, files: Files, bounds: Sequence[float], faults: Sequence[Fault], file: _File
+) -> BlockFileError:
+    """Why a block is left without buildings or streets."""
+    path = ", ".join(map(str, files[f"{key}.path"]))
+    if faults:
+        more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
+        return file.fault(
+            f"{key}.path", f"{path} has no {key} that can be used: {faults[0].id}: {faults[0].reason}{more}"
+        )
+    if keys.area:
+        named = " of these names" if key == "streets" and keys.streets and keys.streets.names else ""
+        span = ", ".join(f"{value:.4f}" for value in bounds)
+        return file.fault("area", f"{path} has no {key}{named} inside area {keys.area}; they span [{span}]")
+    return file.fault(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
+
+
+def _named_streets(source: Centrelines, names: list[str], file: _File) -> Centrelines:
     known = sorted({piece.name for piece in source.items if piece.name})
     for name in names:
         if name not in known:
             close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
             remedy = f"did you mean {close[0]}?" if close else f"known are e.g. {', '.join(known[:5])}"
-            raise fail("streets.names", f"no street is named {name!r}; {remedy}")
-    return Centrelines(source.crs, tuple(piece for piece in source.items if piece.name in names))
+            raise file.fault("streets.names", f"no street is named {name!r}; {remedy}")
+    return replace(source, items=tuple(piece for piece in source.items if piece.name in names))
 
 
-def _bounds(crs: str, geometries: Iterable[Any]) -> tuple[float, float, float, float]:
-    """(west, south, east, north) in degrees."""
+def _bounds(sources: Sequence[Footprints | Models | Centrelines]) -> tuple[float, float, float, float]:
+    """(west, south, east, north) in degrees of all that is finite in the sources."""
+    import numpy as np
+
+    boxes = [to_lonlat(source.crs, box) for source in sources if source.crs and (box := source.bounds()) is not None]
+    if not boxes:
+        return (0.0, 0.0, 0.0, 0.0)
+    low, high = np.array(boxes)[:, :2].min(axis=0), np.array(boxes)[:, 2:].max(axis=0)
+    return float(low[0]), float(low[1]), float(high[0]), float(high[1])
+
+
+def _extent(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
+    """The buildings' surroundings in the frame: (xmin, ymin, xmax, ymax)."""
     import shapely
 
-    xmin, ymin, xmax, ymax = shapely.total_bounds(list(geometries))
-    return to_lonlat(crs, (float(xmin), float(ymin), float(xmax), float(ymax)))
+    xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
+    return xmin - SURROUNDINGS_M, ymin - SURROUNDINGS_M, xmax + SURROUNDINGS_M, ymax + SURROUNDINGS_M
 
 
-def _digest(keys: BlockKeys, crs: CRS, geometry: Iterable[Path], images: Iterable[Iterable[Path]]) -> str:
+def _digest(
+    keys: BlockKeys,
+    crs: CRS,
+    files: Files,
+    built: Buildings,
+    exemplars: Iterable[Path],
+    photos: Mapping[str, Path],
+    panoramas: Iterable[PosedPanorama],
+) -> str:
     settings = {
         "name": keys.name,
         "crs": crs.to_string(),
         "area": keys.area,
-        "streets": sorted(keys.streets.names) if keys.streets.names else None,
+        "buildings": keys.buildings.model_dump(exclude={"path"}),
+        "streets": keys.streets and [keys.streets.crs, sorted(keys.streets.names or [])],
         "texture": asdict(keys.texture),
         "storey": keys.storey,
         "geoid_separation": keys.geoid_separation,
         "seed": keys.seed,
-        "geometry": [_file_digest(path) for path in geometry],
-        "images": [[(path.name, _file_digest(path)) for path in folder] for folder in images],
+        "geometry": [
+            [key, *map(_file_digest, files.get(key, ()))] for key in ("buildings.path", "streets.path", "terrain.path")
+        ],
+        "images": [
+            [(path.name, _file_digest(path)) for path in folder]
+            for folder in (exemplars, photos.values(), built.textures)
+        ],
+        "panoramas": [(p.id, asdict(p.pose), _file_digest(p.path)) for p in panoramas],
     }
     return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 

@@ -55,8 +55,16 @@ class PathKeys(_Keys):
     path: Annotated[str, Field(min_length=1)]
 
 
+class BuildingKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
+    crs: str | None = None
+    offset: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+    lod: str | None = None
+
+
 class StreetKeys(_Keys):
     path: Annotated[str, Field(min_length=1)]
+    crs: str | None = None
     names: Annotated[list[str], Field(min_length=1)] | None = None
 
 
@@ -77,8 +85,9 @@ class BlockKeys(_Keys):
     name: Annotated[str, Field(pattern=r"^\w[\w.-]{0,79}$")]
     crs: str | None = None
     area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_box)] | None = None
-    buildings: PathKeys
-    streets: StreetKeys
+    buildings: BuildingKeys
+    streets: StreetKeys | None = None
+    terrain: PathKeys | None = None
     imagery: ImageryKeys = ImageryKeys()
     texture: TextureSettings = TextureSettings()
     storey: Annotated[float, _between(2, 8)] = 3.2
@@ -102,7 +111,7 @@ def known_keys(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
 def check_keys(values: Any) -> BlockKeys:
     """Validate the content of a block file; ValueError with one line "key: problem; remedy" for the first fault."""
     if not isinstance(values, Mapping):
-        raise ValueError("holds no keys; write at least name, buildings and streets")
+        raise ValueError("holds no keys; write at least name and buildings")
     try:
         return BlockKeys.model_validate(values)
     except ValidationError as error:

@@ -1,16 +1,19 @@
-"""From outlines as a source states them to the buildings of a block: cut, projected, repaired, with a height each."""
+"""From outlines and models as sources state them to the buildings of a block: cut, projected, repaired, a height each."""
 
 from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 
-from catalogs.features import Footprint, Footprints, natural_order, notes_by_reason
+from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
+from catalogs.models import models_in_frame
 from facade_core.types import Building
 
 if TYPE_CHECKING:
@@ -19,46 +22,146 @@ if TYPE_CHECKING:
 
 SMALLEST = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
 FALLBACK_HEIGHT = 12.0  # m; where no building of the block has a height
+SAME = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
+
+
+@dataclass(frozen=True)
+class Buildings:
+    """The buildings of a block, the pictures that their shells' textures count, what was assumed, and what is broken."""
+
+    items: tuple[Building, ...]
+    textures: tuple[Path, ...]
+    notes: tuple[str, ...]
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A building before heights are assumed: of a model it is ready, of a footprint `stated` says what is known."""
+
+    building: Building
+    stated: Footprint | None
 
 
 def block_buildings(
-    source: Footprints, crs: CRS, *, area: Polygon | None, storey: float
-) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    """Buildings in the metric frame, ordered by id, and notes on what was set aside or assumed.
+    sources: Sequence[Footprints | Models], crs: CRS, *, area: Polygon | None, storey: float
+) -> Buildings:
+    """Buildings in the metric frame, ordered by id. Every source states its crs.
 
     area: polygon in the frame; a building is in if its representative point is. A MultiPolygon becomes one building per
-    part, id-0, id-1, ..., from west to east. Height: the stated one, else levels x storey (roof levels lie behind the eaves and
-    do not count), else the median of the known heights, else FALLBACK_HEIGHT.
+    part, id-0, id-1, ..., from west to east. Height of a footprint: the stated one, else levels x storey (roof levels lie
+    behind the eaves and do not count), else the median of the known heights, else FALLBACK_HEIGHT. A building that an
+    earlier source states too (same id, or SAME of its outline) is left out with a note.
     """
     reasons: dict[str, list[str]] = defaultdict(list)
-    remarked = _projected([remark.outline for remark in source.remarks], source.crs, crs)
-    for remark, outline in zip(source.remarks, remarked, strict=True):
-        if _touches(outline, area):
-            reasons[remark.reason].append(remark.id)
-    parts = []
+    faults: list[Fault] = []
+    found: list[_Candidate] = []
+    textures: list[Path] = []
+    for source in sources:
+        assert source.crs is not None, "the block gives a frame to every source"
+        places = _projected([remark.outline for remark in source.remarks], source.crs, crs)
+        for remark, place in zip(source.remarks, places, strict=True):
+            if _touches(place, area):
+                reasons[remark.reason].append(remark.id)
+        places = _projected([fault.place for fault in source.faults], source.crs, crs)
+        faults += [fault for fault, place in zip(source.faults, places, strict=True) if _touches(place, area)]
+        if isinstance(source, Models):
+            candidates = _modelled(source, crs, area, len(textures), reasons, faults)
+            textures += source.textures
+        else:
+            candidates = _outlined(source, crs, area, reasons, faults)
+        found += _new(candidates, found, reasons)
+
+    found.sort(key=lambda candidate: natural_order(candidate.building.id))
+    buildings, notes = _with_heights(found, storey)
+    return Buildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
+
+
+def _outlined(
+    source: Footprints, crs: CRS, area: Polygon | None, reasons: dict[str, list[str]], faults: list[Fault]
+) -> list[_Candidate]:
+    assert source.crs is not None
+    candidates = []
     outlines = _projected([footprint.outline for footprint in source.items], source.crs, crs)
     for footprint, outline in zip(source.items, outlines, strict=True):
-        found, small = _parts(outline)
-        if not found and _touches(outline, area):
+        if reason := _broken(outline):
+            if _touches(outline, area):
+                faults.append(Fault(footprint.id, "building", reason))
+            continue
+        large, small = _parts(outline)
+        if not large and _touches(outline, area):
             reason = f"footprints under {SMALLEST:g} m2" if small else "footprints that enclose no area"
             reasons[f"{reason} set aside"].append(footprint.id)
-        for index, part in enumerate(found):
+        for index, part in enumerate(large):
             if area is None or area.contains(part.representative_point()):
-                parts.append((footprint.id if len(found) == 1 else f"{footprint.id}-{index}", part, footprint))
-    parts.sort(key=lambda entry: natural_order(entry[0]))
+                id = footprint.id if len(large) == 1 else f"{footprint.id}-{index}"
+                levels = max(1, int(footprint.levels)) if footprint.levels else None
+                building = Building(id, part, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
+                candidates.append(_Candidate(building, footprint))
+    return candidates
 
-    known = [height for _, _, footprint in parts if (height := _height(footprint, storey)[0]) is not None]
+
+def _modelled(
+    source: Models,
+    crs: CRS,
+    area: Polygon | None,
+    first_texture: int,
+    reasons: dict[str, list[str]],
+    faults: list[Fault],
+) -> list[_Candidate]:
+    candidates = []
+    for model, shell, outline in models_in_frame(source, crs, first_texture):
+        if isinstance(outline, str):
+            faults.append(Fault(model.id, "building", outline))
+        elif area is not None and not area.contains(outline.representative_point()):
+            continue
+        elif outline.area < SMALLEST:
+            reasons[f"models that cover under {SMALLEST:g} m2 set aside"].append(model.id)
+        else:
+            low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
+            base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
+            levels = max(1, int(model.levels)) if model.levels else None
+            height = round(high - base, 2)
+            building = Building(model.id, outline, height, "model", levels, model.name, base, shell=shell)
+            candidates.append(_Candidate(building, None))
+    return candidates
+
+
+def _new(candidates: list[_Candidate], found: list[_Candidate], reasons: dict[str, list[str]]) -> list[_Candidate]:
+    """The candidates that no earlier source, and no earlier feature of their own, states too."""
+    ids = {candidate.building.id for candidate in found}
+    tree = shapely.STRtree([candidate.building.footprint for candidate in found])
+    kept = []
+    for candidate in candidates:
+        outline = candidate.building.footprint
+        others = [found[i].building.footprint for i in tree.query(outline, predicate="intersects")]
+        shared = max((outline.intersection(other).area for other in others), default=0.0)
+        if candidate.building.id in ids or shared > SAME * outline.area:
+            reasons["buildings stated twice, the first kept"].append(candidate.building.id)
+        else:
+            kept.append(candidate)
+            ids.add(candidate.building.id)
+    return kept
+
+
+def _with_heights(found: list[_Candidate], storey: float) -> tuple[tuple[Building, ...], tuple[str, ...]]:
+    stated = [candidate.stated for candidate in found if candidate.stated]
+    known = [height for footprint in stated if (height := _height(footprint, storey)[0]) is not None]
     default = round(median(known), 2) if known else FALLBACK_HEIGHT
     buildings = []
-    for id, part, footprint in parts:
-        height, origin = _height(footprint, storey)
-        levels = max(1, int(footprint.levels)) if footprint.levels else None
-        buildings.append(Building(id, part, default if height is None else height, origin, levels, footprint.name))
-    notes = notes_by_reason(reasons)
-    if assumed := sum(building.height_source == "default" for building in buildings):
-        origin = f"the median of the {len(known)} known" if known else "since none is known"
-        notes += (f"{assumed} of {len(buildings)} buildings state no height: {default:g} m assumed, {origin}",)
-    return tuple(buildings), notes
+    for candidate in found:
+        building = candidate.building
+        if candidate.stated:
+            height, origin = _height(candidate.stated, storey)
+            building = replace(building, height=default if height is None else height, height_source=origin)
+        buildings.append(building)
+    assumed = sum(building.height_source == "default" for building in buildings)
+    if not assumed:
+        return tuple(buildings), ()
+    origin = f"the median of the {len(known)} known" if known else "since none is known"
+    return tuple(buildings), (
+        f"{assumed} of {len(buildings)} buildings state no height: {default:g} m assumed, {origin}",
+    )
 
 
 def _height(footprint: Footprint, storey: float) -> tuple[float | None, str]:
@@ -78,15 +181,23 @@ def _projected(outlines: Sequence[Any], source: str, crs: CRS) -> np.ndarray:
 
 def _touches(outline: Any, area: Polygon | None) -> bool:
     """Whether an outline, however broken, reaches into the area; one without a place counts."""
-    if area is None or outline is None or outline.is_empty:
+    if area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
         return True
     return bool(shapely.box(*outline.bounds).intersects(area))
 
 
+def _broken(outline: Any) -> str | None:
+    """Why an outline cannot be believed, with the remedy; None where at most its spelling wants repair."""
+    if not np.isfinite(shapely.get_coordinates(outline)).all():
+        return "a corner of its footprint is not a number; mend or remove it"
+    reason = shapely.is_valid_reason(outline)
+    if reason.startswith("Self-intersection"):  # a ring that merely touches itself is repaired
+        return f"its footprint crosses itself ({reason.partition('[')[2].rstrip(']')}); mend or remove it"
+    return None
+
+
 def _parts(outline: Polygon) -> tuple[list[Polygon], list[Polygon]]:
     """The valid polygons of an outline, courtyards kept, from west to east: large enough ones, and too small ones."""
-    if not np.isfinite(shapely.get_coordinates(outline)).all():
-        return [], []
     if not outline.is_valid:
         outline = shapely.make_valid(outline, method="structure", keep_collapsed=False)
     polygons = [part for part in shapely.get_parts(outline) if part.geom_type == "Polygon" and part.area > 0]

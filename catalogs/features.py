@@ -3,10 +3,13 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
 
 from facade_core.types import Roof, Shell
 
@@ -86,6 +89,22 @@ class Footprints:
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
+    def bounds(self) -> tuple[float, float, float, float] | None:
+        """(xmin, ymin, xmax, ymax) of the outlines that lie somewhere; None where none does."""
+        return _bounds(footprint.outline for footprint in self.items)
+
+    def moved(self, offset: Sequence[float]) -> Footprints:
+        """All outlines and ground heights moved by (x, y, z)."""
+        x, y, z = offset
+
+        def move(outline: Any) -> Any:
+            return shapely.transform(outline, lambda xy: xy + np.array([x, y]))
+
+        items = tuple(
+            replace(f, outline=move(f.outline), base=None if f.base is None else f.base + z) for f in self.items
+        )
+        return replace(self, items=items)
+
 
 @dataclass(frozen=True, slots=True)
 class Models:
@@ -97,6 +116,19 @@ class Models:
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
+    def bounds(self) -> tuple[float, float, float, float] | None:
+        """(xmin, ymin, xmax, ymax) of the models that lie somewhere; None where none does."""
+        return _bounds(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
+
+    def moved(self, offset: Sequence[float]) -> Models:
+        """All shells and ground heights moved by (x, y, z)."""
+
+        def move(model: Model) -> Model:
+            shell = replace(model.shell, vertices=model.shell.vertices + np.asarray(offset, np.float64))
+            return replace(model, shell=shell, base=None if model.base is None else model.base + offset[2])
+
+        return replace(self, items=tuple(map(move, self.items)))
+
 
 @dataclass(frozen=True, slots=True)
 class Centrelines:
@@ -105,6 +137,18 @@ class Centrelines:
     crs: str | None
     items: tuple[Centreline, ...]
     faults: tuple[Fault, ...] = ()
+
+    def bounds(self) -> tuple[float, float, float, float] | None:
+        """(xmin, ymin, xmax, ymax) of the lines that lie somewhere; None where none does."""
+        return _bounds(piece.line for piece in self.items)
+
+
+def _bounds(geometries: Iterable[Any]) -> tuple[float, float, float, float] | None:
+    boxes = shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
+    boxes = boxes[np.isfinite(boxes).all(axis=1)]
+    if len(boxes) == 0:
+        return None
+    return (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
 
 
 def natural_order(identifier: str) -> tuple[tuple[str, int], ...]:

@@ -34,6 +34,27 @@ def named_frame(text: str) -> CRS:
     return crs
 
 
+def known_frame(text: str) -> CRS:
+    """Any CRS by its name; InputError where pyproj does not know it."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    try:
+        return CRS.from_user_input(text)
+    except CRSError as error:
+        raise InputError(f"{text!r} is not a known CRS; give one such as EPSG:4326 or EPSG:28992") from error
+
+
+def block_frame(source: str, longitude: float, latitude: float) -> CRS:
+    """The frame of a block that names none: the source's own where it measures metres there, else the UTM zone."""
+    try:
+        frame = named_frame(source)
+        check_scale(frame, longitude, latitude)
+    except InputError:
+        return utm_frame(longitude, latitude)
+    return frame
+
+
 def utm_frame(longitude: float, latitude: float) -> CRS:
     """The UTM zone (WGS 84) that holds a point; InputError near the poles, where UTM is not defined."""
     from pyproj import CRS

@@ -3,22 +3,52 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from importlib import import_module
 from pathlib import Path
-from typing import TypeVar
+from typing import Any
 
-from catalogs import osm
-from catalogs.features import Centrelines, Footprints
+from catalogs.features import Centrelines, Footprints, Models
 from facade_core.errors import InputError
 
-FOOTPRINT_READERS: Mapping[str, Callable[[Path], Footprints]] = {".pbf": osm.read_footprints}
-CENTRELINE_READERS: Mapping[str, Callable[[Path], Centrelines]] = {".pbf": osm.read_centrelines}
+# Suffix -> module and function; modules are imported when a file of theirs is read.
+BUILDING_READERS: Mapping[str, tuple[str, str]] = {
+    ".pbf": ("osm", "read_footprints"),
+    ".json": ("json_files", "read_json"),
+    ".jsonl": ("cityjson", "read_cityjson"),
+    ".gml": ("citygml", "read_citygml"),
+    ".xml": ("citygml", "read_citygml"),
+    ".gml.gz": ("citygml", "read_citygml"),
+    ".obj": ("meshes", "read_meshes"),
+    ".glb": ("meshes", "read_meshes"),
+    ".gltf": ("meshes", "read_meshes"),
+    ".ply": ("meshes", "read_meshes"),
+    ".npz": ("meshes", "read_meshes"),
+    ".gpkg": ("vectors", "read_footprints"),
+    ".geojson": ("vectors", "read_footprints"),
+    ".parquet": ("vectors", "read_footprints"),
+    ".geoparquet": ("vectors", "read_footprints"),
+    ".shp": ("vectors", "read_footprints"),
+    ".fgb": ("vectors", "read_footprints"),
+}
+CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
+    ".pbf": ("osm", "read_centrelines"),
+    ".graphml": ("graphml", "read_graphml"),
+    ".gpkg": ("vectors", "read_centrelines"),
+    ".geojson": ("vectors", "read_centrelines"),
+    ".json": ("vectors", "read_centrelines"),
+    ".parquet": ("vectors", "read_centrelines"),
+    ".geoparquet": ("vectors", "read_centrelines"),
+    ".shp": ("vectors", "read_centrelines"),
+    ".fgb": ("vectors", "read_centrelines"),
+}
 
-T = TypeVar("T")
 
+def read_buildings(path: Path, lod: str | None = None) -> Footprints | Models:
+    """Read buildings; the suffix picks the reader, `lod` the level of detail of a model that has several.
 
-def read_footprints(path: Path) -> Footprints:
-    """Read building outlines; the suffix picks the reader. Raises InputError for an unknown suffix or a broken file."""
-    return _reader(path, FOOTPRINT_READERS)(path)
+    Raises InputError for an unknown suffix or a broken file.
+    """
+    return _reader(path, BUILDING_READERS)(path, lod)
 
 
 def read_centrelines(path: Path) -> Centrelines:
@@ -26,9 +56,11 @@ def read_centrelines(path: Path) -> Centrelines:
     return _reader(path, CENTRELINE_READERS)(path)
 
 
-def _reader(path: Path, readers: Mapping[str, Callable[[Path], T]]) -> Callable[[Path], T]:
-    reader = readers.get(path.suffix.lower())
-    if reader is None:
+def _reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> Callable[..., Any]:
+    name = path.name.lower()
+    found = next((readers[suffix] for suffix in sorted(readers, key=len, reverse=True) if name.endswith(suffix)), None)
+    if found is None:
         supported = ", ".join(sorted(readers))
         raise InputError(f"{path}: files of type {path.suffix or '(none)'} are not read; supported: {supported}")
-    return reader
+    module, function = found
+    return getattr(import_module(f"catalogs.{module}"), function)

@@ -1,0 +1,64 @@
+"""Modelled buildings brought into a block's frame, each with the outline that it covers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from typing import TYPE_CHECKING
+
+import numpy as np
+import shapely
+
+from catalogs.features import Model, Models
+from facade_core.types import SEMANTICS, Shell
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+    from shapely import MultiPolygon, Polygon
+
+GROUND = SEMANTICS.index("ground")
+WELD = 0.001  # m; corners of neighbouring triangles are the same within this
+GAP = 0.01  # m; slits between triangles that miss each other by a hair are closed
+TALLEST = 1500.0  # m; what reaches further up is a slip of the data
+
+
+def models_in_frame(
+    source: Models, crs: CRS, first_texture: int
+) -> Iterator[tuple[Model, Shell, Polygon | MultiPolygon | str]]:
+    """(model, its shell in `crs`, its outline) of each model; instead of an outline the reason why it cannot be used.
+
+    Texture indices are counted on from `first_texture`.
+    """
+    from pyproj import Transformer
+
+    to_frame = Transformer.from_crs(source.crs, crs, always_xy=True)
+    for model in source.items:
+        shell = model.shell
+        x, y = to_frame.transform(shell.vertices[:, 0], shell.vertices[:, 1])
+        vertices = np.column_stack([x, y, shell.vertices[:, 2]])
+        if not np.isfinite(vertices).all():
+            yield model, shell, "a corner of it is not a number, or lies outside the block's frame; mend or remove it"
+            continue
+        texture = np.where(shell.texture >= 0, shell.texture + first_texture, -1).astype(np.int32)
+        shell = replace(shell, vertices=vertices, texture=texture)
+        if np.ptp(vertices[:, 2]) > TALLEST:
+            yield model, shell, f"it is over {TALLEST:g} m high; check its heights, or remove it"
+            continue
+        outline = outline_of(shell)
+        yield model, shell, outline if not outline.is_empty else "it covers no ground (walls only); give a closed model"
+
+
+def outline_of(shell: Shell) -> Polygon | MultiPolygon:
+    """What a shell covers on the ground: its ground surfaces, or all it has where those are missing. Empty for bare walls."""
+    corners = shell.vertices[shell.triangles][..., :2]
+    edges = corners[:, 1:] - corners[:, :1]
+    flat = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) > 2 * WELD
+    ground = _union(corners[flat & (shell.semantic == GROUND)])
+    return ground if ground.area > 0 else _union(corners[flat])
+
+
+def _union(triangles: np.ndarray) -> Polygon | MultiPolygon:
+    covered = shapely.union_all(shapely.polygons(triangles), grid_size=WELD)
+    closed = covered.buffer(GAP, join_style="mitre").buffer(-GAP, join_style="mitre")
+    polygons = [part for part in shapely.get_parts(closed) if part.geom_type == "Polygon"]
+    return shapely.normalize(shapely.union_all(polygons))
