@@ -1,4 +1,7 @@
-"""items.parquet: one row per facade. The columns are defined once, here; the README's table is tested against them."""
+"""items.parquet: one row per facade, and one per unit that was set aside.
+
+The columns are defined once, here; the README's table is tested against them.
+"""
 
 from __future__ import annotations
 
@@ -32,14 +35,21 @@ class Column:
 
 
 COLUMNS = (
-    Column("id", "string", "", "facade, unique in the block", required=True),
+    Column("id", "string", "", "unit, unique among those of its kind in the block", required=True),
     Column("block", "string", "", "name of the block", required=True),
-    Column("building", "string", "", "building that the facade belongs to", required=True),
-    Column("geometry", "binary", "degrees", "foot line, WKB LineString in lon/lat (OGC:CRS84)", required=True),
-    Column("xmin", "double", "degrees", "west end of the foot line", required=True),
-    Column("ymin", "double", "degrees", "south end of the foot line", required=True),
-    Column("xmax", "double", "degrees", "east end of the foot line", required=True),
-    Column("ymax", "double", "degrees", "north end of the foot line", required=True),
+    Column(
+        "kind",
+        "string",
+        "",
+        "facade; or building, street, panorama, photo, exemplar: set aside, see reason",
+        required=True,
+    ),
+    Column("building", "string", "", "building that the facade belongs to"),
+    Column("geometry", "binary", "degrees", "foot line of a facade, WKB LineString in lon/lat (OGC:CRS84)"),
+    Column("xmin", "double", "degrees", "west end of the foot line"),
+    Column("ymin", "double", "degrees", "south end of the foot line"),
+    Column("xmax", "double", "degrees", "east end of the foot line"),
+    Column("ymax", "double", "degrees", "north end of the foot line"),
     Column("street", "string", "", "street that sees the facade: its name, or its id where it has none"),
     Column("height_m", "double", "metres", "height from the ground to the eaves"),
     Column("width_m", "double", "metres", "width along the ground"),
@@ -64,7 +74,7 @@ COLUMNS = (
     Column("lattice_columns", "int32", "", "vertical lattice lines, borders included"),
     Column("layout_score", "double", "", "score of the completed layout, higher is better"),
     Column("status", "string", "", "done or failed", required=True),
-    Column("reason", "string", "", "why the facade failed"),
+    Column("reason", "string", "", "why the unit failed"),
     Column("seconds", "double", "seconds", "time spent on the facade"),
     Column("code_version", "string", "", "code that made the row", required=True),
     Column("config_digest", "string", "", "digest of the inputs and settings", required=True),
@@ -73,13 +83,15 @@ BBOX = ("xmin", "ymin", "xmax", "ymax")
 # What a row to be written holds: the box follows from the geometry.
 ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
 STATUSES = ("done", "failed")
+KINDS = ("facade", "building", "street", "panorama", "photo", "exemplar")
 _PYTHON_TYPES: dict[str, type] = {"string": str, "binary": bytes, "int32": Integral, "int64": Integral, "double": Real}
 
 
 def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -> None:
     """Write the catalogue as GeoParquet, ordered by id, in one step: a reader sees the old file or the new one.
 
-    A row holds ROW_KEYS; `geometry` is a shapely LineString in `crs` (any user input of pyproj), None stands for unknown.
+    A row holds ROW_KEYS; `geometry` of a facade is a shapely LineString in `crs` (any user input of pyproj), None stands for
+    unknown.
     Raises InputError naming the facade and the column for an unknown or missing key, a wrong type, or a second row of one id.
     """
     import pyarrow as pa
@@ -88,9 +100,9 @@ def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -
     path = Path(path)
     for row in rows:
         _check(row, path)
-    rows = sorted(rows, key=lambda row: natural_order(row["id"]))
+    rows = sorted(rows, key=lambda row: (KINDS.index(row["kind"]), natural_order(row["id"])))
     for one, two in zip(rows, rows[1:], strict=False):
-        if one["id"] == two["id"]:
+        if one["kind"] == two["kind"] == "facade" and one["id"] == two["id"]:
             raise InputError(f"{path.name}: facade {one['id']} has two rows; give each facade one")
     values = _columns(rows, crs)
     arrays = [_array(column, values[column.name], rows, path) for column in COLUMNS]
@@ -111,6 +123,12 @@ def _check(row: Mapping[str, Any], path: Path) -> None:
         raise InputError(f"{facade}: column {missing[0]} is missing; give None where it is unknown")
     if empty := [column.name for column in COLUMNS if column.required and row.get(column.name, 0) is None]:
         raise InputError(f"{facade}: column {empty[0]} is None; it needs a value in every row")
+    if row["kind"] not in KINDS:
+        raise InputError(f"{facade}: kind is {row['kind']!r}; give one of {', '.join(KINDS)}")
+    if row["kind"] != "facade":
+        if row["geometry"] is not None or row["status"] != "failed" or not row["reason"]:
+            raise InputError(f"{facade}: a {row['kind']} has a row only when it is set aside, with a reason")
+        return
     if getattr(row["geometry"], "geom_type", None) != "LineString" or row["geometry"].is_empty:
         raise InputError(f"{facade}: geometry is no LineString; give the facade's foot line")
     if row["status"] not in STATUSES:
@@ -127,7 +145,7 @@ def _columns(rows: Sequence[Mapping[str, Any]], crs: Any) -> dict[str, Sequence[
     feet = shapely.force_2d(np.array([row["geometry"] for row in rows], dtype=object))
     feet = shapely.transform(feet, to_lonlat.transform, interleaved=False)
     values: dict[str, Sequence[Any]] = {key: [row[key] for row in rows] for key in ROW_KEYS}
-    values["geometry"] = [shapely.to_wkb(foot) for foot in feet]
+    values["geometry"] = [None if foot is None else shapely.to_wkb(foot) for foot in feet]
     return values | dict(zip(BBOX, shapely.bounds(feet).reshape(-1, 4).T.tolist(), strict=True))
 
 
@@ -146,9 +164,10 @@ def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:
     import pyarrow as pa
 
     geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
-    if values["id"]:
+    found = {name: [value for value in values[name] if value == value] for name in BBOX}
+    if found["xmin"]:
         ends = zip(BBOX, (min, min, max, max), strict=True)
-        geometry["bbox"] = [extreme(values[name]) for name, extreme in ends]
+        geometry["bbox"] = [extreme(found[name]) for name, extreme in ends]
     geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": geometry}}
     fields = [
         pa.field(

@@ -150,8 +150,8 @@ def _collection(items: pd.DataFrame) -> dict[str, Any]:
         {
             "type": "Feature",
             "id": row["id"],
-            "bbox": [round(row[side], 7) for side in BBOX],
-            "geometry": shapely.geometry.mapping(foot),
+            **({} if foot is None else {"bbox": [round(row[side], 7) for side in BBOX]}),
+            "geometry": None if foot is None else shapely.geometry.mapping(foot),
             "properties": {key: value for key, value in row.items() if key not in ("id", *BBOX)},
         }
         for row, foot in zip(_records(items), feet, strict=True)
@@ -163,9 +163,11 @@ def _table(items: pd.DataFrame) -> str:
     if items.empty:
         return "no facade matches"
     head = [name for name in _TABLE if name in items]
+    if "reason" in items and items["reason"].notna().any():
+        head.append("reason")
     rows = [[_cell(name, row[name]) for name in head] for row in _records(items)]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    text = {"id", "street", "status"}
+    text = {"id", "street", "status", "reason"}
 
     def line(cells: Sequence[str]) -> str:
         parts = zip(head, cells, widths, strict=True)

@@ -22,6 +22,7 @@ def write_report(
     *,
     summary: Mapping[str, Any],
     rows: Sequence[Mapping[str, Any]],
+    set_aside: Sequence[Mapping[str, Any]],
     records: Mapping[str, Mapping[str, Any]],
     streets: Sequence[Mapping[str, Any]],
     viewpoints: Sequence[Mapping[str, Any]],
@@ -39,6 +40,7 @@ def write_report(
     page = environment.get_template("report.html.j2").render(
         summary=summary,
         facades=facades,
+        set_aside=set_aside,
         streets=streets,
         panoramas=panoramas,
         heights=heights,

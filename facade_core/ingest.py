@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry.charts import WALL
+from facade_core.geometry.gaps import streets_between
 from facade_core.geometry.packing import pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
+from facade_core.geometry.terrain import terrain_of
+from facade_core.rectify.panorama import sightings
 from facade_core.street.scene import Scene
-from facade_core.types import Building, Street
+from facade_core.types import Building, Elevation, Pose, Street
 
 # A wall is a facade when it is at least this large and this share of it is seen from some street.
 FACADE_WIDTH_M = 3.0
@@ -42,25 +45,55 @@ class Facades:
 
 
 @dataclass(frozen=True)
+class Sightings:
+    """Which panoramas show which facade, as columns, best first within a facade: facade, panorama (s,) int32 indices; seen (s,)
+    the share of the facade that the panorama shows; pixels_per_metre (s,) the panorama's resolution on it."""
+
+    facade: np.ndarray
+    panorama: np.ndarray
+    seen: np.ndarray
+    pixels_per_metre: np.ndarray
+
+    def of(self, facade: int) -> np.ndarray:
+        """The panoramas that show a facade, best first."""
+        return self.panorama[self.facade == facade]
+
+
+@dataclass(frozen=True)
 class Plan:
     """A block's geometry and the order of its work.
 
-    views (k, 2) int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows; writable (charts,) bool:
-    charts that the street stage writes; wave (streets,) int32.
+    streets are the given ones, or those derived from the gaps; poses are those of the block's panoramas, on the ground where
+    they had no height. textured (charts,) bool: charts with a texture of the source's own. views (k, 2) int32: pairs of
+    viewpoint and chart, sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that the street stage
+    writes; wave (streets,) int32.
     """
 
     scene: Scene
+    streets: tuple[Street, ...]
     facades: Facades
+    poses: tuple[Pose, ...]
+    sightings: Sightings
+    textured: np.ndarray
     viewpoints: tuple[Viewpoint, ...]
     views: np.ndarray
     writable: np.ndarray
     wave: np.ndarray
+
+    def textured_buildings(self) -> tuple[int, ...]:
+        """The buildings that have textures of their own besides those on facades."""
+        others = self.textured.copy()
+        others[self.facades.chart] = False
+        return tuple(np.unique(self.scene.charts.building[others]).tolist())
 
 
 def ingest(
     buildings: Sequence[Building],
     streets: Sequence[Street],
     *,
+    elevation: Elevation | None = None,
+    poses: Sequence[Pose] = (),
+    panorama_sizes: Sequence[tuple[int, int]] = (),
     texels_per_metre: float,
     spacing: float,
     height: float,
@@ -72,21 +105,29 @@ def ingest(
 ) -> Plan:
     """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
 
-    Lengths in metres; walls is "exemplar" (facades are seeded, the street stage writes the rest) or "translate" (the street
-    stage writes every chart). Raises GeometryError for a block without geometry.
+    Without streets they are derived from the gaps between the buildings. Without an elevation the ground follows the
+    buildings' bases. poses and panorama_sizes (rows, columns) are those of the panoramas. Lengths in metres; walls is
+    "exemplar" (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart).
+    Raises GeometryError for a block without geometry.
     """
+    footprints = [building.footprint for building in buildings]
+    streets = tuple(streets) or streets_between(footprints)
+    terrain = terrain_of(buildings, elevation)
     one_page = AtlasSpec(1, texels_per_metre, page=page)
-    charts, mesh = block_surfaces(buildings, streets, ground_margin=visibility_range, largest=one_page.largest)
+    charts, mesh = block_surfaces(
+        buildings, streets, terrain=terrain, ground_margin=visibility_range, largest=one_page.largest
+    )
     placement = pack(
         charts.texels(texels_per_metre), charts.building, page=page, chunk=one_page.chunk, gutter=one_page.gutter
     )
     spec = AtlasSpec(placement.pages, texels_per_metre, page=page)
     scene = Scene(mesh, charts, placement, spec, spacing=spacing, visibility_range=visibility_range)
 
-    footprints = [building.footprint for building in buildings]
     cameras: list[Viewpoint] = []
     for index, street in enumerate(streets):
-        positions, forward = viewpoints(street.line, spacing=spacing, height=height, obstacles=footprints)
+        positions, forward = viewpoints(
+            street.line, spacing=spacing, height=height, obstacles=footprints, ground=terrain.height
+        )
         for position, ahead in zip(positions, forward, strict=True):
             cameras.append(Viewpoint(len(cameras), index, position, ahead))
 
@@ -95,10 +136,43 @@ def ingest(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
     facades = _facades(scene, buildings, cameras, seen, len(streets), storey)
+    on_ground = tuple(
+        replace(pose, z=float(terrain.height(np.array([[pose.x, pose.y]]))[0]) + height) if pose.z is None else pose
+        for pose in poses
+    )
+    textured = np.zeros(len(charts), bool)
+    textured[mesh.chart[mesh.texture >= 0]] = True
     writable = np.ones(len(charts), bool)
     if walls == "exemplar":
         writable[facades.chart] = False
-    return Plan(scene, facades, tuple(cameras), views, writable, _waves(scene, cameras, seen, writable, len(streets)))
+        writable[textured] = False
+    return Plan(
+        scene=scene,
+        streets=streets,
+        facades=facades,
+        poses=on_ground,
+        sightings=_sightings(scene, facades, on_ground, panorama_sizes),
+        textured=textured,
+        viewpoints=tuple(cameras),
+        views=views,
+        writable=writable,
+        wave=_waves(scene, cameras, seen, writable, len(streets)),
+    )
+
+
+def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Sightings:
+    found = [
+        (facade, sighting.panorama, sighting.seen, sighting.pixels_per_metre)
+        for facade, chart in enumerate(facades.chart.tolist() if poses else [])
+        for sighting in sightings(scene, chart, poses, sizes)
+    ]
+    columns = list(zip(*found, strict=True)) or [(), (), (), ()]
+    return Sightings(
+        np.array(columns[0], np.int32),
+        np.array(columns[1], np.int32),
+        np.array(columns[2], np.float64),
+        np.array(columns[3], np.float64),
+    )
 
 
 def _facades(

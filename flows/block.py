@@ -13,12 +13,14 @@ from catalogs.block import Block, read_block
 from tasks.compute import Compute, connect
 from tasks.exemplars import prepare_exemplars
 from tasks.facades import choose, process_facades
+from tasks.imagery import imagery_of
 from tasks.ingest import Outline, ingest_block
 from tasks.outcome import Outcome
 from tasks.progress import begin_stage
 from tasks.publish import publish_block
 from tasks.run import Run, run_of
 from tasks.streets import texture_street
+from tasks.textures import keep_textures
 
 # Facades in one Prefect task: its overhead is milliseconds, and what a killed task repeats is its unfinished buildings.
 BATCH = 24
@@ -35,10 +37,12 @@ def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None =
     run = run_of(block, out)
     with connect(workers, dask) as compute:
         outline = ingest_block(run, block)
+        textures = keep_textures(run, outline.textured, block.textures, compute)
         facades = _facades(run, block, outline, compute)
         streets = _streets(run, outline, compute)
         published = publish_block(run)
-    outcome = facades + streets + Outcome(failed=outline.strays)
+    aside = Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
+    outcome = textures + facades + streets + aside
     return published | {
         "out": str(out),
         "units_skipped": outcome.skipped + (1 if outline.skipped else 0),
@@ -50,6 +54,8 @@ def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None =
 def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outcome:
     exemplars = prepare_exemplars(run, block.exemplars, compute)
     chosen = choose(run, block.photos) if run.walls == "exemplar" else {}
+    panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in outline.panoramas]
+    imagery = imagery_of(outline.facades, block.photos, panoramas, outline.own, chosen)
     batches: list[list[tuple[int, ...]]] = [[]]
     for building in outline.buildings:
         if sum(map(len, batches[-1])) >= BATCH:
@@ -57,7 +63,9 @@ def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outc
         batches[-1].append(building)
     begin_stage("facades", len(outline.facades))
     futures = [
-        process_facades.submit(run, f"{i + 1} of {len(batches)}", batch, outline.facades, block.photos, chosen, compute)
+        process_facades.submit(
+            run, f"{i + 1} of {len(batches)}", batch, outline.facades, imagery, block.textures, compute
+        )
         for i, batch in enumerate(batches)
         if batch
     ]

@@ -35,6 +35,7 @@ def main() -> None:
     \b
     Examples:
       streetloom demo                          the embedded block of central Helsinki
+      streetloom new-block mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168
       streetloom run block.yaml --out out/mine
       streetloom query out/mine --where "floors >= 5"
     """
@@ -82,6 +83,55 @@ def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_j
     with locked(out):
         block_file = write_demo(out / "input", exemplars)
     _run(block_file, out, workers, dask, as_json)
+
+
+@main.command("new-block")
+@click.argument("block_file", metavar="BLOCK.yaml", type=click.Path(dir_okay=False, path_type=Path))
+@click.option("--osm", type=EXISTING_FILE, required=True, help="Map extract with buildings and streets (.osm.pbf).")
+@click.option("--bbox", nargs=4, type=float, required=True, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
+@click.option("--exemplars", type=EXISTING_FOLDER, help="Rectified facade pictures.  [default: painted ones]")
+def new_block(
+    block_file: Path, osm: Path, bbox: tuple[float, ...], photos: Path | None, exemplars: Path | None
+) -> None:
+    """Write a block file for a part of a map, and say what was found there.
+
+    \b
+    Example:
+      streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --photos photos/
+    """
+    from flows.console import progress
+    from tasks.new_block import new_block as write
+
+    with progress(quiet=not sys.stderr.isatty()):
+        found = write(block_file, osm, bbox, photos, exemplars)
+    click.echo("\n".join(found.lines()))
+    click.echo(f"ready: streetloom run {block_file}")
+
+
+@main.command()
+@click.argument("name", required=False)
+@click.option("--out", type=FOLDER, default=Path("blocks"), show_default=True, help="Where the data and the block go.")
+def fetch(name: str | None, out: Path) -> None:
+    """Fetch a real example block and its public data; without NAME, list them.
+
+    \b
+    Examples:
+      streetloom fetch
+      streetloom fetch delfshaven --out blocks
+    """
+    from catalogs.sources import SOURCES
+    from flows.console import progress
+    from tasks.fetch import fetch_block
+
+    if name is None:
+        for known, source in SOURCES.items():
+            click.echo(f"{known:<14} {len(source.files):>2} files  {source.licence}")
+        return
+    with progress(quiet=not sys.stderr.isatty()):
+        block, source = fetch_block(name, out)
+    click.echo(f"licence: {source.licence}")
+    click.echo(f"ready: streetloom run {block}")
 
 
 @main.command()

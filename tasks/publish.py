@@ -23,7 +23,7 @@ from facade_core.atlas.store import BRANCH, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
 from facade_core.street.translate import Swatches
-from tasks.facade_report import facade_sheets, item_rows
+from tasks.facade_report import facade_sheets, item_rows, set_aside_rows
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run, code_version
@@ -56,9 +56,9 @@ def publish_block(run: Run) -> dict[str, Any]:
 
 def _write(run: Run, session: Any, folder: Path) -> None:
     group: StoreGroup = zarr.open_group(session.store, mode="r")
-    plan, streets = read_plan(session, run.texels_per_metre)
+    plan = read_plan(session, run.texels_per_metre)
     scene = plan.scene
-    swatches = Swatches(scene, streets, seed=run.seed)
+    swatches = Swatches(scene, plan.streets, seed=run.seed)
     pictures = _aim(plan)
 
     pages: dict[int, bytes] = {}
@@ -88,8 +88,16 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     facade_sheets(group, plan, records, images)
 
     buildings = open_table(session, "buildings").load()
-    rows = item_rows(run, plan, streets, buildings, records, code_version())
-    write_items(folder / "items.parquet", rows, run.crs)
+    rows = item_rows(run, plan, buildings, records, code_version())
+    exemplars = [r for r in read_journal(group, "exemplars") if r and r["status"] == "failed"]
+    textures = [r for r in read_journal(group, "textures") if r and r["status"] == "failed"]
+    broken = [
+        *map(tuple, group.attrs["set_aside"]),
+        *(("exemplar", r["unit"], r["reason"]) for r in exemplars),
+        *(("building", r["unit"], r["reason"]) for r in textures),
+    ]
+    aside = set_aside_rows(run, broken, code_version())
+    write_items(folder / "items.parquet", rows + aside, run.crs)
     done = sum(r["status"] == "done" for r in rows)
     summary = {
         "block": run.block,
@@ -103,6 +111,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         folder / "report",
         summary=summary | {"crs": run.crs, "code_version": code_version(), "notes": group.attrs.get("notes", [])},
         rows=rows,
+        set_aside=aside,
         records={r["unit"]: r for r in records if r},
         streets=[r for r in read_journal(group, "streets") if r],
         viewpoints=[r for r in viewpoints if r],

@@ -52,5 +52,5 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
     if not all(record and record["status"] == "done" for record in records):
         return None
     summary = published_summary(Path(run.out), session.snapshot_id)
-    strays = [{"unit": unit, "reason": reason} for unit, reason in group.attrs["strays"]]
-    return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": strays}
+    set_aside = [{"unit": unit, "reason": reason} for _, unit, reason in group.attrs["set_aside"]]
+    return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}

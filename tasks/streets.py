@@ -10,7 +10,7 @@ import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from facade_core.atlas.journal import latest_chunks, read_journal, unit_key
+from facade_core.atlas.journal import latest_chunks, read_journal, seed_records, unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from tasks.commits import begin, finish
@@ -26,13 +26,15 @@ from tasks.units.viewpoint import street_unit, viewpoint_unit
 def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
     """Every viewpoint not yet journalled, one commit each, then the street's texels in one commit, tagged."""
     session = open_repository(run.store).readonly_session(BRANCH)
-    plan, streets = read_plan(session, run.texels_per_metre)
+    plan = read_plan(session, run.texels_per_metre)
     group: StoreGroup = zarr.open_group(session.store, mode="r")
-    wave, name = int(plan.wave[street]), streets[street].id
+    wave, name = int(plan.wave[street]), plan.streets[street].id
     own = [v.id for v in plan.viewpoints if v.street == street]
 
-    facades, done_streets = read_journal(group, "facades"), read_journal(group, "streets")
-    before = latest_chunks(facades, [r for r in done_streets if r and r["status"] == "done" and r["wave"] < wave])
+    done_streets = read_journal(group, "streets")
+    before = latest_chunks(
+        seed_records(group), [r for r in done_streets if r and r["status"] == "done" and r["wave"] < wave]
+    )
     charts = sorted({int(c) for v, c in plan.views if plan.viewpoints[v].street == street})
     cells = {
         "/".join(map(str, cell))

@@ -12,7 +12,7 @@ from typing import Any
 
 from facade_core.atlas.zarr_types import StoreGroup
 
-STAGES = ("exemplars", "facades", "viewpoints", "streets")
+STAGES = ("exemplars", "textures", "facades", "viewpoints", "streets")
 
 # Fields of a record that may differ between two runs of the same unit on the same input.
 VOLATILE = ("worker", "seconds", "started", "commits")
@@ -32,10 +32,11 @@ def unit_key(*parts: Any) -> str:
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
-def latest_chunks(facades: list[dict[str, Any] | None], streets: list[dict[str, Any] | None]) -> dict[str, str]:
-    """Digest of every chunk as its last writer left it: facade stages first, then streets in the order of their waves."""
+def latest_chunks(seeds: list[dict[str, Any] | None], streets: list[dict[str, Any] | None]) -> dict[str, str]:
+    """Digest of every chunk as its last writer left it: first those who seed (own textures, then facades), then streets in the
+    order of their waves."""
     chunks: dict[str, str] = {}
-    for record in facades:
+    for record in seeds:
         if record:
             chunks.update(record.get("chunks", {}))
     for record in sorted((r for r in streets if r), key=lambda r: (r["wave"], r["unit"])):
@@ -43,9 +44,14 @@ def latest_chunks(facades: list[dict[str, Any] | None], streets: list[dict[str, 
     return chunks
 
 
+def seed_records(group: StoreGroup) -> list[dict[str, Any] | None]:
+    """The records of the stages that seed the atlas, in the order in which they write."""
+    return read_journal(group, "textures") + read_journal(group, "facades")
+
+
 def atlas_digest(group: StoreGroup) -> str:
     """One digest of the whole atlas: of the chunks' digests in (page, row, column) order."""
-    chunks = latest_chunks(read_journal(group, "facades"), read_journal(group, "streets"))
+    chunks = latest_chunks(seed_records(group), read_journal(group, "streets"))
     digest = hashlib.sha256()
     for name in sorted(chunks, key=lambda n: tuple(int(v) for v in n.split("/"))):
         digest.update(f"{name}:{chunks[name]}\n".encode())

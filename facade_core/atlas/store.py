@@ -56,6 +56,7 @@ def create_arrays(
     crs: str,
     panorama_width: int,
     exemplars: int,
+    textures: int,
     facades: int,
     viewpoints: int,
     streets: int,
@@ -97,7 +98,7 @@ def create_arrays(
         attributes={"long_name": "variation hierarchy of each facade, base64 of its file"},
         overwrite=True,
     )
-    for stage, units in zip(STAGES, (exemplars, facades, viewpoints, streets), strict=True):
+    for stage, units in zip(STAGES, (exemplars, textures, facades, viewpoints, streets), strict=True):
         group.create_array(
             f"journal/{stage}",
             shape=(units,),

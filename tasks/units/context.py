@@ -8,7 +8,6 @@ from functools import lru_cache
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.ingest import Plan
 from facade_core.street.translate import Swatches
-from facade_core.types import Street
 from tasks.plan import read_plan
 from tasks.run import Run
 
@@ -16,7 +15,6 @@ from tasks.run import Run
 @dataclass(frozen=True)
 class Context:
     plan: Plan
-    streets: tuple[Street, ...]
     translator: Swatches
 
 
@@ -24,8 +22,8 @@ class Context:
 def context(run: Run) -> Context:
     """The plan of a run. It is written once, before any unit starts, so the newest snapshot holds it."""
     session = open_repository(run.store).readonly_session(BRANCH)
-    plan, streets = read_plan(session, run.texels_per_metre)
-    return Context(plan, streets, Swatches(plan.scene, streets, seed=run.seed))
+    plan = read_plan(session, run.texels_per_metre)
+    return Context(plan, Swatches(plan.scene, plan.streets, seed=run.seed))
 
 
 def worker_name() -> str:

@@ -1,4 +1,4 @@
-"""The facades of one building: from a photo, or from an exemplar; seeds into the atlas."""
+"""The facades of one building: from a photo, panoramas, own textures or an exemplar; seeds into the atlas."""
 
 from __future__ import annotations
 
@@ -18,14 +18,19 @@ from facade_core.errors import FacadeError
 from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
 from facade_core.ingest import Plan
 from facade_core.labels import CLASSES
+from facade_core.rectify.own_texture import own_texture
+from facade_core.rectify.panorama import fuse
+from tasks.imagery import Imagery
 from tasks.outcome import failure
 from tasks.run import Run
 from tasks.units.context import context, unit_seed, worker_name
 from tasks.units.exemplar import read_exemplar
-from tasks.units.images import read_image
+from tasks.units.images import read_image, read_panorama, read_textures
 
 # Texels around a photo's holes that count as hidden.
 RIM = 2
+# A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
+SHOWN = 0.3
 
 
 def facade_unit(
@@ -33,10 +38,10 @@ def facade_unit(
     fork: Any,
     facades: Sequence[int],
     keys: Mapping[int, str],
-    photos: Mapping[int, Path],
-    exemplars: Mapping[int, tuple[int, str]],
+    imagery: Mapping[int, Imagery],
+    textures: Sequence[Path],
 ) -> tuple[Any, dict[int, dict[str, Any]]]:
-    """All facades of one building, which may share chunks. photos: facade -> file; exemplars: facade -> (index, name).
+    """All facades of one building, which may share chunks. imagery: facade -> its pictures; textures: the block's own.
 
     A facade that cannot be made is set aside with its reason; the others of the building are written.
     """
@@ -46,17 +51,16 @@ def facade_unit(
     for facade in facades:
         name = plan.facades.id[facade]
         record: dict[str, Any] = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": time.time()}
-        if run.walls == "translate" and facade not in photos:
-            records[facade] = record | {"status": "done", "source": "translator"}  # the street stage textures it
-            continue
         try:
-            made = _make(run, plan, group, facade, photos.get(facade), exemplars.get(facade))
+            made, source = _make(run, plan, group, facade, imagery[facade], textures)
         except Exception as error:
             records[facade] = record | failure(name, keys[facade], error)
             continue
-        _write(group, plan, facade, made)
-        source = photos[facade].name if facade in photos else exemplars[facade][1]
-        records[facade] = record | {"status": "done", "source": source} | _summary(made)
+        record |= {"status": "done", "source": source}
+        if made is not None:
+            _write(group, plan, facade, made)
+            record |= _summary(made)
+        records[facade] = record
     for facade, record in records.items():
         if "lattice" in record:
             scene, chart = plan.scene, int(plan.facades.chart[facade])
@@ -66,27 +70,25 @@ def facade_unit(
 
 
 def _make(
-    run: Run, plan: Plan, group: StoreGroup, facade: int, photo: Path | None, exemplar: tuple[int, str] | None
-) -> Facade:
-    import cv2
-
+    run: Run, plan: Plan, group: StoreGroup, facade: int, imagery: Imagery, textures: Sequence[Path]
+) -> tuple[Facade | None, str]:
+    """The facade from the best imagery there is of it, and what that was; None where it is left to the street stage."""
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
     size = (int(placement.height[chart]), int(placement.width[chart]))
     seed = unit_seed(run, facades.id[facade], "facade")
-    if photo is not None:
-        image, hidden = read_image(photo)
-        image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
-        hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST)
-        # beside a hole, resampling has mixed in what hides the wall
-        hidden = cv2.dilate(hidden, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
-        return from_photo(image, hidden, seed=seed)
-    if exemplar is None:
+    evidence = _evidence(plan, chart, size, imagery, textures)
+    if evidence is not None:
+        image, hidden, source = evidence
+        return from_photo(image, hidden, seed=seed), source
+    if run.walls == "translate":
+        return None, "translator"
+    if imagery.exemplar is None:
         raise FacadeError(
-            f"facade {facades.id[facade]}: no photo and no usable exemplar; add either to the block's imagery"
+            f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
-    image, labels = read_exemplar(group, exemplar[0])
-    return from_exemplar(
+    image, labels = read_exemplar(group, imagery.exemplar[0])
+    made = from_exemplar(
         image,
         labels,
         (float(facades.height[facade]), float(facades.width[facade])),
@@ -95,6 +97,38 @@ def _make(
         metres_per_pixel=1 / run.texels_per_metre,
         seed=seed,
     )
+    return made, imagery.exemplar[1]
+
+
+def _evidence(
+    plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, textures: Sequence[Path]
+) -> tuple[np.ndarray, np.ndarray, str] | None:
+    """What pictures show of a facade: (image, hidden, name of the source); None where they show too little of it."""
+    import cv2
+
+    if imagery.photo is not None:
+        image, hidden = read_image(imagery.photo)
+        image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
+        hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+        return image, _widened(hidden), imagery.photo.name
+    if imagery.panoramas:
+        views = [(read_panorama(path), pose) for path, pose in imagery.panoramas]
+        image, seen = fuse(plan.scene, chart, views, size)
+        if seen.mean() >= SHOWN:
+            return image, _widened(~seen), ", ".join(path.name for path, _ in imagery.panoramas)
+    if imagery.own:
+        images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart == chart])
+        image, covered = own_texture(plan.scene, chart, images)
+        if covered.mean() >= SHOWN:
+            return image, ~covered, "own texture"
+    return None
+
+
+def _widened(hidden: np.ndarray) -> np.ndarray:
+    """A hole and its rim: beside it, resampling has mixed in what hides the wall."""
+    import cv2
+
+    return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
 
 
 def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade) -> None:

@@ -2,11 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
 from facade_core.errors import ImageError
+
+
+def read_textures(paths: Sequence[Path], used: np.ndarray) -> dict[int, np.ndarray]:
+    """The pictures (h, w, 3) uint8 of those indices into `paths` that are used; negative ones stand for none."""
+    return {int(i): read_image(paths[i])[0] for i in np.unique(used[used >= 0])}
+
+
+@lru_cache(maxsize=2)
+def read_panorama(path: Path) -> np.ndarray:
+    """A panorama (h, w, 3) uint8; facades of one building come one after the other and share it."""
+    return read_image(path)[0]
 
 
 def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:

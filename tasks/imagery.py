@@ -1,0 +1,36 @@
+"""What a facade's texture is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from facade_core.types import Pose
+
+
+@dataclass(frozen=True)
+class Imagery:
+    """The pictures that there are of one facade, in the order in which they are tried.
+
+    photo: a rectified photo of it; panoramas: those that show it and their poses, best first; own: whether its wall carries a
+    texture of the source's own; exemplar: (index, name) of the one chosen for it.
+    """
+
+    photo: Path | None = None
+    panoramas: tuple[tuple[Path, Pose], ...] = ()
+    own: bool = False
+    exemplar: tuple[int, str] | None = None
+
+
+def imagery_of(
+    names: Sequence[str],
+    photos: Mapping[str, Path],
+    panoramas: Sequence[Sequence[tuple[Path, Pose]]],
+    own: Sequence[bool],
+    exemplars: Mapping[int, tuple[int, str]],
+) -> list[Imagery]:
+    """The imagery of every facade; `names` are the facades' ids, the rest is by facade."""
+    return [
+        Imagery(photos.get(name), tuple(panoramas[i]), bool(own[i]), exemplars.get(i)) for i, name in enumerate(names)
+    ]

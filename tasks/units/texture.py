@@ -1,0 +1,55 @@
+"""The textures that a building brings with it, into the atlas: every chart but its facades, which have a stage of their own."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import zarr
+
+from facade_core.atlas.provenance import PHOTO, UNSEEN, resolve
+from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.rectify.own_texture import own_texture
+from tasks.run import Run
+from tasks.units.context import context, worker_name
+from tasks.units.images import read_textures
+
+
+def texture_unit(run: Run, fork: Any, building: int, name: str, key: str, textures: Sequence[Path]) -> tuple[Any, dict]:
+    """Write the textured charts of one building through the fork; returns the fork and the journal record."""
+    start = time.time()
+    plan = context(run).plan
+    scene = plan.scene
+    mine = plan.textured & (scene.charts.building == building)
+    mine[plan.facades.chart] = False
+    charts = np.flatnonzero(mine).tolist()
+    images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)])
+    group: StoreGroup = zarr.open_group(fork.store)
+    atlas = group["atlas"]
+    for chart in charts:
+        rgb, covered = own_texture(scene, chart, images)
+        seed = rgb.reshape(-1, 3)
+        evidence = np.where(covered, PHOTO, UNSEEN).astype(np.uint8).reshape(-1)
+        colour, provenance = resolve(seed, evidence, np.zeros_like(seed), np.zeros(len(seed), np.uint16))
+        rasters = Rasters.of(scene.placement, [chart])
+        for array, flat in {
+            "seed": seed,
+            "seed_evidence": evidence,
+            "colour": colour,
+            "provenance": provenance,
+        }.items():
+            write_rasters(atlas[array], scene.spec, scene.placement, rasters, flat)
+    return fork, {
+        "unit": name,
+        "key": key,
+        "status": "done",
+        "charts": len(charts),
+        "chunks": chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, charts),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"texture": round(time.time() - start, 4)},
+    }
