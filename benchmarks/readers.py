@@ -1,0 +1,222 @@
+"""Every reader on real data: seconds and memory per 1,000 buildings; and what the example blocks' geometry gives."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import resource
+import subprocess
+import sys
+import tempfile
+import time
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+BLOCKS = ("amsterdam-dam", "amsterdam-ij", "delfshaven", "ingolstadt", "plateau")
+
+
+def main() -> None:
+    """Read real files in every format, a process each, and ingest the example blocks; prints one JSON object."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="the data folder")
+    parser.add_argument("--one", type=Path, help="read one file only, and print its figures")
+    options = parser.parse_args()
+    if options.one:
+        print(json.dumps(_read(options.one)))
+        return
+    os.environ["STREETLOOM_DATA"] = str(options.data.resolve())
+    with tempfile.TemporaryDirectory() as folder:
+        readers = [_apart(path) for path in _files(options.data / "city", Path(folder))]
+    result = {"benchmark": "readers", "readers": readers, "blocks": [_block(name) for name in BLOCKS]}
+    print(json.dumps(result, indent=1))
+
+
+def _apart(path: Path) -> dict[str, Any]:
+    """Read one file in a process of its own, so that its peak memory is its own."""
+    command = [sys.executable, "-m", "benchmarks.readers", "--one", str(path)]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def _read(path: Path) -> dict[str, Any]:
+    """Warm a process up, read, and say what it took beyond that."""
+    import pyproj  # noqa: F401
+    import shapely  # noqa: F401
+
+    from catalogs.geometry_files import read_buildings
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    start = time.perf_counter()
+    found = read_buildings(path)
+    seconds = time.perf_counter() - start
+    memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
+    count = len(found.items)
+    return {
+        "format": "".join(path.suffixes[-2:]) if path.suffix == ".json" else path.suffix,
+        "file": path.name,
+        "megabytes": round(path.stat().st_size / 1e6, 1),
+        "buildings": count,
+        "set_aside": len(found.faults),
+        "seconds": round(seconds, 2),
+        "seconds_per_1000": round(1000 * seconds / count, 2),
+        "memory_mb": round(memory),
+        "memory_mb_per_1000": round(1000 * memory / count),
+    }
+
+
+def _files(city: Path, folder: Path) -> Iterator[Path]:
+    """The real files, and the same buildings written in the other formats into `folder`."""
+    yield city / "helsinki" / "Helsinki.osm.pbf"
+    yield city / "helsinki" / "buildings_lod1.gpkg"
+    for suffix, write in _footprint_writers(city / "helsinki" / "buildings_lod1.gpkg").items():
+        path = folder / f"helsinki{suffix}"
+        write(path)
+        yield path
+    yield city / "delfshaven" / "3-20-DELFSHAVEN.city.json"
+    yield city / "delft" / "delft.city.json"
+    yield _sequence(city / "delfshaven" / "3-20-DELFSHAVEN.city.json", folder / "delfshaven.city.jsonl")
+    yield city / "plateau_textured" / "53392642_bldg_6697_op2.gml"
+    yield _repeated(city / "ingolstadt" / "citygml_samples" / "4018213.xml", folder / "ingolstadt.gml", 500)
+    yield city / "ingolstadt" / "lod2_shell.obj"
+    yield city / "lyon" / "lod2.npz"
+    yield from _meshes(city / "lyon" / "lod2.npz", folder)
+
+
+def _footprint_writers(path: Path) -> dict[str, Callable[[Path], None]]:
+    import geopandas
+
+    frame = geopandas.read_file(path)
+    return {
+        ".geojson": lambda target: frame.to_crs(4326).to_file(target, driver="GeoJSON"),
+        ".parquet": frame.to_parquet,
+    }
+
+
+def _sequence(path: Path, target: Path) -> Path:
+    """A CityJSON file as a sequence of features with vertices of their own."""
+    city = json.loads(path.read_text())
+    head = {key: city[key] for key in ("type", "version", "transform", "metadata")} | {
+        "CityObjects": {},
+        "vertices": [],
+    }
+    with target.open("w") as file:
+        file.write(json.dumps(head) + "\n")
+        for id, thing in city["CityObjects"].items():
+            number: dict[int, int] = {}
+
+            def renumbered(node: Any, number: dict[int, int] = number) -> Any:
+                return (
+                    [renumbered(child) for child in node]
+                    if isinstance(node, list)
+                    else number.setdefault(node, len(number))
+                )
+
+            thing["geometry"] = [
+                {key: value for key, value in geometry.items() if key != "texture"}
+                | {"boundaries": renumbered(geometry["boundaries"])}
+                for geometry in thing["geometry"]
+            ]
+            feature = {
+                "type": "CityJSONFeature",
+                "id": id,
+                "CityObjects": {id: thing},
+                "vertices": [city["vertices"][index] for index in number],
+            }
+            file.write(json.dumps(feature) + "\n")
+    return target
+
+
+def _repeated(path: Path, target: Path, times: int) -> Path:
+    """A CityGML file with its building repeated under other ids, 1,000 being more than any sample holds."""
+    text = path.read_text()
+    start, end = text.index("<core:cityObjectMember>"), text.rindex("</core:cityObjectMember>") + 24
+    member = text[start:end]
+    with target.open("w") as file:
+        file.write(text[:start])
+        for number in range(times):
+            file.write(member.replace("4018213", f"b{number}"))
+        file.write(text[end:])
+    return target
+
+
+def _meshes(path: Path, folder: Path) -> Iterator[Path]:
+    """Lyon's triangles as OBJ with a group per building, as GLB and as PLY."""
+    import trimesh
+
+    with np.load(path) as city:
+        triangles, feature = city["triangles"].astype(np.float64), city["feature"]
+    obj = folder / "lyon.obj"
+    with obj.open("w") as file:
+        for group in np.split(np.arange(len(feature)), np.flatnonzero(np.diff(feature)) + 1):
+            file.write(f"g {feature[group[0]]}\n")
+            np.savetxt(file, triangles[group].reshape(-1, 3), fmt="v %.3f %.3f %.3f")
+            first = 3 * int(group[0]) + 1
+            corners = np.arange(first, first + 3 * len(group)).reshape(-1, 3)
+            np.savetxt(file, corners, fmt="f %d %d %d")
+    yield obj
+    scene = trimesh.Scene()
+    for id in np.unique(feature)[:1000].tolist():
+        part = triangles[feature == id].reshape(-1, 3)[:, [0, 2, 1]] * [1, 1, -1]
+        mesh = trimesh.Trimesh(part, np.arange(len(part)).reshape(-1, 3), process=False)
+        scene.add_geometry(mesh, node_name=str(id), geom_name=str(id))
+    glb = folder / "lyon_1000.glb"
+    glb.write_bytes(scene.export(file_type="glb"))
+    yield glb
+    part = triangles[np.isin(feature, np.unique(feature)[:1000])].reshape(-1, 3)
+    ply = folder / "lyon_1000.ply"
+    trimesh.Trimesh(part, np.arange(len(part)).reshape(-1, 3), process=False).export(ply)
+    yield ply
+
+
+def _block(name: str) -> dict[str, Any]:
+    """What the geometry of an example block gives: heights by source, viewpoints, walls that a street owns."""
+    import shapely
+
+    from catalogs.block import read_block
+    from catalogs.sources import BLOCKS as FOLDER
+    from facade_core.geometry.charts import WALL
+    from tasks.plan import plan_of
+
+    start = time.perf_counter()
+    block = read_block(FOLDER / f"{name}.yaml")
+    read = time.perf_counter() - start
+    plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=512)))
+    charts, facades = plan.scene.charts, plan.facades
+    footprints = shapely.union_all([building.footprint for building in block.buildings])
+    places = shapely.points([viewpoint.position[:2] for viewpoint in plan.viewpoints])
+    normal = charts.normal()
+    middle = charts.origin + charts.axis_u * charts.size[:, :1] / 2 + charts.axis_v * charts.size[:, 1:] / 2
+    before = shapely.points((middle + 0.5 * normal)[:, :2])
+    large = (charts.kind == WALL) & (charts.size[:, 0] >= 3.0) & (charts.size[:, 1] >= 2.5)
+    free = large & ~shapely.intersects(footprints, before)
+    owned = np.zeros(len(charts), bool)
+    owned[facades.chart] = True
+    return {
+        "block": name,
+        "buildings": len(block.buildings),
+        "heights_by_source": dict(Counter(building.height_source for building in block.buildings)),
+        "set_aside": len(block.faults),
+        "streets": len(plan.streets),
+        "streets_derived": not block.streets,
+        "street_metres": round(sum(street.line.length for street in plan.streets)),
+        "viewpoints": len(plan.viewpoints),
+        "viewpoints_inside_buildings": int(shapely.intersects(footprints, places).sum()),
+        "walls": int(large.sum()),
+        "walls_with_a_street": int(owned.sum()),
+        "walls_in_the_open": int(free.sum()),
+        "share_in_the_open_with_a_street": round(float((owned & free).sum() / max(1, free.sum())), 3),
+        "facades_shown_by_panoramas": len(np.unique(plan.sightings.facade)),
+        "seconds_read": round(read, 2),
+        "seconds_plan": round(time.perf_counter() - start - read, 2),
+        "pages": plan.scene.spec.pages,
+    }
+
+
+if __name__ == "__main__":
+    main()
