@@ -6,7 +6,6 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.scene import Scene
 
@@ -40,8 +39,8 @@ class Camera:
 
 def aerial(scene: Scene, size: tuple[int, int]) -> Camera:
     """The block from above, obliquely from the south-west: the whole of its buildings in view."""
-    walls = scene.charts.kind[scene.mesh.vertex_chart] == WALL
-    points = scene.mesh.vertices[walls] if walls.any() else scene.mesh.vertices
+    built = scene.charts.building[scene.mesh.vertex_chart] >= 0
+    points = scene.mesh.vertices[built] if built.any() else scene.mesh.vertices
     target = (points.min(axis=0) + points.max(axis=0)) / 2
     away = np.array([-0.45, -0.62, 0.64])
     away /= np.linalg.norm(away)

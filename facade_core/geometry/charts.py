@@ -6,17 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-KINDS = ("wall", "roof", "ground")
-WALL, ROOF, GROUND = range(3)
+KINDS = ("wall", "roof", "ground", "window", "door", "ceiling")
+WALL, ROOF, GROUND, WINDOW, DOOR, CEILING = range(6)
+# A surface that leans less than this from the horizontal (sine) has its chart's right to the east, as a flat one.
+LEVEL = 0.035
 
 
 @dataclass(frozen=True)
 class Charts:
     """Planar charts as columns; row i is chart i.
 
-    kind (n,) uint8, an index into KINDS; surface (n,) int32, the uncut surface the chart is a piece of; building (n,) int32,
-    -1 for ground; origin, axis_u, axis_v (n, 3) float64: point(x, y) = origin + x axis_u + y axis_v; size (n, 2) float64,
-    width and height in metres.
+    kind (n,) uint8, an index into KINDS: "ground" is the terrain, "ceiling" what faces down; surface (n,) int32, the uncut
+    surface the chart is a piece of; building (n,) int32, -1 for ground; origin, axis_u, axis_v (n, 3) float64:
+    point(x, y) = origin + x axis_u + y axis_v; size (n, 2) float64, width and height in metres.
     """
 
     kind: np.ndarray
@@ -43,13 +45,23 @@ class Charts:
 class Mesh:
     """Triangles of all charts: vertices (v, 3) float64, triangles (t, 3) int32, chart (t,) int32.
 
-    Vertices are not shared between charts, so a vertex has one texture coordinate; vertex_chart (v,) int32.
+    Vertices are not shared between charts, so a vertex has one place in its chart; vertex_chart (v,) int32. A vertex lies where
+    the source has it, which may be centimetres off its chart's plane. texture (t,) int32 is the source's own picture, -1
+    without; uv (t, 3, 2) float32 its coordinates at the corners, u right and v up. Both may be left out: no pictures.
     """
 
     vertices: np.ndarray
     triangles: np.ndarray
     chart: np.ndarray
     vertex_chart: np.ndarray
+    texture: np.ndarray = None  # type: ignore[assignment]
+    uv: np.ndarray = None  # type: ignore[assignment]
+
+    def __post_init__(self) -> None:
+        if self.texture is None:
+            object.__setattr__(self, "texture", np.full(len(self.triangles), -1, np.int32))
+        if self.uv is None:
+            object.__setattr__(self, "uv", np.zeros((len(self.triangles), 3, 2), np.float32))
 
     def chart_coordinates(self, charts: Charts) -> np.ndarray:
         """Each vertex in its chart's frame: (v, 2) metres, x right and y down."""
@@ -57,3 +69,98 @@ class Mesh:
         x = np.einsum("ij,ij->i", offset, charts.axis_u[self.vertex_chart])
         y = np.einsum("ij,ij->i", offset, charts.axis_v[self.vertex_chart])
         return np.stack([x, y], axis=1)
+
+
+def frames(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Axes u and v (n, 3) of charts with unit normals (n, 3): u level (east on level charts), v = u x n, down on walls."""
+    level = np.hypot(normal[:, 0], normal[:, 1]) < LEVEL
+    east = np.array([1.0, 0.0, 0.0]) - normal[:, :1] * normal
+    along = np.stack([-normal[:, 1], normal[:, 0], np.zeros(len(normal))], axis=1)
+    axis_u = np.where(level[:, None], east, along)
+    axis_u /= np.linalg.norm(axis_u, axis=1, keepdims=True)
+    return axis_u, np.cross(axis_u, normal)
+
+
+class Pieces:
+    """Collects charts and triangles while surfaces are cut."""
+
+    def __init__(self) -> None:
+        self._charts: list[tuple[np.ndarray, ...]] = []
+        self._mesh: list[tuple[np.ndarray, ...]] = []
+        self._count = 0
+        self._vertices = 0
+        self.surfaces = 0
+
+    def __len__(self) -> int:
+        return self._count
+
+    def add(
+        self,
+        kind: np.ndarray,
+        surface: np.ndarray,
+        building: int,
+        axis_u: np.ndarray,
+        axis_v: np.ndarray,
+        vertices: np.ndarray,
+        triangles: np.ndarray,
+        chart: np.ndarray,
+        texture: np.ndarray | None = None,
+        uv: np.ndarray | None = None,
+    ) -> None:
+        """Charts of one building (-1: ground), with their triangles.
+
+        kind, surface (n,), surfaces counted from those before; axis_u, axis_v (n, 3); vertices (v, 3), triangles (t, 3), chart
+        (t,) as in Mesh, every chart with a triangle, a vertex free to be shared between charts. The origin is put where the
+        chart's triangles touch x = 0 and y = 0, on their mean plane.
+        """
+        pair, corner = np.unique(chart[:, None] * len(vertices) + triangles, return_inverse=True)
+        own, vertex = np.divmod(pair, len(vertices))
+        points = vertices[vertex]
+        first = np.searchsorted(own, np.arange(len(kind)))
+        x = np.einsum("ij,ij->i", points, axis_u[own])
+        y = np.einsum("ij,ij->i", points, axis_v[own])
+        low = np.stack([np.minimum.reduceat(c, first) for c in (x, y)], axis=1)
+        high = np.stack([np.maximum.reduceat(c, first) for c in (x, y)], axis=1)
+        normal = np.cross(axis_v, axis_u)
+        off = np.einsum("ij,ij->i", points, normal[own])
+        # measured from the first point: a flat chart's plane is then exactly where its vertices are
+        off = off[first] + np.add.reduceat(off - off[first][own], first) / np.diff(np.append(first, len(own)))
+        origin = low[:, :1] * axis_u + low[:, 1:] * axis_v + off[:, None] * normal
+        self.add_charts(
+            (kind, surface + self.surfaces, np.full(len(kind), building), origin, axis_u, axis_v, high - low),
+            (points, corner.reshape(-1, 3), chart, own),
+            texture,
+            uv,
+        )
+        self.surfaces += int(surface.max()) + 1
+
+    def add_charts(
+        self,
+        charts: tuple[np.ndarray, ...],
+        mesh: tuple[np.ndarray, ...],
+        texture: np.ndarray | None = None,
+        uv: np.ndarray | None = None,
+    ) -> None:
+        """Columns of Charts, and of their Mesh with indices from 0, behind what is there; surface is taken as it is."""
+        vertices, triangles, chart, vertex_chart = mesh
+        self._charts.append(charts)
+        self._mesh.append(
+            (
+                vertices,
+                triangles + self._vertices,
+                chart + self._count,
+                vertex_chart + self._count,
+                np.full(len(triangles), -1, np.int32) if texture is None else texture,
+                np.zeros((len(triangles), 3, 2), np.float32) if uv is None else uv,
+            )
+        )
+        self._count += len(charts[0])
+        self._vertices += len(vertices)
+
+    def values(self) -> tuple[Charts, Mesh]:
+        """All charts and their mesh, in the order they were added."""
+        kind, surface, building, *frame = (np.concatenate(column) for column in zip(*self._charts, strict=True))
+        charts = Charts(kind.astype(np.uint8), surface.astype(np.int32), building.astype(np.int32), *frame)
+        vertices, triangles, chart, own, texture, uv = (np.concatenate(c) for c in zip(*self._mesh, strict=True))
+        triangles, chart, own, texture = (column.astype(np.int32) for column in (triangles, chart, own, texture))
+        return charts, Mesh(vertices, triangles, chart, own, texture, uv)

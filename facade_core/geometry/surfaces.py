@@ -1,8 +1,9 @@
-"""Buildings and ground into planar charts and a mesh: extruded footprints, larger surfaces cut on the world grid."""
+"""Buildings and ground into planar charts and a mesh: extruded footprints, roofs, shells and the terrain around them."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import mapbox_earcut
 import numpy as np
@@ -10,154 +11,278 @@ import shapely
 from shapely import Polygon
 
 from facade_core.errors import GeometryError
-from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts, Mesh
+from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts, Mesh, Pieces, frames
+from facade_core.geometry.cutting import SHORTEST_WALL_M, cells, cut_triangles, line_cuts
+from facade_core.geometry.facets import Facets, facets
+from facade_core.geometry.roofs import roof_shell
+from facade_core.geometry.terrain import Terrain
 from facade_core.types import Building, Street
 
 # Footprint vertices nearer than this to the wall they lie on do not split it into two facades.
 COLLINEAR_M = 0.2
-SHORTEST_WALL_M = 0.05
 # Ground reaches this far around buildings, and fills gaps between them up to twice the second figure.
 FORECOURT_M = 6.0
 COURTYARD_M = 22.0
+# Where the terrain leaves the best plane of a ground piece by more than this, all ground is cut finer, down to the last share.
+GROUND_OFF_M = 0.1
+FINER = (1, 2, 4)
+# A gap of this much between a building and the terrain below it is closed by a wall.
+SKIRT_M = 0.05
+# The lower edges of a shell's walls: on its outline and near its lowest point.
+OUTLINE_M = 0.3
+FOOT_M = 2.0
 
-
-class _Pieces:
-    """Collects charts and triangles while surfaces are cut."""
-
-    def __init__(self) -> None:
-        self.charts: list[tuple] = []
-        self.vertices: list[np.ndarray] = []
-        self.triangles: list[np.ndarray] = []
-        self.surfaces = 0
-        self.count = 0
-
-    def add(self, kind: int, building: int, origin, axis_u, axis_v, polygon: Polygon) -> None:
-        """One chart of the current surface; polygon is in its frame, in metres, touching x = 0 and y = 0."""
-        rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
-        flat = np.concatenate(rings)
-        corners = mapbox_earcut.triangulate_float64(flat, np.cumsum([len(r) for r in rings]).astype(np.uint32))
-        triangles = corners.astype(np.int64).reshape(-1, 3)
-        a, b, c = (flat[triangles[:, k]] for k in range(3))
-        area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-        # y runs down: counter-clockwise seen from outside is a negative area here
-        triangles[area > 0] = triangles[area > 0][:, ::-1]
-        size = flat.max(axis=0)
-        self.charts.append((kind, self.surfaces, building, origin, axis_u, axis_v, size))
-        self.vertices.append(origin + flat[:, :1] * axis_u + flat[:, 1:] * axis_v)
-        self.triangles.append(triangles + self.count)
-        self.count += len(flat)
-
-    def values(self) -> tuple[Charts, Mesh]:
-        columns = list(zip(*self.charts, strict=True))
-        charts = Charts(
-            kind=np.array(columns[0], np.uint8),
-            surface=np.array(columns[1], np.int32),
-            building=np.array(columns[2], np.int32),
-            origin=np.array(columns[3], np.float64),
-            axis_u=np.array(columns[4], np.float64),
-            axis_v=np.array(columns[5], np.float64),
-            size=np.array(columns[6], np.float64),
-        )
-        per_chart = [len(v) for v in self.vertices]
-        triangle_chart = np.repeat(np.arange(len(charts)), [len(t) for t in self.triangles])
-        mesh = Mesh(
-            vertices=np.concatenate(self.vertices),
-            triangles=np.concatenate(self.triangles).astype(np.int32),
-            chart=triangle_chart.astype(np.int32),
-            vertex_chart=np.repeat(np.arange(len(charts)), per_chart).astype(np.int32),
-        )
-        return charts, mesh
+_EAST, _SOUTH, _DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, -1.0])
 
 
 def block_surfaces(
     buildings: Sequence[Building],
     streets: Sequence[Street],
     *,
+    terrain: Terrain,
     ground_margin: float,
     largest: float,
     grid: float = 32.0,
 ) -> tuple[Charts, Mesh]:
-    """Charts and mesh of a block: walls and flat roof of every building, and the ground near the streets at z = 0.
+    """Charts and mesh of a block: the surfaces of every building, and the ground near the streets on the terrain.
 
-    Surfaces longer than `largest` metres, and all ground, are cut on the world grid of `grid` metres; pieces keep their
-    surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills courtyards. Raises
-    GeometryError when nothing is left.
+    Surfaces longer than `largest` metres, and all ground, are cut on the world grid of `grid` metres (ground finer where it is
+    uneven); pieces keep their surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills courtyards.
+    Raises GeometryError when nothing is left, or for a building that has no surfaces.
     """
-    pieces = _Pieces()
-    outlines = []
+    pieces = Pieces()
     for index, building in enumerate(buildings):
-        footprint = shapely.orient_polygons(building.footprint.simplify(COLLINEAR_M))
-        if footprint.geom_type != "Polygon" or footprint.area <= 0:
-            raise GeometryError(f"building {building.id}: its footprint has no area; repair or drop it")
-        outlines.append(footprint)
-        for ring in (footprint.exterior, *footprint.interiors):
-            _walls(pieces, index, np.asarray(ring.coords), building.height, largest, grid)
-        _level(pieces, ROOF, index, footprint, building.height, largest, grid)
+        add_building(pieces, index, building, terrain, largest=largest, grid=grid)
     if streets:
         near = [street.line.buffer(ground_margin) for street in streets]
-        built = shapely.union_all(outlines)
+        built = shapely.union_all([_outline(building) for building in buildings])
         # closing the footprints covers courtyards and gaps that no street comes near
         around = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
         open_ground = shapely.union_all([*near, around]).difference(built)
-        for part in sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds):
-            if part.geom_type == "Polygon" and part.area > 0.01:
-                _level(pieces, GROUND, -1, part, 0.0, 0.0, grid)
-    if not pieces.charts:
+        parts = sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds)
+        _ground(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
+    if not len(pieces):
         raise GeometryError("the block has neither buildings nor streets; check its area and input files")
     return pieces.values()
 
 
-def _walls(pieces: _Pieces, building: int, ring: np.ndarray, height: float, largest: float, grid: float) -> None:
-    """One wall per edge; the ring runs with the building on its left, so an edge runs left to right seen from outside."""
-    down = np.array([0.0, 0.0, -1.0])
-    for a, b in zip(ring[:-1], ring[1:], strict=True):
+def add_building(
+    pieces: Pieces, index: int, building: Building, terrain: Terrain, *, largest: float, grid: float = 32.0
+) -> None:
+    """The surfaces of one building behind those in `pieces`. Raises GeometryError, naming it, where it has none."""
+    outline = _outline(building)
+    try:
+        if building.shell is not None:
+            shell = building.shell
+        else:
+            if not (np.isfinite(building.height) and building.height > 0):
+                raise GeometryError("its height is not above 0; state one or drop it")
+            base = terrain.lowest(outline) if building.base is None else building.base
+            roofed = roof_shell(replace(building, footprint=outline), base)
+            if roofed is None:
+                return _extruded(pieces, index, outline, base, building.height, terrain, largest, grid)
+            shell = roofed
+        found = facets(shell, outline)
+        if len(found) == 0:
+            raise GeometryError("its model has no surface; repair or drop it")
+    except GeometryError as error:
+        raise GeometryError(f"building {building.id}: {error}") from None
+    _facets(pieces, index, found, largest, grid)
+    _shell_skirt(pieces, index, found, outline, terrain)
+    return None
+
+
+def _outline(building: Building) -> Polygon:
+    footprint = shapely.orient_polygons(building.footprint.simplify(COLLINEAR_M))
+    if footprint.geom_type != "Polygon" or not footprint.area > 0:
+        raise GeometryError(f"building {building.id}: its footprint has no area; repair or drop it")
+    if not footprint.is_valid:
+        raise GeometryError(f"building {building.id}: its footprint crosses itself; repair or drop it")
+    return footprint
+
+
+def _extruded(
+    pieces: Pieces,
+    index: int,
+    outline: Polygon,
+    base: float,
+    height: float,
+    terrain: Terrain,
+    largest: float,
+    grid: float,
+) -> None:
+    """Walls on every edge, a flat roof, and a skirt down to the terrain where it lies lower."""
+    rings = [np.asarray(ring.coords) for ring in (outline.exterior, *outline.interiors)]
+    edges = [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
+    for a, b in edges:
+        _wall(pieces, index, a, b, base, base + height, largest, grid)
+    _level(pieces, ROOF, index, outline, base + height, largest, grid)
+    for a, b in edges:
         length = float(np.hypot(*(b - a)))
-        if length < SHORTEST_WALL_M:
-            continue
-        along = np.append((b - a) / length, 0.0)
-        cuts = _grid_cuts(a, b, length, grid) if length > largest else np.array([0.0, length])
-        levels = np.arange(0.0, height, grid) if height > largest else np.array([0.0])
-        levels = np.append(levels, height)
-        for left, right in zip(cuts[:-1], cuts[1:], strict=True):
-            for bottom, top in zip(levels[:-1], levels[1:], strict=True):
-                origin = np.array([a[0], a[1], top]) + left * along
-                pieces.add(WALL, building, origin, along, down, shapely.box(0, 0, right - left, top - bottom))
-        pieces.surfaces += 1
+        steps = line_cuts(a, b, length, grid / FINER[-1]) / max(length, SHORTEST_WALL_M)
+        foot = float(terrain.height(a + steps[:, None] * (b - a)).min())
+        if base - foot > SKIRT_M:
+            _wall(pieces, index, a, b, foot, base, largest, grid)
 
 
-def _grid_cuts(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.ndarray:
-    """Distances along a wall at which it crosses the world grid, both ends included."""
-    crossings = [np.array([0.0, length])]
-    for axis in range(2):
-        low, high = sorted((a[axis], b[axis]))
-        lines = np.arange(np.ceil(low / grid), np.floor(high / grid) + 1) * grid
-        if high - low > 1e-9:
-            crossings.append((lines - a[axis]) / (b[axis] - a[axis]) * length)
-    cuts = np.unique(np.round(np.clip(np.concatenate(crossings), 0, length), 6))
-    keep = np.concatenate([[True], np.diff(cuts) > SHORTEST_WALL_M])
-    keep[-1], keep[0] = True, True
-    if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= SHORTEST_WALL_M:
-        keep[np.flatnonzero(keep)[-2]] = False
-    return cuts[keep]
+def _wall(
+    pieces: Pieces, index: int, a: np.ndarray, b: np.ndarray, low: float, high: float, largest: float, grid: float
+) -> None:
+    """The wall over an edge with the building on its left, so that the edge runs left to right seen from outside."""
+    length, height = float(np.hypot(*(b - a))), high - low
+    if length < SHORTEST_WALL_M:
+        return
+    along = np.append((b - a) / length, 0.0)
+    cuts = line_cuts(a, b, length, grid) if length > largest else np.array([0.0, length])
+    levels = np.arange(0.0, height, grid) if height > largest else np.array([0.0])
+    levels = np.append(levels, height)
+    for left, right in zip(cuts[:-1], cuts[1:], strict=True):
+        for bottom, top in zip(levels[:-1], levels[1:], strict=True):
+            origin = np.array([a[0], a[1], low + top]) + left * along
+            _planar(pieces, WALL, index, origin, along, _DOWN, shapely.box(0, 0, right - left, top - bottom))
+    pieces.surfaces += 1
 
 
-def _level(pieces: _Pieces, kind: int, building: int, polygon: Polygon, z: float, largest: float, grid: float) -> None:
+def _level(pieces: Pieces, kind: int, index: int, polygon: Polygon, z: float, largest: float, grid: float) -> None:
     """A horizontal surface facing up, cut on the grid when it is longer than `largest`; the chart's up is north."""
     west, south, east, north = polygon.bounds
-    parts = [polygon]
-    if max(east - west, north - south) > largest:
-        columns = np.arange(np.floor(west / grid), np.ceil(east / grid))
-        rows = np.arange(np.floor(south / grid), np.ceil(north / grid))
-        shapely.prepare(polygon)
-        cells = [shapely.box(c * grid, r * grid, (c + 1) * grid, (r + 1) * grid) for r in rows for c in columns]
-        parts = [part for cell in cells for part in shapely.get_parts(shapely.intersection(polygon, cell))]
-    for part in parts:
-        if part.geom_type != "Polygon" or part.area < 1e-3:
+    for part in cells(polygon, grid) if max(east - west, north - south) > largest else [polygon]:
+        if part.area < 1e-3:
             continue
         left, _, _, top = part.bounds
         frame = shapely.transform(
             part, lambda xy, left=left, top=top: np.column_stack([xy[:, 0] - left, top - xy[:, 1]])
         )
-        origin = np.array([left, top, z])
-        pieces.add(kind, building, origin, np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), frame)
+        _planar(pieces, kind, index, np.array([left, top, z]), _EAST, _SOUTH, frame)
     pieces.surfaces += 1
+
+
+def _planar(
+    pieces: Pieces, kind: int, index: int, origin: np.ndarray, axis_u: np.ndarray, axis_v: np.ndarray, polygon: Polygon
+) -> None:
+    """One chart of the current surface; polygon is in its frame, in metres, touching x = 0 and y = 0."""
+    rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
+    flat = np.concatenate(rings)
+    corners = mapbox_earcut.triangulate_float64(flat, np.cumsum([len(r) for r in rings]).astype(np.uint32))
+    triangles = corners.astype(np.int64).reshape(-1, 3)
+    a, b, c = (flat[triangles[:, k]] for k in range(3))
+    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
+    # y runs down: counter-clockwise seen from outside is a negative area here
+    triangles[area > 0] = triangles[area > 0][:, ::-1]
+    one = [np.array([value]) for value in (kind, pieces.surfaces, index, origin, axis_u, axis_v, flat.max(axis=0))]
+    vertices = origin + flat[:, :1] * axis_u + flat[:, 1:] * axis_v
+    zeros = np.zeros(len(triangles), np.int64)
+    pieces.add_charts(tuple(one), (vertices, triangles, zeros, np.zeros(len(flat), np.int64)))
+
+
+def _facets(pieces: Pieces, index: int, found: Facets, largest: float, grid: float) -> None:
+    """Facets as charts; those longer than `largest` are cut on the grid."""
+    axis_u, axis_v = frames(found.normal)
+    vertices, triangles, uv = found.vertices, found.triangles, found.uv
+    corners = vertices[triangles]
+    first = np.searchsorted(found.facet, np.arange(len(found)))
+    long = np.zeros(len(found), bool)
+    for axis in (axis_u, axis_v):
+        place = np.einsum("tcj,tj->tc", corners, axis[found.facet])
+        extent = np.maximum.reduceat(place.max(axis=1), first) - np.minimum.reduceat(place.min(axis=1), first)
+        long |= extent > largest
+    if not long.any():
+        parts = [(found.facet, np.zeros(len(triangles), np.int64), triangles, uv, found.texture)]
+    else:
+        whole = ~long[found.facet]
+        parts = [
+            (found.facet[whole], np.zeros(whole.sum(), np.int64), triangles[whole], uv[whole], found.texture[whole])
+        ]
+        for f in np.flatnonzero(long):
+            mine = found.facet == f
+            vertices, cut, cut_uv, source, cell = cut_triangles(vertices, triangles[mine], uv[mine], grid)
+            parts.append((np.full(len(cut), f), cell, cut, cut_uv, found.texture[mine][source]))
+    facet, cell, triangles, uv, texture = (np.concatenate(column) for column in zip(*parts, strict=True))
+    surface, chart = np.unique(facet * (cell.max() + 1) + cell, return_inverse=True)
+    surface //= cell.max() + 1
+    order = np.argsort(chart, kind="stable")
+    pieces.add(
+        found.kind[surface], surface, index, axis_u[surface], axis_v[surface],
+        vertices, triangles[order], chart[order], texture[order], uv[order],
+    )  # fmt: skip
+
+
+def _shell_skirt(pieces: Pieces, index: int, found: Facets, outline: Polygon, terrain: Terrain) -> None:
+    """Walls from the open lower edges of a shell's walls down to the terrain, one surface per facet."""
+    edges = np.concatenate([found.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
+    key = np.sort(edges, axis=1) @ [len(found.vertices), 1]
+    _, of, uses = np.unique(key, return_inverse=True, return_counts=True)
+    facet = np.tile(found.facet, 3)
+    ends = found.vertices[edges]
+    gap = ends[..., 2] - terrain.height(ends.reshape(-1, 3)[:, :2]).reshape(-1, 2)
+    run = np.hypot(*(ends[:, 1] - ends[:, 0])[:, :2].T)
+    # counter-clockwise seen from outside, the lower edge of a wall runs to the right
+    right = np.einsum("ij,ij->i", (ends[:, 1] - ends[:, 0])[:, :2], frames(found.normal)[0][facet][:, :2])
+    foot = (
+        (uses[of] == 1)
+        & (np.abs(found.normal[facet, 2]) < 0.5)
+        & (right > 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+        & (ends[..., 2].max(axis=1) < found.vertices[:, 2].min() + FOOT_M)
+        & (gap.max(axis=1) > SKIRT_M)
+        & (run > SHORTEST_WALL_M)
+    )
+    foot &= shapely.distance(outline.boundary, shapely.points(ends.mean(axis=1)[:, :2])) < OUTLINE_M
+    if not foot.any():
+        return
+    a, b = ends[foot, 0], ends[foot, 1]
+    low = [np.column_stack([p[:, :2], p[:, 2] - np.maximum(gap[foot, k], 0)]) for k, p in enumerate((a, b))]
+    n = len(a)
+    corner = np.arange(n)
+    of_facet, chart = np.unique(facet[foot], return_inverse=True)
+    normal = found.normal[of_facet] * [1, 1, 0]
+    axis_u, axis_v = frames(normal / np.linalg.norm(normal, axis=1, keepdims=True))
+    pieces.add(
+        np.full(len(of_facet), WALL), np.arange(len(of_facet)), index, axis_u, axis_v,
+        np.concatenate([a, b, *low]),
+        np.stack([corner + 2 * n, corner + 3 * n, corner + n, corner + 2 * n, corner + n, corner], axis=1).reshape(-1, 3),
+        np.repeat(chart, 2),
+    )  # fmt: skip
+
+
+def _ground(pieces: Pieces, polygons: Sequence[Polygon], terrain: Terrain, grid: float) -> None:
+    """Ground cut on the grid: level ground as it is, uneven ground draped over the terrain."""
+    if terrain.level:
+        for polygon in polygons:
+            _level(pieces, GROUND, -1, polygon, float(terrain.heights[0, 0]), 0.0, grid)
+        return
+    for share in FINER:
+        draped = [[_drape(part, terrain) for part in cells(p, grid / share) if part.area >= 1e-3] for p in polygons]
+        if all(off <= GROUND_OFF_M for parts in draped for *_, off in parts):
+            break
+    for parts in filter(None, draped):
+        vertices, triangles, normal, _ = zip(*parts, strict=True)
+        before = np.cumsum([0, *map(len, vertices)])
+        chart = np.arange(len(parts))
+        pieces.add(
+            np.full(len(parts), GROUND),
+            np.zeros(len(parts), np.int64),
+            -1,
+            *frames(np.array(normal)),
+            np.concatenate(vertices),
+            np.concatenate([t + start for t, start in zip(triangles, before[:-1], strict=True)]),
+            np.repeat(chart, list(map(len, triangles))),
+        )
+
+
+def _drape(part: Polygon, terrain: Terrain) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    """A piece of ground on the terrain: vertices (v, 3), triangles (t, 3), its best plane's normal, and how far the terrain
+    leaves that plane, metres."""
+    cut = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
+    corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
+    points, index = np.unique(corners, axis=0, return_inverse=True)
+    west, south, east, north = part.bounds
+    x, y = np.meshgrid(np.linspace(west, east, 9), np.linspace(south, north, 9))
+    samples = np.column_stack([x.ravel(), y.ravel()])
+    samples = np.concatenate([points, samples[shapely.contains_xy(part, samples)]])
+    heights = terrain.height(samples)
+    system = np.column_stack([samples - points[0], np.ones(len(samples))])
+    plane = np.linalg.lstsq(system, heights, rcond=None)[0]
+    off = float(np.abs(system @ plane - heights).max())
+    normal = np.array([-plane[0], -plane[1], 1.0])
+    vertices = np.column_stack([points, heights[: len(points)]])
+    return vertices, index.reshape(-1, 3), normal / np.linalg.norm(normal), off

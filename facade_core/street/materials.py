@@ -19,7 +19,12 @@ PLASTERS = np.array(
     np.float64,
 )
 ROOFS = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
-
+TILES = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [88, 84, 84]], np.float64)
+WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
+GLASS = np.array([44.0, 52.0, 60.0])
+SKY = np.array([176.0, 198.0, 220.0])
+# Width and visible length of a roof tile, metres.
+TILE_M = (0.24, 0.34)
 
 _LOW32 = np.uint64(0xFFFFFFFF)
 
@@ -84,6 +89,18 @@ def roofing(points: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
     return tint * (1 + 0.10 * noise - 0.12 * seam)[:, None]
 
 
+def tiling(across: np.ndarray, down: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
+    """Tilted roof of clay tiles in rows that overlap down the slope, one colour per building; all arguments (n,), metres."""
+    tint = _pick(TILES, building, seed + 19)
+    row = np.floor(down / TILE_M[1])
+    column = across / TILE_M[0] + 0.5 * (row % 2)
+    share = down / TILE_M[1] - row
+    tile = value_noise(np.floor(column), row, seed + 23) - 0.5
+    crest = np.cos(2 * np.pi * (column - np.floor(column) - 0.5))
+    noise = _mottle(across, down, seed + 29, (0.8, 5.0))
+    return tint * (1 + 0.08 * noise + 0.10 * tile + 0.05 * crest - 0.22 * (share > 0.86))[:, None]
+
+
 def plaster(along: np.ndarray, down: np.ndarray, above: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
     """Bare rendered wall, dirtier near the ground, one colour per building; all arguments (n,), metres."""
     tint = _pick(PLASTERS, building, seed + 9)
@@ -91,6 +108,29 @@ def plaster(along: np.ndarray, down: np.ndarray, above: np.ndarray, building: np
     streaks = value_noise(along / 0.35, down / 6.0, seed + 17) - 0.5
     dirt = 0.16 * np.exp(-np.maximum(above, 0) / 0.7)
     return tint * (1 + 0.06 * noise + 0.05 * streaks - dirt)[:, None]
+
+
+def glass(along: np.ndarray, down: np.ndarray, height: np.ndarray, seed: int) -> np.ndarray:
+    """Window pane: dark, with more sky in it towards its top; along, down and the pane's height (n,), metres."""
+    sky = np.clip(1 - down / np.maximum(height, 0.1), 0, 1)
+    noise = _mottle(along, down, seed + 31, (0.7, 2.5))
+    return GLASS + (sky**2 * (1 + 0.3 * noise) + 0.08 * noise)[:, None] * (SKY - GLASS) * 0.55
+
+
+def wood(along: np.ndarray, down: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
+    """Door of upright boards 0.12 m wide, one colour per building; all arguments (n,), metres."""
+    tint = _pick(WOODS, building, seed + 37)
+    board = along / 0.12
+    joint = np.abs(board - np.round(board)) < 0.06
+    grain = value_noise(along / 0.02, down / 0.6, seed + 41) - 0.5
+    plank = value_noise(np.floor(board + 0.5), np.zeros(len(board)), seed + 43) - 0.5
+    return tint * (1 + 0.16 * grain + 0.10 * plank - 0.35 * joint)[:, None]
+
+
+def soffit(across: np.ndarray, down: np.ndarray, seed: int) -> np.ndarray:
+    """Grey plaster of what is seen from below; across and down (n,), metres."""
+    noise = _mottle(across, down, seed + 47, (0.3, 1.5, 5.0))
+    return (172 * (1 + 0.05 * noise))[:, None] * np.array([1.0, 0.99, 0.97])
 
 
 def _pick(palette: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:

@@ -8,15 +8,17 @@ from typing import Protocol
 import numpy as np
 import shapely
 
-from facade_core.geometry.charts import GROUND, ROOF, WALL
+from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts
 from facade_core.geometry.raycast import MISS
-from facade_core.street.materials import asphalt, paving, plaster, roofing
+from facade_core.street.materials import asphalt, glass, paving, plaster, roofing, soffit, tiling, wood
 from facade_core.street.render import Panorama, shade
 from facade_core.street.scene import Scene
 from facade_core.types import Street
 
 CARRIAGEWAY_M = 3.6
 KERB_M = 0.18
+# A roof whose normal leans more than this from the vertical (cosine) carries tiles.
+TILED = 0.985
 
 
 class Translator(Protocol):
@@ -28,10 +30,10 @@ class Translator(Protocol):
 
 
 class Swatches:
-    """Material swatches with shading for ground, roofs and bare walls; textured pixels are kept.
+    """Material swatches with shading for ground, roofs, bare walls and what is in them; textured pixels are kept.
 
     Materials are functions of the world point, so that every viewpoint paints the same ground: carriageway along the
-    centrelines, kerb, paving beyond. Walls take their building's plaster.
+    centrelines, kerb, paving beyond. Walls take their building's plaster, tilted roofs tiles along the slope.
     """
 
     def __init__(self, scene: Scene, streets: Sequence[Street], *, seed: int) -> None:
@@ -39,6 +41,12 @@ class Swatches:
         self._seed = seed
         self._centrelines = shapely.union_all([street.line for street in streets])
         shapely.prepare(self._centrelines)
+        charts, mesh = scene.charts, scene.mesh
+        own = mesh.vertex_chart
+        wall = charts.kind[own] == WALL
+        # where each building's walls begin
+        self._foot = np.full(int(charts.building.max(initial=-1)) + 1, np.inf)
+        np.minimum.at(self._foot, charts.building[own[wall]], mesh.vertices[wall, 2])
 
     def translate(self, panorama: Panorama) -> np.ndarray:
         rgb = panorama.rgb.copy()
@@ -53,15 +61,22 @@ class Swatches:
         kind = charts.kind[chart]
         if (ground := kind == GROUND).any():
             albedo[ground] = self._ground(points[ground])
-        if (roof := kind == ROOF).any():
-            albedo[roof] = roofing(points[roof], charts.building[chart[roof]], self._seed)
+        building = charts.building[chart]
+        along, down = _place(charts, chart, points)
+        flat = charts.normal()[:, 2][chart] > TILED
+        if (roof := (kind == ROOF) & flat).any():
+            albedo[roof] = roofing(points[roof], building[roof], self._seed)
+        if (tiled := (kind == ROOF) & ~flat).any():
+            albedo[tiled] = tiling(along[tiled], down[tiled], building[tiled], self._seed)
         if (wall := kind == WALL).any():
-            owner = chart[wall]
-            relative = points[wall] - charts.origin[owner]
-            along = np.einsum("ij,ij->i", relative, charts.axis_u[owner])
-            down = np.einsum("ij,ij->i", relative, charts.axis_v[owner])
-            above = points[wall][:, 2]
-            albedo[wall] = plaster(along, down, above, charts.building[owner], self._seed)
+            above = points[wall, 2] - self._foot[building[wall]]
+            albedo[wall] = plaster(along[wall], down[wall], above, building[wall], self._seed)
+        if (window := kind == WINDOW).any():
+            albedo[window] = glass(along[window], down[window], charts.size[chart[window], 1], self._seed)
+        if (door := kind == DOOR).any():
+            albedo[door] = wood(along[door], down[door], building[door], self._seed)
+        if (ceiling := kind == CEILING).any():
+            albedo[ceiling] = soffit(along[ceiling], down[ceiling], self._seed)
         return np.clip(albedo * shade(charts.normal()[chart])[:, None], 0, 255).astype(np.uint8)
 
     def _ground(self, points: np.ndarray) -> np.ndarray:
@@ -72,3 +87,10 @@ class Swatches:
         colour[road] = asphalt(points[road], aside[road], self._seed)
         colour[kerb] = 150 + 0.25 * (colour[kerb] - 150)
         return colour
+
+
+def _place(charts: Charts, chart: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Points (n, 3) in the frames of their charts (n,): metres to the right and down."""
+    relative = points - charts.origin[chart]
+    along = np.einsum("ij,ij->i", relative, charts.axis_u[chart])
+    return along, np.einsum("ij,ij->i", relative, charts.axis_v[chart])

@@ -13,7 +13,7 @@ from PIL import Image
 
 from facade_core.atlas import UNSEEN, AtlasSpec
 from facade_core.export import Camera, aerial, aim, draw_facade, fill_unseen, overlay_hidden, write_glb
-from facade_core.geometry import WALL, block_surfaces, pack
+from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
 from facade_core.labels import WINDOW
 from facade_core.street import Scene, Swatches
 from facade_core.types import Building, Lattice, Street
@@ -24,7 +24,7 @@ STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     box = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
-    charts, mesh = block_surfaces([box], [STREET], ground_margin=10, largest=90)
+    charts, mesh = block_surfaces([box], [STREET], terrain=terrain_of([], None), ground_margin=10, largest=90)
     placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 

@@ -8,7 +8,7 @@ import shapely
 
 from facade_core.atlas import PHOTO, TRANSLATED, UNSEEN, AtlasSpec
 from facade_core.errors import GeometryError
-from facade_core.geometry import GROUND, WALL, block_surfaces, pack
+from facade_core.geometry import GROUND, WALL, block_surfaces, pack, terrain_of
 from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
 from facade_core.types import Building, Street
 
@@ -21,7 +21,7 @@ BUILDINGS = [
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    charts, mesh = block_surfaces(BUILDINGS, [STREET], ground_margin=20, largest=100)
+    charts, mesh = block_surfaces(BUILDINGS, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
     placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 

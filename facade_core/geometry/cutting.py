@@ -1,0 +1,105 @@
+"""Cutting surfaces on the world grid: walls by their line, level surfaces by their outline, facets by their triangles."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+# No piece of a wall is shorter than this.
+SHORTEST_WALL_M = 0.05
+ON_PLANE_M = 1e-6
+
+
+def line_cuts(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.ndarray:
+    """Distances along a wall from a to b (2,) at which it crosses the world grid, both ends included."""
+    crossings = [np.array([0.0, length])]
+    for axis in range(2):
+        low, high = sorted((a[axis], b[axis]))
+        lines = np.arange(np.ceil(low / grid), np.floor(high / grid) + 1) * grid
+        if high - low > 1e-9:
+            crossings.append((lines - a[axis]) / (b[axis] - a[axis]) * length)
+    cuts = np.unique(np.round(np.clip(np.concatenate(crossings), 0, length), 6))
+    keep = np.concatenate([[True], np.diff(cuts) > SHORTEST_WALL_M])
+    keep[-1], keep[0] = True, True
+    if len(cuts) > 2 and cuts[-1] - cuts[keep][-2] <= SHORTEST_WALL_M:
+        keep[np.flatnonzero(keep)[-2]] = False
+    return cuts[keep]
+
+
+def cells(polygon: Polygon, grid: float) -> list[Polygon]:
+    """The parts of a polygon in the cells of the world grid, row by row."""
+    west, south, east, north = polygon.bounds
+    columns = np.arange(np.floor(west / grid), np.ceil(east / grid))
+    rows = np.arange(np.floor(south / grid), np.ceil(north / grid))
+    shapely.prepare(polygon)
+    boxes = [shapely.box(c * grid, r * grid, (c + 1) * grid, (r + 1) * grid) for r in rows for c in columns]
+    parts = [part for box in boxes for part in shapely.get_parts(shapely.intersection(polygon, box))]
+    return [part for part in parts if part.geom_type == "Polygon"]
+
+
+def cut_triangles(
+    vertices: np.ndarray, triangles: np.ndarray, uv: np.ndarray, grid: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles cut on the planes of the world grid, along the axes on which they are longer than a cell together.
+
+    vertices (v, 3) metres, triangles (t, 3), uv (t, 3, 2) at the corners. Returns vertices with those on the cuts behind,
+    triangles, uv, the triangle each is a part of, and the number of its cell, all per part.
+    """
+    source = np.arange(len(triangles))
+    corners = vertices[triangles].reshape(-1, 3)
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    axes = np.flatnonzero(high - low > grid).tolist()
+    for axis in axes:
+        for at in np.arange(np.floor(low[axis] / grid) + 1, np.ceil(high[axis] / grid)) * grid:
+            vertices, triangles, uv, part = _split(vertices, triangles, uv, axis, at)
+            source = source[part]
+    middle = vertices[triangles].mean(axis=1)[:, axes]
+    cell = np.unique(np.floor(middle / grid), axis=0, return_inverse=True)[1].reshape(-1)
+    return vertices, triangles, uv, source, cell
+
+
+def _split(
+    vertices: np.ndarray, triangles: np.ndarray, uv: np.ndarray, axis: int, at: float
+) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+    """Triangles that cross a plane in two or three; the fourth value is the triangle each is a part of."""
+    height = vertices[:, axis] - at
+    height[np.abs(height) < ON_PLANE_M] = 0
+    side = np.sign(height)[triangles]
+    cross = np.flatnonzero((side.min(axis=1) < 0) & (side.max(axis=1) > 0))
+    rest = np.setdiff1d(np.arange(len(triangles)), cross)
+    # the corner that is alone on its side, or on the plane, comes first: its value is the other two's sum, negated, or zero
+    total = side[cross].sum(axis=1)
+    first = np.argmax(side[cross] == -total[:, None], axis=1)
+    turn = (first[:, None] + np.arange(3)) % 3
+    corner = np.take_along_axis(triangles[cross], turn, axis=1)
+    place = np.take_along_axis(uv[cross], turn[..., None], axis=1)
+    two, three = np.flatnonzero(total == 0), np.flatnonzero(total != 0)
+    a, b, c = corner.T
+    pairs = np.concatenate(
+        [np.stack([b, c], axis=1)[two], np.stack([a, b], axis=1)[three], np.stack([a, c], axis=1)[three]]
+    )
+    edges, edge = np.unique(np.sort(pairs, axis=1), axis=0, return_inverse=True)
+    share = height[edges[:, 0]] / (height[edges[:, 0]] - height[edges[:, 1]])
+    points = vertices[edges[:, 0]] + share[:, None] * (vertices[edges[:, 1]] - vertices[edges[:, 0]])
+    points[:, axis] = at
+    edge = edge.reshape(-1)
+    new = edge + len(vertices)
+    along = np.where(pairs[:, 0] == edges[edge, 0], share[edge], 1 - share[edge])[:, None]
+    m2, mb, mc = np.split(np.arange(len(pairs)), [len(two), len(two) + len(three)])
+    uv2 = place[two, 1] + along[m2] * (place[two, 2] - place[two, 1])
+    uvb = place[three, 0] + along[mb] * (place[three, 1] - place[three, 0])
+    uvc = place[three, 0] + along[mc] * (place[three, 2] - place[three, 0])
+    parts = [
+        (a[two], b[two], new[m2], place[two, 0], place[two, 1], uv2, two),
+        (a[two], new[m2], c[two], place[two, 0], uv2, place[two, 2], two),
+        (a[three], new[mb], new[mc], place[three, 0], uvb, uvc, three),
+        (new[mb], b[three], c[three], uvb, place[three, 1], place[three, 2], three),
+        (new[mb], c[three], new[mc], uvb, place[three, 2], uvc, three),
+    ]
+    return (
+        np.concatenate([vertices, points]),
+        np.concatenate([triangles[rest], *(np.stack(part[:3], axis=1) for part in parts)]),
+        np.concatenate([uv[rest], *(np.stack(part[3:6], axis=1) for part in parts)]).astype(uv.dtype),
+        np.concatenate([rest, *(cross[part[6]] for part in parts)]),
+    )
