@@ -1,25 +1,89 @@
-"""A chart's raster from a posed panorama."""
+"""Charts from posed panoramas: which show a chart and how well, the chart's raster from one, and from several."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import dataclass
+
 import numpy as np
-from numba import njit
 
 from facade_core.errors import ImageError
-from facade_core.rectify.camera import camera_from_world, position
-from facade_core.rectify.pyramid import area_mean, pyramid
-from facade_core.rectify.sightings import GRAZING_DEG, visible
+from facade_core.rectify.camera import camera_from_world, in_view, position, shares
+from facade_core.rectify.resampling import footprints_of, resample
 from facade_core.street.scene import Scene
 from facade_core.types import Pose
 
+# Flatter than this, a wall's pixels are stretched and its balconies hide its windows.
+GRAZING_DEG = 12.0
+# What lies this close before a surface does not hide it: mouldings, and the noise of the model.
+SKIN_M = 0.05
+# A sighting shows at least this share of the chart.
+LEAST_SEEN = 0.02
+# Points of a chart that are looked at, per axis.
+SAMPLES = (12, 8)
 # Rays cast at once, which bounds memory.
 RAYS = 1 << 18
-# Colour distance to the bottom row within which pixels above it belong to the same flat mask.
-FLAT = 12
-# Rows above the mask that compression has mixed with it.
-MASK_RIM = 4
-# Share of the full panorama's height above which a flat bottom is ground, not a mask.
-MASK_HIGHEST = 2 / 3
+# Gains beyond these say that two pictures do not show the same thing.
+GAIN = (0.5, 2.0)
+# Texels below which an overlap says nothing of the exposure; nor do texels outside this range of grey.
+LEAST_OVERLAP = 256
+EXPOSED = (8, 247)
+# Texels over which one picture fades into the next.
+FADE = 12
+
+
+@dataclass(frozen=True, slots=True)
+class Sighting:
+    """A panorama that shows a chart: its index; seen, the share of the chart; pixels_per_metre and obliquity (degrees between
+    line of sight and surface), means over what is seen; score, higher is better."""
+
+    panorama: int
+    seen: float
+    pixels_per_metre: float
+    obliquity: float
+    score: float
+
+
+def sightings(
+    scene: Scene,
+    chart: int,
+    poses: Sequence[Pose],
+    image_sizes: Sequence[tuple[int, int]],
+    *,
+    reach: float = 80.0,
+) -> list[Sighting]:
+    """Panoramas that show a chart within `reach` metres, best first; image_sizes are (height, width) in pixels.
+
+    A point counts as seen where nothing is before it, its surface is not seen at a grazing angle and the picture's view holds
+    it. The score is the share seen, less for pictures coarser than the atlas and for oblique ones, in which what stands out
+    of the wall is displaced. Raises GeometryError for a pose without height.
+    """
+    points = _grid(scene, chart)
+    if len(points) == 0 or len(poses) == 0:
+        return []
+    normal = scene.charts.normal()[chart]
+    places = np.array([position(pose) for pose in poses])
+    middle = points.mean(axis=0)
+    radius = np.linalg.norm(points - middle, axis=1).max()
+    offset = places - middle
+    near = (offset @ normal > 0) & (np.linalg.norm(offset, axis=1) <= reach + radius)
+    found = []
+    for index in np.flatnonzero(near).tolist():
+        pose, (_, width) = poses[index], image_sizes[index]
+        rays = points - places[index]
+        distance = np.linalg.norm(rays, axis=1)
+        sine = -(rays @ normal) / np.maximum(distance, 1e-9)
+        usable = (distance <= reach) & (sine >= np.sin(np.radians(GRAZING_DEG))) & in_view(shares(rays, pose), pose)
+        usable[usable] = _visible(scene, chart, places[index], rays[usable])
+        seen = float(usable.mean())
+        if seen < LEAST_SEEN:
+            continue
+        pixels_per_radian = width / pose.view[2] / (2 * np.pi)
+        resolution = float((pixels_per_radian / distance[usable] * np.sqrt(sine[usable])).mean())
+        facing = float(sine[usable].mean())
+        score = seen * min(1.0, resolution / scene.spec.texels_per_metre) * facing
+        found.append(Sighting(index, seen, resolution, float(np.degrees(np.arcsin(facing))), score))
+    return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 
 def rectify_panorama(
@@ -41,33 +105,65 @@ def rectify_panorama(
     down = charts.axis_v[chart] * (placement.height[chart] / scene.spec.texels_per_metre / rows)
     corner = charts.origin[chart] - place
     left, top, width, height = pose.view
-    turn = image.shape[1] / width  # pixels all around
+    turn, half = image.shape[1] / width, image.shape[0] / height
     footprints = np.empty((rows, columns, 6), np.float32)
     seen = np.empty((rows, columns), np.bool_)
-    _footprints(
+    footprints_of(
         corner,
         right,
         down,
         camera_from_world(pose),
         charts.normal()[chart],
         np.sin(np.radians(GRAZING_DEG)),
-        (turn, image.shape[0] / height, left * turn, top * image.shape[0] / height),
+        (turn, half, left * turn, top * half),
         image.shape[:2],
         footprints,
         seen,
     )
     _hide(scene, chart, place, corner, right, down, seen)
-    rgb = np.zeros((rows, columns, 3), np.uint8)
-    if not seen.any():
-        return rgb, seen
-    first, columns_used = _columns(footprints[seen], image.shape[1], turn)
-    y, reach = footprints[seen, 1], _margin(footprints[seen])
-    upper = max(0, int(y.min() - reach))
-    lower = min(image.shape[0], int(y.max() + reach) + 1)
-    mask = _mask_top(image, columns_used, round((MASK_HIGHEST - top) / height * image.shape[0]), lower)
-    part = pyramid(image[upper:lower][:, columns_used])
-    _resample(part.pixels, part.levels, footprints, float(first), turn, float(upper), mask, rgb, seen)
+    return resample(image, pose.view, footprints, seen), seen
+
+
+def fuse(
+    scene: Scene, chart: int, views: Sequence[tuple[np.ndarray, Pose]], size: tuple[int, int]
+) -> tuple[np.ndarray, np.ndarray]:
+    """A chart from several panoramas, best first, each an image and its pose: rgb (h, w, 3) uint8 and seen (h, w) bool.
+
+    The first keeps its texels but for a narrow fade at its border; each next fills what is left, its channels matched to the
+    texels it shares with what is there. Arguments and errors otherwise as of rectify_panorama.
+    """
+    rgb, seen = np.zeros((*size, 3), np.uint8), np.zeros(size, np.bool_)
+    for image, pose in views:
+        if seen.all():
+            break
+        _fill(rgb, seen, *rectify_panorama(scene, chart, image, pose, size))
     return rgb, seen
+
+
+def _fill(rgb: np.ndarray, seen: np.ndarray, colour: np.ndarray, shown: np.ndarray) -> None:
+    """Put the shown texels of a raster where nothing is seen yet, in place."""
+    import cv2
+
+    fresh = shown & ~seen
+    if not fresh.any():
+        return
+    gained = np.clip(colour * _gain(rgb, colour, seen & shown), 0, 255)
+    away = cv2.distanceTransform((~fresh).astype(np.uint8), cv2.DIST_L2, 3)
+    fading = seen & shown & (away < FADE)
+    share = (away[fading] / FADE)[:, None]
+    rgb[fading] = np.round(share * rgb[fading] + (1 - share) * gained[fading])
+    rgb[fresh] = np.round(gained[fresh])
+    seen |= shown
+
+
+def _gain(rgb: np.ndarray, colour: np.ndarray, shared: np.ndarray) -> np.ndarray:
+    """Factors (3,) float32 that bring `colour` to the exposure of `rgb` over the texels they share."""
+    a, b = rgb[shared], colour[shared]
+    low, high = EXPOSED
+    usable = ((a >= low) & (a <= high) & (b >= low) & (b <= high)).all(axis=1)
+    if usable.sum() < LEAST_OVERLAP:
+        return np.ones(3, np.float32)
+    return np.clip(a[usable].mean(axis=0) / b[usable].mean(axis=0), *GAIN).astype(np.float32)
 
 
 def _hide(scene: Scene, chart: int, place, corner, right, down, seen: np.ndarray) -> None:
@@ -80,109 +176,26 @@ def _hide(scene: Scene, chart: int, place, corner, right, down, seen: np.ndarray
         if not part.any():
             continue
         rays = corner + (np.arange(start, start + len(part)) + 0.5)[:, None, None] * down + along
-        part[part] = visible(scene, chart, place, rays[part])
+        part[part] = _visible(scene, chart, place, rays[part])
 
 
-def _margin(footprints: np.ndarray) -> float:
-    """Pixels around texel centres that resampling reads."""
-    return float(np.abs(footprints[:, 2:]).max()) + 3.0
+def _visible(scene: Scene, chart: int, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:
+    """Whether the points origin + rays (..., 3) on a chart are in sight: (...,) bool."""
+    reached, hit = scene.caster.cast(origin, rays)
+    surface = scene.charts.surface
+    own = (hit >= 0) & (surface[hit] == surface[chart])
+    return own | ((1.0 - reached) * np.linalg.norm(rays, axis=-1) < SKIN_M)
 
 
-def _columns(footprints: np.ndarray, width: int, turn: float) -> tuple[int, np.ndarray]:
-    """The first column and all columns of the picture that texels need; a full panorama goes on across its border."""
-    x, margin = footprints[:, 0], _margin(footprints)
-    if turn > width:
-        first = max(0, int(x.min() - margin))
-        return first, np.arange(first, min(width, int(x.max() + margin) + 1))
-    angle = x * (2 * np.pi / turn)
-    middle = np.arctan2(np.sin(angle).mean(), np.cos(angle).mean()) * turn / (2 * np.pi)
-    offset = (x - middle + turn / 2) % turn - turn / 2
-    first = int(np.floor(middle + max(offset.min() - margin, -turn / 2)))
-    last = int(np.ceil(middle + min(offset.max() + margin, turn / 2)))
-    return first, np.arange(first, last + 1) % width
-
-
-def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) -> np.ndarray:
-    """First row of the flat mask at the bottom of each column: black, or whatever one colour the whole bottom row has.
-
-    Rows above `highest` are never masked; rows from `lower` on are of no interest.
-    """
-    none = np.full(len(columns), len(image))
-    highest = max(highest, 0)
-    if lower <= highest:
-        return none
-    bottom = image[-1].astype(np.int16)
-    colour = np.median(bottom, axis=0)
-    if (np.abs(bottom - colour).max(axis=1) > FLAT).mean() > 0.05:
-        return none
-    low, high = np.clip(colour - FLAT, 0, 255).astype(np.uint8), np.clip(colour + FLAT, 0, 255).astype(np.uint8)
-    part = image[highest:][::-1][:, columns]
-    flat = ((part >= low) & (part <= high)).all(axis=2)
-    run = np.where(flat.all(axis=0), len(flat), flat.argmin(axis=0))
-    return np.where(run > 0, np.maximum(len(image) - run - MASK_RIM, highest), none)
-
-
-@njit(cache=True, nogil=True)
-def _footprints(corner, right, down, camera, normal, grazing, scale, shape, footprints, seen):
-    """Per texel its centre in the picture and the two sides of the parallelogram it covers there; whether it may be seen.
-
-    scale: pixels per turn and per half turn, and the full panorama's pixels left of and above the picture.
-    """
-    rows, columns = seen.shape
-    turn, half, left, top = scale
-    # corners of the row of texels at hand: above and below
-    x = np.empty((2, columns + 1))
-    y = np.empty((2, columns + 1))
-    for r in range(rows + 1):
-        for c in range(columns + 1):
-            px = corner[0] + c * right[0] + r * down[0]
-            py = corner[1] + c * right[1] + r * down[1]
-            pz = corner[2] + c * right[2] + r * down[2]
-            cx = camera[0, 0] * px + camera[0, 1] * py + camera[0, 2] * pz
-            cy = camera[1, 0] * px + camera[1, 1] * py + camera[1, 2] * pz
-            cz = camera[2, 0] * px + camera[2, 1] * py + camera[2, 2] * pz
-            x[r % 2, c] = (np.arctan2(cx, cz) / (2 * np.pi) + 0.5) * turn - left
-            y[r % 2, c] = (0.5 + np.arctan2(cy, np.hypot(cx, cz)) / np.pi) * half - top
-        if r == 0:
-            continue
-        above, below = (r - 1) % 2, r % 2
-        for c in range(columns):
-            x0 = x[above, c]
-            x1 = x0 + _across(x[above, c + 1] - x0, turn)
-            x2 = x0 + _across(x[below, c] - x0, turn)
-            x3 = x0 + _across(x[below, c + 1] - x0, turn)
-            y0, y1, y2, y3 = y[above, c], y[above, c + 1], y[below, c], y[below, c + 1]
-            mx, my = (x0 + x1 + x2 + x3) / 4, (y0 + y1 + y2 + y3) / 4
-            mx %= turn
-            footprints[r - 1, c, 0], footprints[r - 1, c, 1] = mx, my
-            footprints[r - 1, c, 2], footprints[r - 1, c, 3] = (x1 - x0 + x3 - x2) / 2, (y1 - y0 + y3 - y2) / 2
-            footprints[r - 1, c, 4], footprints[r - 1, c, 5] = (x2 - x0 + x3 - x1) / 2, (y2 - y0 + y3 - y1) / 2
-            facing, square = 0.0, 0.0
-            for i in range(3):
-                ray = corner[i] + (c + 0.5) * right[i] + (r - 0.5) * down[i]
-                facing -= ray * normal[i]
-                square += ray * ray
-            inside = mx < shape[1] and my >= 0 and my < shape[0]
-            seen[r - 1, c] = inside and facing >= grazing * np.sqrt(square)
-
-
-@njit(cache=True, nogil=True)
-def _across(difference, turn):
-    """A difference of columns the short way round."""
-    return difference - turn * np.round(difference / turn)
-
-
-@njit(cache=True, nogil=True)
-def _resample(pixels, levels, footprints, first, turn, upper, mask, rgb, seen):
-    """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; unsee the masked."""
-    rows, columns = seen.shape
-    for r in range(rows):
-        for c in range(columns):
-            if not seen[r, c]:
-                continue
-            x, y, ax, ay, bx, by = footprints[r, c]
-            x = (x - first) % turn
-            if y + (abs(ay) + abs(by)) / 2 >= mask[min(int(x), len(mask) - 1)]:
-                seen[r, c] = False
-                continue
-            area_mean(pixels, levels, x, y - upper, ax, ay, bx, by, False, rgb[r, c])
+def _grid(scene: Scene, chart: int) -> np.ndarray:
+    """World points (k, 3) evenly spread over a chart's own triangles."""
+    charts, mesh = scene.charts, scene.mesh
+    at = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in SAMPLES)), axis=-1).reshape(-1, 2)
+    at = at * charts.size[chart]
+    corners = mesh.vertices[mesh.triangles[mesh.chart == chart]] - charts.origin[chart]
+    flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]])
+    edge = np.roll(flat, -1, axis=1) - flat
+    to = at[:, None, None] - flat
+    side = edge[..., 0] * to[..., 1] - edge[..., 1] * to[..., 0]
+    inside = ((side >= 0).all(axis=2) | (side <= 0).all(axis=2)).any(axis=1)
+    return charts.origin[chart] + at[inside] @ np.stack([charts.axis_u[chart], charts.axis_v[chart]])
