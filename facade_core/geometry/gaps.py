@@ -22,6 +22,8 @@ _WEDGE = (
     0.4  # gain of clearance per metre from the tip of a blind branch that marks a corner: 47 degrees between its walls
 )
 _STRAIGHT = np.cos(np.radians(50.0))  # a street goes on through a junction where it turns by less
+_BLURS = (3.0, 1.0)  # m; the first that keeps clear of the walls smooths a street
+_DETAIL = 0.1  # m; what a simplified line may miss
 _SHORTEST = 5.0  # m; what junctions leave over
 
 
@@ -32,7 +34,7 @@ def streets_between(footprints: Sequence[Polygon], *, reach: float = 15.0) -> tu
     within `reach` metres of a building: the middle of gaps up to about 2 x reach wide, else half of `reach` before the walls,
     so that a building alone has a ring around it. Gaps narrower than NARROWEST carry none, nor do yards: free space smaller
     than PLACE without a gap to the outside that is NARROWEST wide. No street comes nearer to a building than CLEARANCE. Lines
-    are smooth to half a metre. The result does not depend on the order of the footprints.
+    are smoothed over some metres. The result does not depend on the order of the footprints.
 
     Raises GeometryError where a footprint has coordinates that are not finite, or `reach` is not above NARROWEST.
     """
@@ -224,8 +226,9 @@ def _heading(path: np.ndarray, distance: float) -> np.ndarray:
 
 
 def _chained(paths: list[np.ndarray], ends: np.ndarray, partner: np.ndarray) -> list[LineString]:
-    """Lines along paths whose ends are partners, first those that begin somewhere, then rings. None crosses itself.
+    """Lines along paths whose ends are partners, first those that begin somewhere, then rings.
 
+    None passes a junction twice: what comes back to one is cut there into a ring and the way to it.
     ends: the junction at each path's start and end (2 per path); partner: the end that each goes on with, -1 for none.
     """
     partner = partner.copy()
@@ -235,41 +238,49 @@ def _chained(paths: list[np.ndarray], ends: np.ndarray, partner: np.ndarray) -> 
     while waiting:
         end = waiting.pop()
         chain: list[np.ndarray] = []
-        passed = {ends[end]}
+        passed = [ends[end]]
         while end >= 0 and not used[end // 2]:
             used[end // 2] = True
             chain.append(paths[end // 2][:: 1 - 2 * (end % 2)])
             end ^= 1
             following = int(partner[end])
-            if ends[end] in passed and following >= 0:
-                partner[[end, following]] = -1
-                waiting.append(following)
+            if ends[end] in passed:
+                if following >= 0:
+                    partner[[end, following]] = -1
+                    waiting.append(following)
+                start = passed.index(ends[end])
+                lines += [_line(part) for part in (chain[:start], chain[start:]) if part]
+                chain = []
                 break
-            passed.add(ends[end])
+            passed.append(ends[end])
             end = following
         if chain:
-            coords = np.concatenate(chain)
-            lines.append(LineString(coords[np.concatenate([[True], (np.diff(coords, axis=0) != 0).any(axis=1)])]))
+            lines.append(_line(chain))
     return lines
 
 
+def _line(chain: Sequence[np.ndarray]) -> LineString:
+    coords = np.concatenate(chain)
+    return LineString(coords[np.concatenate([[True], (np.diff(coords, axis=0) != 0).any(axis=1)])])
+
+
 def _smoothed(line: LineString, walls: shapely.STRtree) -> LineString:
-    """Simplified to half a metre and its corners cut twice (Chaikin), unless it came too near to a wall."""
-    smooth = line.simplify(0.5)
-    for _ in range(2):
-        coords = shapely.get_coordinates(smooth)
+    """Smoothed over some metres, its ends kept, as far as that leads neither near to a wall nor across itself."""
+    from scipy.ndimage import gaussian_filter1d
+
+    steps = max(4, round(line.length))
+    points = shapely.get_coordinates(shapely.line_interpolate_point(line, np.linspace(0.0, line.length, steps + 1)))
+    for blur in _BLURS:
         if line.is_closed:
-            coords = coords[:-1]
-            following = np.roll(coords, -1, axis=0)
+            smooth = gaussian_filter1d(points[:-1], blur, axis=0, mode="wrap")
+            smooth = np.concatenate([smooth, smooth[:1]])
         else:
-            coords, following = coords[:-1], coords[1:]
-        cut = np.stack([0.75 * coords + 0.25 * following, 0.25 * coords + 0.75 * following], axis=1).reshape(-1, 2)
-        ends = (cut, cut[:1]) if line.is_closed else (line.coords[:1], cut[1:-1], line.coords[-1:])
-        smooth = LineString(np.concatenate(ends))
-    smooth = smooth.simplify(0.05)
-    if len(walls.query(smooth, predicate="dwithin", distance=CLEARANCE)) or not smooth.is_simple:
-        return line.simplify(0.1)
-    return smooth
+            mirrored = np.concatenate([2 * points[0] - points[:0:-1], points, 2 * points[-1] - points[-2::-1]])
+            smooth = gaussian_filter1d(mirrored, blur, axis=0)[steps : 2 * steps + 1]
+        found = LineString(smooth).simplify(_DETAIL)
+        if found.is_simple and len(walls.query(found, predicate="dwithin", distance=CLEARANCE)) == 0:
+            return found
+    return line.simplify(_DETAIL)
 
 
 def _diagonal(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
