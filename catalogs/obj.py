@@ -1,0 +1,205 @@
+"""Wavefront OBJ with its groups, objects and materials kept, polygons cut as polygons, and textures as files."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.faces import Face, shell_of
+from catalogs.features import Fault, Remark
+from catalogs.surfaces import Surface, is_inside, is_surface_name, semantic_of
+from facade_core.errors import InputError
+
+_NAMELESS = ("", "default", "(null)", "off")
+
+Label = tuple[str | None, str | None, str | None]  # object, group, material
+
+
+@dataclass(slots=True)
+class _Faces:
+    """Faces under one label: corners per face, then for each corner its vertex and its texture coordinate, -1 without."""
+
+    sizes: array[int] = field(default_factory=lambda: array("i"))
+    vertex: array[int] = field(default_factory=lambda: array("q"))
+    coordinate: array[int] = field(default_factory=lambda: array("q"))
+
+
+@dataclass(slots=True)
+class _Text:
+    """What the lines of a file say."""
+
+    vertices: array[float] = field(default_factory=lambda: array("d"))
+    coordinates: array[float] = field(default_factory=lambda: array("d"))
+    faces: dict[Label, _Faces] = field(default_factory=dict)
+    declared: set[Label] = field(default_factory=set)
+    libraries: list[str] = field(default_factory=list)
+
+
+def read_obj(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark], list[Fault]]:
+    """Surfaces by building and kind, the pictures they show, and what was noticed.
+
+    x east, y north, z up, as 3D city models are exported. Raises InputError where there is no face.
+    """
+    text = _parsed(path)
+    if not text.faces:
+        raise InputError(f"{path} holds no faces; export the model as polygons or triangles")
+    # a last row that is no number stands for every vertex that is not there
+    vertices = np.concatenate([np.frombuffer(text.vertices), [np.nan] * 3]).reshape(-1, 3)
+    coordinates = np.concatenate([np.frombuffer(text.coordinates), [np.nan] * 2]).reshape(-1, 2)
+    pictures, remarks = _pictures(path, text.libraries)
+    textures = tuple(dict.fromkeys(pictures.values()))
+
+    objects = {label[0] for label in text.faces} - {None}
+    piped = any("|" in (label[1] or "") for label in text.faces)
+    by_object = len(objects) > 1 and not piped
+    surfaces: list[Surface] = []
+    for label, faces in text.faces.items():
+        _, group, material = label
+        kind = (group or "").partition("|")[2]
+        if is_inside(kind):
+            continue
+        semantic = semantic_of(kind, group if by_object or is_surface_name(group or "") else None, material)
+        picture = pictures.get(material or "")
+        texture = -1 if picture is None else textures.index(picture)
+        surfaces += _surfaces(faces, vertices, coordinates, _building(label, by_object), semantic, texture)
+    named = {_building(label, by_object) for label in text.faces}
+    empty = sorted({_building(label, by_object) for label in text.declared} - named - {None}, key=str)
+    faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
+    return surfaces, textures, remarks, faults
+
+
+def _building(label: Label, by_object: bool) -> str | None:
+    """The name of the building under a label; a group's name up to a | where groups name the buildings."""
+    object_name, group, _ = label
+    names = (object_name,) if by_object else (group, object_name)
+    for name in names:
+        name = (name or "").partition("|")[0].strip()
+        if name.lower() not in _NAMELESS and not is_surface_name(name):
+            return name
+    return None
+
+
+def _parsed(path: Path) -> _Text:
+    text = _Text()
+    label: Label = (None, None, None)
+    faces = None
+    for line in _lines(path):
+        words = line.split()
+        key = words[0] if words else ""
+        if key == "v":
+            text.vertices.extend(_numbers(words[1:4], 3))
+        elif key == "f":
+            if len(words) < 4:
+                continue
+            if faces is None:
+                faces = text.faces.setdefault(label, _Faces())
+            faces.sizes.append(len(words) - 1)
+            for word in words[1:]:
+                vertex, _, rest = word.partition("/")
+                faces.vertex.append(_index(vertex, len(text.vertices) // 3))
+                faces.coordinate.append(_index(rest.partition("/")[0], len(text.coordinates) // 2) if rest else -1)
+        elif key == "vt":
+            text.coordinates.extend(_numbers([*words[1:3], "0"][:2], 2))
+        elif key in ("g", "o", "usemtl"):
+            name = line.strip()[len(key) :].strip()
+            if key == "o":
+                label = (name, None, label[2])
+            else:
+                label = (label[0], name, label[2]) if key == "g" else (label[0], label[1], name)
+            if key != "usemtl":
+                text.declared.add(label)
+            faces = None
+        elif key == "mtllib":
+            text.libraries.append(line.strip()[6:].strip())
+    return text
+
+
+def _lines(path: Path) -> Iterator[str]:
+    """The lines of a file; those that end in a backslash are continued."""
+    start = ""
+    with path.open(encoding="utf-8", errors="replace") as file:
+        for line in file:
+            if line.endswith("\\\n"):
+                start += line[:-2] + " "
+            else:
+                yield start + line if start else line
+                start = ""
+
+
+def _numbers(words: list[str], count: int) -> tuple[float, ...]:
+    """The numbers of a vertex; where one is not readable all are NaN, so that only its faces are lost."""
+    try:
+        numbers = tuple(map(float, words))
+    except ValueError:
+        numbers = ()
+    return numbers if len(numbers) == count else (float("nan"),) * count
+
+
+def _index(word: str, count: int) -> int:
+    """Counted from 0; -1 where it is no index. Those below zero count back from the latest."""
+    try:
+        index = int(word)
+    except ValueError:
+        return -1
+    return index - 1 if index > 0 else max(count + index, -1) if index < 0 else -1
+
+
+def _surfaces(
+    faces: _Faces, vertices: np.ndarray, coordinates: np.ndarray, building: str | None, semantic: str, texture: int
+) -> Iterator[Surface]:
+    sizes = np.frombuffer(faces.sizes, np.int32)
+    starts = np.cumsum(sizes) - sizes
+    vertex = np.frombuffer(faces.vertex, np.int64)
+    points = vertices[np.where(vertex < len(vertices) - 1, vertex, -1)]
+    coordinate = np.frombuffer(faces.coordinate, np.int64)
+    uv = np.nan_to_num(coordinates[np.where(coordinate < len(coordinates) - 1, coordinate, -1)])
+    sound = np.logical_and.reduceat(np.isfinite(points).all(axis=1), starts)
+
+    triangles = starts[sound & (sizes == 3), None] + np.arange(3)
+    yield Surface(building, semantic, points[triangles], texture, uv[triangles])
+    if len(rest := np.flatnonzero(sound & (sizes > 3))):
+        rings = [slice(starts[face], starts[face] + sizes[face]) for face in rest]
+        if (shell := shell_of([Face([points[ring]], semantic, texture, [uv[ring]]) for ring in rings])) is not None:
+            yield Surface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv)
+    if not sound.all():  # one broken triangle each tells whose model is broken
+        broken = points[starts[~sound, None] + np.arange(3)]
+        broken[np.isfinite(broken).all(axis=(1, 2)), 0] = np.nan
+        yield Surface(building, semantic, broken)
+
+
+def _pictures(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[Remark]]:
+    """The picture of each material (map_Kd) that lies on disk."""
+    pictures: dict[str, Path] = {}
+    remarks = []
+    for library in libraries:
+        whole = path.parent / library
+        for file in [whole] if whole.is_file() else [path.parent / name for name in library.split()]:
+            if not file.is_file():
+                remarks.append(Remark(file.name, "material files named by the model but absent", None))
+                continue
+            material = ""
+            for line in _lines(file):
+                key, _, value = line.strip().partition(" ")
+                if key.lower() == "newmtl":
+                    material = value.strip()
+                elif key.lower() == "map_kd":
+                    picture = _beside(file.parent, value.strip())
+                    if picture is None:
+                        remarks.append(Remark(value.strip(), "pictures named by materials but absent", None))
+                    else:
+                        pictures[material] = picture
+    return pictures, remarks
+
+
+def _beside(folder: Path, stated: str) -> Path | None:
+    """The picture that map_Kd states, options before its name or not, or one of that name in the folder itself."""
+    stated = stated.replace("\\", "/")
+    for name in (stated, stated.split()[-1] if stated else ""):
+        for file in (folder / name, folder / Path(name).name):
+            if name and file.is_file():
+                return file
+    return None

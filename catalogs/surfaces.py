@@ -1,0 +1,224 @@
+"""Triangles of a model file into the models of its buildings: by the names it gives, else by what hangs together."""
+
+from __future__ import annotations
+
+import re
+from collections import defaultdict
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+
+from catalogs.features import Fault, Model
+from facade_core.types import SEMANTICS, Shell
+
+# A word in a surface's name and what it says; the first that occurs counts, so that a roof window is a window.
+_WORDS = {"window": "window", "door": "door", "ceiling": "ceiling", "outerfloor": "roof", "roof": "roof"}
+_WORDS |= {"wall": "wall", "facade": "wall", "ground": "ground"}
+_WORDS |= {"fenster": "window", "raam": "window", "dach": "roof", "dak": "roof", "wand": "wall", "gevel": "wall"}
+_SURFACE = re.compile(rf"(outer)?({'|'.join(_WORDS)})s?[\W_]*(surface)?s?[\W_\d]*", re.IGNORECASE)
+_INSIDE = re.compile(r"(closure|interiorwall|floor|ceiling|intbuildinginstallation)(surface)?", re.IGNORECASE)
+
+_WELD = 1e-3  # m; vertices nearer than this are one
+_NEAR = 0.1  # m; a window may stand this far in front of its wall
+_SHARE = 0.3  # of a component that lies over another one: it is part of the same building
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Surface:
+    """Triangles of one kind: corners (t, 3, 3) float64 metres, z up; uv (t, 3, 2) or None; building: its name, None without.
+
+    texture: index of the picture, -1 without.
+    """
+
+    building: str | None
+    semantic: str
+    corners: np.ndarray
+    texture: int = -1
+    uv: np.ndarray | None = None
+
+
+def semantic_of(*names: str | None) -> str:
+    """One of SEMANTICS, from the first name that holds a word for it."""
+    for name in names:
+        for word, semantic in _WORDS.items():
+            if word in (name or "").lower():
+                return semantic
+    return "unknown"
+
+
+def is_surface_name(name: str) -> bool:
+    """Whether a name says what a surface is ("RoofSurface", "walls.001") rather than which building it belongs to."""
+    return _SURFACE.fullmatch(name) is not None
+
+
+def is_inside(name: str) -> bool:
+    """Whether a CityGML surface class is not part of the outer shell: it closes an opening or is inside the building."""
+    return _INSIDE.fullmatch(name) is not None
+
+
+def models_of(surfaces: Sequence[Surface], stem: str) -> tuple[tuple[Model, ...], tuple[Fault, ...]]:
+    """One model per name where there are several, unless each names but a surface; else one per connected component.
+
+    Components whose plans lie over one another are one building; they are numbered from west to east. A model with a vertex
+    that is not a finite number is a fault.
+    """
+    surfaces = [surface for surface in surfaces if len(surface.corners)]
+    by_name: dict[str, list[Surface]] = defaultdict(list)
+    for surface in surfaces:
+        by_name[surface.building or stem].append(surface)
+    groups: Iterable[tuple[str, list[Surface]]] = by_name.items()
+    if len(by_name) == 1:
+        groups = _components(surfaces, next(iter(by_name)))
+    elif _names_are_of_surfaces(surfaces):
+        groups = _components(_merged(surfaces), stem)
+    models, faults = [], []
+    for name, parts in groups:
+        shell = _shell(parts)
+        if shell is None:
+            reason = f"model {name} has no triangle with an area; give it faces, or take its name out of the file"
+            faults.append(Fault(name, "building", reason))
+        elif not np.isfinite(shell.vertices).all():
+            reason = (
+                f"model {name} has a vertex that is missing or no finite number; mend it and export the model again"
+            )
+            known = shell.vertices[np.isfinite(shell.vertices).all(axis=1)]
+            place = shapely.box(*known[:, :2].min(axis=0), *known[:, :2].max(axis=0)) if len(known) else None
+            faults.append(Fault(name, "building", reason, place))
+        else:
+            models.append(Model(name, shell))
+    return tuple(models), tuple(faults)
+
+
+def _names_are_of_surfaces(surfaces: Sequence[Surface]) -> bool:
+    """Whether names count single surfaces: most are flat, and they hang together in far fewer parts than there are names."""
+    corners = np.concatenate([surface.corners for surface in surfaces])
+    number: dict[str | None, int] = {}
+    name = np.repeat(
+        [number.setdefault(surface.building, len(number)) for surface in surfaces], [len(s.corners) for s in surfaces]
+    )
+    normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    first = np.unique(name, return_index=True)[1]
+    length = np.linalg.norm(normal, axis=1)
+    one = normal[first][name]
+    turned = np.linalg.norm(np.cross(normal, one), axis=1) > 0.02 * length * np.linalg.norm(one, axis=1)
+    flat = np.bincount(name, turned, len(number)) == 0
+    return bool(2 * flat.sum() > len(flat)) and 2 * (int(_connected(corners).max()) + 1) <= len(flat)
+
+
+def _merged(surfaces: Sequence[Surface]) -> list[Surface]:
+    """Surfaces of one kind and picture as one."""
+    kinds: dict[tuple[str, int], list[Surface]] = defaultdict(list)
+    for surface in surfaces:
+        kinds[surface.semantic, surface.texture].append(surface)
+    merged = []
+    for (semantic, texture), same in kinds.items():
+        uv = None if texture < 0 else np.concatenate([s.uv for s in same if s.uv is not None])
+        merged.append(Surface(None, semantic, np.concatenate([s.corners for s in same]), texture, uv))
+    return merged
+
+
+def _shell(surfaces: Sequence[Surface]) -> Shell | None:
+    """Equal vertices shared, triangles without an area dropped; None where nothing is left."""
+    corners = np.concatenate([surface.corners for surface in surfaces])
+    if len(corners) == 0:
+        return None
+    sizes = [len(surface.corners) for surface in surfaces]
+    vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    triangles = index.reshape(-1, 3).astype(np.int32)
+    twice = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1)
+    keep = ~(twice <= 2e-9)  # one that is no number stays: it is a fault
+    if not keep.any():
+        return None
+    uv = [np.zeros((len(s.corners), 3, 2)) if s.uv is None else s.uv for s in surfaces]
+    return Shell(
+        vertices=vertices,
+        triangles=triangles[keep],
+        semantic=np.repeat([SEMANTICS.index(s.semantic) for s in surfaces], sizes)[keep].astype(np.uint8),
+        texture=np.repeat([s.texture for s in surfaces], sizes)[keep].astype(np.int32),
+        uv=np.concatenate(uv)[keep].astype(np.float32),
+    )
+
+
+def _components(surfaces: Sequence[Surface], name: str) -> Iterator[tuple[str, list[Surface]]]:
+    """(name, surfaces) of each building that hangs together, named name-0, name-1, ... where there are several."""
+    corners = np.concatenate([surface.corners for surface in surfaces])
+    if len(corners) == 0:
+        yield name, list(surfaces)
+        return
+    building = _joined(corners, _connected(corners))
+    finite = np.where(np.isfinite(corners), corners, np.inf)
+    west = np.full((building.max() + 1, 2), np.inf)
+    np.minimum.at(west, building, finite[..., :2].min(axis=1))
+    order = np.lexsort((west[:, 1], west[:, 0]))
+    rank = np.empty(len(order), np.int64)
+    rank[order] = np.arange(len(order))
+
+    found: list[list[Surface]] = [[] for _ in order]
+    ends = np.cumsum([len(surface.corners) for surface in surfaces])[:-1]
+    for surface, places in zip(surfaces, np.split(rank[building], ends), strict=True):
+        in_order = np.argsort(places, kind="stable")
+        for chosen in np.split(in_order, np.flatnonzero(np.diff(places[in_order])) + 1):
+            if len(chosen):
+                uv = None if surface.uv is None else surface.uv[chosen]
+                part = Surface(name, surface.semantic, surface.corners[chosen], surface.texture, uv)
+                found[places[chosen[0]]].append(part)
+    for index, parts in enumerate(found):
+        yield name if len(found) == 1 else f"{name}-{index}", parts
+
+
+def _connected(corners: np.ndarray) -> np.ndarray:
+    """(t,) number of the component of each triangle; triangles hang together where they share a vertex."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    points = corners.reshape(-1, 3)
+    finite = np.isfinite(points).all(axis=1)
+    grid = np.round(np.where(finite[:, None], points, 0.0) / _WELD).astype(np.int64)
+    vertex = np.zeros(len(points), np.int64)
+    for axis in range(3):  # three sorts of numbers are much faster than one of rows
+        place = np.unique(grid[:, axis], return_inverse=True)[1]
+        vertex = np.unique(vertex * (place.max() + 1) + place, return_inverse=True)[1]
+    vertex[~finite] = vertex.max() + 1 + np.arange((~finite).sum())  # what is nowhere joins nothing
+    triangles = vertex.reshape(-1, 3)
+    start, end = triangles[:, [0, 1]].ravel(), triangles[:, [1, 2]].ravel()
+    count = int(vertex.max()) + 1
+    graph = coo_array((np.ones(len(start), np.bool_), (start, end)), shape=(count, count))
+    label = connected_components(graph, directed=False)[1]
+    return np.unique(label[triangles[:, 0]], return_inverse=True)[1]
+
+
+def _joined(corners: np.ndarray, component: np.ndarray) -> np.ndarray:
+    """(t,) components renumbered: each one that lies over others in plan goes to the one that it lies over most."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
+
+    count = int(component.max()) + 1
+    if count == 1:
+        return component
+    plan = corners[..., :2]
+    edges = plan[:, 1:] - plan[:, :1]
+    area = np.abs(edges[:, 0, 0] * edges[:, 1, 1] - edges[:, 0, 1] * edges[:, 1, 0]) / 2
+    level = np.isfinite(plan).all(axis=(1, 2))
+    flat = np.flatnonzero(level & (area > 1e-6))
+    # the middle of a triangle stands for it; upright ones count by their length where there is nothing else
+    weight = np.where(level, area + 1e-6 * np.abs(edges).max(axis=(1, 2)) + 1e-12, 0.0)
+    total = np.bincount(component, weight, count)
+
+    tree = shapely.STRtree(shapely.polygons(plan[flat]))
+    asked = np.flatnonzero(level)
+    middles = shapely.points(plan[asked].mean(axis=1))
+    point, hit = tree.query(middles, predicate="dwithin", distance=_NEAR)
+    point, other = asked[point], component[flat[hit]]
+    pairs = np.unique(np.stack([point, other])[:, component[point] != other], axis=1)
+    share = coo_array((weight[pairs[0]], (component[pairs[0]], pairs[1])), shape=(count, count)).tocsr()
+    share.sum_duplicates()
+    one, two = share.nonzero()
+    part = share.data / np.maximum(total[one], 1e-12)
+    # each component once, to the neighbour that holds most of it: a party wall joins one house, not two
+    best = np.lexsort((two, -total[two], -part, one))
+    first = best[np.r_[True, np.diff(one[best]) != 0]] if len(best) else best
+    link = first[part[first] >= _SHARE]
+    graph = coo_array((np.ones(len(link), np.bool_), (one[link], two[link])), shape=(count, count))
+    return connected_components(graph, directed=False)[1][component]
