@@ -42,15 +42,13 @@ def streets_between(footprints: Sequence[Polygon], *, reach: float = 15.0) -> tu
         raise GeometryError(
             f"reach {reach:g} m leaves no street between walls and its border; give more than {NARROWEST:g}"
         )
+    for index, footprint in enumerate(footprints):
+        if not np.isfinite(shapely.get_coordinates(footprint)).all():
+            raise GeometryError(f"footprint {index} has coordinates that are not finite; repair or remove it")
     outlines = np.array([footprint for footprint in footprints if not footprint.is_empty], dtype=object)
     if len(outlines) == 0:
         return ()
     bounds = shapely.bounds(outlines)
-    if not np.isfinite(shapely.get_coordinates(outlines)).all():
-        broken = next(
-            k for k, outline in enumerate(outlines) if not np.isfinite(shapely.get_coordinates(outline)).all()
-        )
-        raise GeometryError(f"footprint {broken} has coordinates that are not finite; repair or remove it")
     # Qhull squares coordinates: near the origin none of their digits are lost.
     corner = np.floor(bounds[:, :2].min(axis=0))
     outlines = shapely.transform(outlines[np.lexsort(bounds.T)], lambda xy: xy - corner)

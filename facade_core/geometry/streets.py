@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import shapely
 from shapely import LineString, Polygon
+
+SHORTEST = 1.0  # m; a shorter street has no viewpoint
 
 
 @dataclass(frozen=True)
@@ -20,20 +22,30 @@ class Viewpoint:
     forward: np.ndarray
 
 
+def flat(points: np.ndarray) -> np.ndarray:
+    """Ground at z = 0: heights (n,) of points (n, 2)."""
+    return np.zeros(len(points))
+
+
 def viewpoints(
     centreline: LineString,
     *,
     spacing: float = 5.0,
     height: float = 2.5,
-    obstacles: Sequence[Polygon] = (),
+    obstacles: Sequence[Polygon] | shapely.STRtree = (),
     clearance: float = 0.3,
+    ground: Callable[[np.ndarray], np.ndarray] = flat,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Positions (n, 3) and forward directions (n, 2) every `spacing` metres along a centreline, `height` above z = 0.
+    """Positions (n, 3) and forward directions (n, 2) every `spacing` metres along a centreline, `height` above the ground.
 
-    The first stands half a spacing in, so that two streets that meet do not share a viewpoint. None stands inside
-    an obstacle or nearer to one than `clearance` metres.
+    The first stands half a spacing in, so that two streets that meet do not share a viewpoint; a street from SHORTEST to one
+    spacing long has one in its middle. None stands inside an obstacle (a yard of it is outside) or nearer to one than
+    `clearance` metres. A caller with many streets gives the obstacles as one tree. ground: heights (n,) of points (n, 2).
     """
-    distance = np.arange(spacing / 2, centreline.length, spacing)
+    if centreline.length <= spacing:
+        distance = np.array([centreline.length / 2] if centreline.length >= SHORTEST else [])
+    else:
+        distance = np.arange(spacing / 2, centreline.length, spacing)
     if len(distance) == 0:
         return np.empty((0, 3)), np.empty((0, 2))
     points = shapely.get_coordinates(shapely.line_interpolate_point(centreline, distance))
@@ -45,12 +57,10 @@ def viewpoints(
     forward = ahead - behind
     length = np.linalg.norm(forward, axis=1)
     free = length > 1e-9
-    if len(obstacles):
-        tree = shapely.STRtree(np.asarray(obstacles, dtype=object))
-        hit = tree.query(shapely.points(points), predicate="dwithin", distance=clearance)[0]
-        free[hit] = False
-    forward = forward[free] / length[free, None]
-    return np.column_stack([points[free], np.full(free.sum(), height)]), forward
+    tree = obstacles if isinstance(obstacles, shapely.STRtree) else shapely.STRtree(obstacles)
+    free[tree.query(shapely.points(points), predicate="dwithin", distance=clearance)[0]] = False
+    points, forward = points[free], forward[free] / length[free, None]
+    return np.column_stack([points, ground(points) + height]), forward
 
 
 def colour_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
