@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,19 +124,16 @@ def rectify_panorama(
     return resample(image, pose.view, footprints, seen), seen
 
 
-def fuse(
-    scene: Scene, chart: int, views: Sequence[tuple[np.ndarray, Pose]], size: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """A chart from several panoramas, best first, each an image and its pose: rgb (h, w, 3) uint8 and seen (h, w) bool.
+def fuse(views: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
+    """One raster of a chart from one or more, best first: each and the result rgb (h, w, 3) uint8 and seen (h, w) bool.
 
     The first keeps its texels but for a narrow fade at its border; each next fills what is left, its channels matched to the
-    texels it shares with what is there. Arguments and errors otherwise as of rectify_panorama.
+    texels it shares with what is there. No more are taken than fill the raster.
     """
-    rgb, seen = np.zeros((*size, 3), np.uint8), np.zeros(size, np.bool_)
-    for image, pose in views:
-        if seen.all():
-            break
-        _fill(rgb, seen, *rectify_panorama(scene, chart, image, pose, size))
+    remaining = iter(views)
+    rgb, seen = (array.copy() for array in next(remaining))
+    while not seen.all() and (view := next(remaining, None)) is not None:
+        _fill(rgb, seen, *view)
     return rgb, seen
 
 

@@ -198,9 +198,9 @@ def test_fusing_fills_what_the_best_does_not_see_and_levels_the_exposure() -> No
     best, next_best = Pose(104.0, 190.0, 2.5, 0.0), Pose(110.0, 194.0, 2.5, 300.0)
     dark = np.round(photograph(next_best) * [0.7, 0.8, 0.75]).astype(np.uint8)
     views = [(photograph(best), best), (dark, next_best)]
-    rgb, seen = fuse(scene, 0, views, (80, 100))
-    alone, first = rectify_panorama(scene, 0, *views[0], (80, 100))
-    _, second = rectify_panorama(scene, 0, *views[1], (80, 100))
+    rasters = [rectify_panorama(scene, 0, *view, (80, 100)) for view in views]
+    rgb, seen = fuse(rasters)
+    (alone, first), (_, second) = rasters
     assert (seen == (first | second)).all()
     filled = seen & ~first
     assert filled[:, 30:50].all()
@@ -213,7 +213,8 @@ def test_fusing_without_overlap_keeps_colours() -> None:
     image = np.full((1024, 2048, 3), 77, np.uint8)
     image[::2] += 1  # no flat mask
     west, east = replace(whole, view=(0.0, 0.0, 0.5, 1.0)), replace(whole, view=(0.5, 0.0, 0.5, 1.0))
-    rgb, seen = fuse(scene_of(WALL), 0, [(image[:, :1024], west), (image[:, 1024:] + 40, east)], (80, 100))
+    views = [(image[:, :1024], west), (image[:, 1024:] + 40, east)]
+    rgb, seen = fuse(rectify_panorama(scene_of(WALL), 0, *view, (80, 100)) for view in views)
     assert seen.all()
     assert (rgb[:, 70] >= 116).all()
     assert (rgb[:, 20] <= 78).all()
