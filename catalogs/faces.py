@@ -10,6 +10,9 @@ import numpy as np
 
 from facade_core.types import SEMANTICS, Shell
 
+_SMALLEST = 1e-6  # m2; twice the area that a face encloses at least
+_SLIVER = 1e-9  # m2; twice the area of a triangle at least
+
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
@@ -29,52 +32,79 @@ def shell_of(faces: Sequence[Face], scale: tuple[float, float] = (1.0, 1.0)) -> 
     """The shell of a building's faces; None where no face encloses an area.
 
     Equal vertices are shared. `scale` is the length of a unit of x and of y in metres, so that faces in degrees are cut in a
-    plane of metres too.
+    plane of metres too. Faces with a vertex that is not finite are left out, and so are holes without an area.
     """
-    corners, uvs, semantics, textures = [], [], [], []
-    for face in faces:
-        rings = [np.asarray(ring, np.float64) for ring in face.rings if len(ring) >= 3]
-        if not rings:
-            continue
-        points = np.concatenate(rings)
-        cut = _triangles(points * (*scale, 1.0), np.cumsum([len(ring) for ring in rings]))
-        if len(cut) == 0:
-            continue
-        corners.append(points[cut])
-        textured = face.texture >= 0 and face.uv is not None
-        uv = (
-            np.concatenate([u for u, r in zip(face.uv or (), face.rings, strict=False) if len(r) >= 3])
-            if textured
-            else None
-        )
-        uvs.append(np.zeros((len(cut), 3, 2)) if uv is None else uv[cut])
-        semantics.append(np.full(len(cut), SEMANTICS.index(face.semantic)))
-        textures.append(np.full(len(cut), face.texture if textured else -1))
-    if not corners:
+    faces = [face for face in faces if face.rings and len(face.rings[0]) >= 3]
+    rings = [[np.asarray(ring, np.float64) for ring in face.rings if len(ring) >= 3] for face in faces]
+    if not faces:
         return None
-    vertices, index = np.unique(np.concatenate(corners).reshape(-1, 3), axis=0, return_inverse=True)
+    points = np.concatenate([ring for group in rings for ring in group])
+    cut, owner = _triangles(points, [[len(ring) for ring in group] for group in rings], scale)
+    if len(cut) == 0:
+        return None
+    semantic = np.array([SEMANTICS.index(face.semantic) for face in faces], np.uint8)
+    texture = np.array([-1 if face.uv is None else face.texture for face in faces], np.int32)
+    uv = np.zeros((len(cut), 3, 2), np.float32)
+    if (texture >= 0).any():
+        uv = np.concatenate([_uv(face, sum(map(len, group))) for face, group in zip(faces, rings, strict=True)])[cut]
+    vertices, index = np.unique(points[cut].reshape(-1, 3), axis=0, return_inverse=True)
     return Shell(
         vertices=vertices,
         triangles=index.reshape(-1, 3).astype(np.int32),
-        semantic=np.concatenate(semantics).astype(np.uint8),
-        texture=np.concatenate(textures).astype(np.int32),
-        uv=np.concatenate(uvs).astype(np.float32),
+        semantic=semantic[owner],
+        texture=texture[owner],
+        uv=uv.astype(np.float32),
     )
 
 
-def _triangles(points: np.ndarray, ends: np.ndarray) -> np.ndarray:
-    """Corners (t, 3) of the triangles of a face, turning as its outer ring does; empty where it encloses no area."""
-    outer = points[: ends[0]] - points[0]
-    normal = np.cross(outer, np.roll(outer, -1, axis=0)).sum(axis=0)  # Newell: twice the area, along the normal
-    length = np.linalg.norm(normal)
-    if not length > 1e-6:
-        return np.empty((0, 3), np.int64)
-    normal /= length
-    right = np.cross([0.0, 0.0, 1.0] if abs(normal[2]) < 0.9 else [1.0, 0.0, 0.0], normal)
-    right /= np.linalg.norm(right)
-    flat = (points - points[0]) @ np.column_stack([right, np.cross(normal, right)])
-    cut = mapbox_earcut.triangulate_float64(flat, ends.astype(np.uint32)).astype(np.int64).reshape(-1, 3)
+def _uv(face: Face, count: int) -> np.ndarray:
+    """Texture coordinates (count, 2) of a face's rings; zeros without texture."""
+    if face.texture < 0 or face.uv is None:
+        return np.zeros((count, 2))
+    return np.concatenate([uv for uv, ring in zip(face.uv, face.rings, strict=True) if len(ring) >= 3])
+
+
+def _triangles(
+    points: np.ndarray, lengths: Sequence[Sequence[int]], scale: tuple[float, float]
+) -> tuple[np.ndarray, np.ndarray]:
+    """Corners (t, 3) of all triangles as rows of `points`, turning as the outer rings do, and the face of each (t,).
+
+    lengths: of the rings of each face. A face that encloses no area has no triangles.
+    """
+    size = np.array([sum(group) for group in lengths])
+    first = np.cumsum(size) - size
+    owner = np.repeat(np.arange(len(lengths)), size)
+    ring_size = np.array([length for group in lengths for length in group])
+    ring = np.cumsum(ring_size) - ring_size
+    following = np.arange(1, len(points) + 1)
+    following[ring + ring_size - 1] = ring
+
+    local = (points - points[first][owner]) * (*scale, 1.0)
+    areas = np.add.reduceat(np.cross(local, local[following]), ring)  # Newell: twice the area, along the normal
+    normal = areas[np.isin(ring, first)]
+    length = np.linalg.norm(normal, axis=1)
+    sound = (length > _SMALLEST) & np.isfinite(np.add.reduceat(local, first).sum(axis=1))
+    normal = np.where(sound[:, None], normal, (0.0, 0.0, 1.0)) / np.where(sound, length, 1.0)[:, None]
+    x, y, z = normal.T
+    flat_lying = np.abs(z) >= 0.9
+    right = np.column_stack([np.where(flat_lying, 0.0, -y), np.where(flat_lying, -z, x), np.where(flat_lying, y, 0.0)])
+    right /= np.linalg.norm(right, axis=1)[:, None]
+    axes = np.stack([right, np.cross(normal, right)], axis=2)
+    flat = np.einsum("ni,nik->nk", local, axes[owner])
+
+    cuts = [
+        mapbox_earcut.triangulate_float64(flat[start : start + count], np.cumsum(group).astype(np.uint32)) + start
+        if count > 3
+        else np.arange(start, start + 3)
+        for start, count, group in zip(first[sound], size[sound], _chosen(lengths, sound), strict=True)
+    ]
+    cut = np.concatenate([*cuts, np.empty(0, np.int64)]).astype(np.int64).reshape(-1, 3)
     a, b, c = (flat[cut[:, k]] for k in range(3))
     turn = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
     cut[turn < 0] = cut[turn < 0][:, ::-1]
-    return cut[np.abs(turn) > 1e-9]
+    cut = cut[np.abs(turn) > _SLIVER]
+    return cut, owner[cut[:, 0]]
+
+
+def _chosen(groups: Sequence[Sequence[int]], mask: np.ndarray) -> list[Sequence[int]]:
+    return [group for group, wanted in zip(groups, mask, strict=True) if wanted]

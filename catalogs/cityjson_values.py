@@ -1,0 +1,51 @@
+"""Numbers, points and tables out of parsed JSON, whatever stands in their place."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+
+def transformed(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:
+    """Points (n, 3) scaled and translated as a file says; as they are where it says nothing."""
+    if transform is None:
+        return points
+    with np.errstate(over="ignore", invalid="ignore"):
+        return points * np.array(transform["scale"], np.float64) + np.array(transform["translate"], np.float64)
+
+
+def points_of(rows: Any, size: int = 3) -> np.ndarray:
+    """Rows of numbers (n, size) float64; a row that is none becomes NaN."""
+    rows = list_of(rows)
+    try:
+        points = np.array(rows, np.float64)
+    except (TypeError, ValueError, OverflowError):
+        points = np.empty(0)
+    if points.shape != (len(rows), size):
+        points = np.array([_point(row, size) for row in rows], np.float64).reshape(-1, size)
+    return points
+
+
+def _point(row: Any, size: int = 3) -> list[float]:
+    numbers = [number_of(value) for value in row] if isinstance(row, list) else []
+    return numbers if len(numbers) == size else [np.nan] * size
+
+
+def number_of(value: Any) -> float:
+    """A number, also one written as text; NaN of anything else."""
+    try:
+        return float(value) if isinstance(value, int | float | str) and not isinstance(value, bool) else np.nan
+    except (ValueError, OverflowError):
+        return np.nan
+
+
+def mapping_of(value: Any) -> Mapping[str, Any]:
+    """The object that a value is; an empty one of anything else."""
+    return value if isinstance(value, dict) else {}
+
+
+def list_of(value: Any) -> list[Any]:
+    """The list that a value is; an empty one of anything else."""
+    return value if isinstance(value, list) else []
