@@ -150,8 +150,9 @@ def _elements(path: Path, names: Collection[str]) -> Iterator[Element]:
                     yield element
                 if _local(element) in members:
                     element.clear()
-                    while element.getprevious() is not None:
-                        del element.getparent()[0]
+                    parent = element.getparent()
+                    while parent is not None and parent[0] is not element:
+                        del parent[0]
     except (OSError, EOFError, zlib.error, etree.XMLSyntaxError) as error:
         raise InputError(f"{path} cannot be read ({' '.join(str(error).split())[:120]}); export it again") from error
     if events.root is not None and events.root.getroottree().docinfo.internalDTD is not None:
@@ -232,7 +233,7 @@ def _model(building: Element, id: str, lod: int | None, file: _File) -> tuple[_A
         unit = axes.horizontal.axis_info[0].unit_conversion_factor
         scale = (EARTH_RADIUS * unit * float(np.cos(points[0, order[1]] * unit)), EARTH_RADIUS * unit)
     faces, misfit, known = [], False, set()
-    for named, turned, semantic in outlines:
+    for named, turned, semantic in sorted(outlines, key=lambda outline: outline[2] is None):
         rings = [ring[:, order] * (1.0, 1.0, axes.vertical_unit) for ring in named.values()]
         if not rings:
             continue
