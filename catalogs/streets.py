@@ -4,62 +4,100 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
 from shapely import LineString
 
-from catalogs.features import Centreline, Centrelines, natural_order
+from catalogs.features import Centreline, Centrelines, Fault, natural_order
 from facade_core.types import Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
 
-SHORTEST = 1.0  # m; what the area's border leaves of a street may be a crumb
+SHORTEST = 1.0  # m; what is shorter is a slip of the mapper, or a crumb that the area's border leaves
 
 
-def block_streets(source: Centrelines, crs: CRS, *, area: Polygon | None) -> tuple[Street, ...]:
-    """Streets in the metric frame, ordered by id: pieces of one name that meet end to end become one line.
+def block_streets(
+    source: Centrelines, crs: CRS, *, area: Polygon | None
+) -> tuple[tuple[Street, ...], tuple[Fault, ...]]:
+    """Streets in the metric frame, ordered by id, and the broken ones, likewise: pieces of one name that meet end to end
+    become one line.
 
-    area: polygon in the frame; lines are clipped to it. A street's id is s + the number of its first piece in id order (s12),
-    with -0, -1, ... where one piece is cut into several streets; its direction is that piece's. The result
-    does not depend on the order of the pieces.
+    area: polygon in the frame; lines are clipped to it, and faults outside of it left out. A source that states no frame is
+    in the block's. A street's id is s + the number of its first piece in id order (s12), with -0, -1, ... where one
+    piece is cut into several streets; its direction is that piece's. A street shorter than SHORTEST is a fault, unless
+    clipping made it so. The result does not depend on the order of the pieces.
     """
-    if not source.items:
-        return ()
-    pieces = sorted(source.items, key=lambda piece: (natural_order(piece.id), piece.line.wkb))
+    pieces = sorted(source.items, key=lambda piece: (natural_order(piece.id), shapely.to_wkb(piece.line) or b""))
     lines = _projected([piece.line for piece in pieces], source.crs, crs)
+    broken = _projected([fault.place for fault in source.faults], source.crs, crs)
+    faults = [fault for fault, place in zip(source.faults, broken, strict=True) if _touches(place, area)]
     by_name: dict[str, list[tuple[Centreline, LineString]]] = defaultdict(list)
     for piece, line in zip(pieces, lines, strict=True):
+        if reason := _broken(piece.line, line):
+            if _touches(line, area):
+                faults.append(Fault(piece.id, "street", reason, piece.line))
+            continue
         for part in _clipped(line, area):
             by_name[piece.name or ""].append((piece, part))
 
+    whole: dict[str, float] = defaultdict(float)
+    for piece, line in zip(pieces, lines, strict=True):
+        whole[piece.id] = max(whole[piece.id], line.length if line is not None else 0.0)
     merged: dict[str, list[tuple[LineString, str | None]]] = defaultdict(list)
     for name in sorted(by_name):
         for first, line in _merged(by_name[name]):
             if line.length >= SHORTEST:
                 merged[f"s{first.id.lstrip('w')}"].append((line, name or None))
+            elif whole[first.id] < SHORTEST:
+                reason = f"is {line.length:.2g} m long and joins no other of its name; remove it, or draw it to its end"
+                faults.append(Fault(first.id, "street", reason, first.line))
     streets = []
     for id in sorted(merged, key=natural_order):
         found = sorted(merged[id], key=lambda entry: entry[0].coords[0])
         for index, (line, street_name) in enumerate(found):
             streets.append(Street(id if len(found) == 1 else f"{id}-{index}", street_name, line))
-    return tuple(streets)
+    return tuple(streets), tuple(sorted(faults, key=lambda fault: natural_order(fault.id)))
 
 
-def _projected(lines: Sequence[LineString], source: str, crs: CRS) -> np.ndarray:
+def _projected(geometries: Sequence[Any], source: str | None, crs: CRS) -> np.ndarray:
     from pyproj import Transformer
 
+    flat = np.empty(len(geometries), dtype=object)
+    flat[:] = geometries
+    flat = shapely.force_2d(flat)
+    if source is None:
+        return flat
     to_frame = Transformer.from_crs(source, crs, always_xy=True)
-    flat = shapely.force_2d(np.array(lines, dtype=object))
     return shapely.transform(flat, to_frame.transform, interleaved=False)
 
 
-def _clipped(line: LineString, area: Polygon | None) -> list[LineString]:
+def _broken(stated: LineString | None, line: LineString | None) -> str | None:
+    """Why a line, as stated and in the frame, is no street; None where it is one."""
+    if stated is None or line is None or line.is_empty:
+        return "has no coordinates; remove it, or draw it again"
+    if not np.isfinite(shapely.get_coordinates(stated)).all():
+        return "has coordinates that are no finite numbers; remove it, or draw it again"
     if not np.isfinite(shapely.get_coordinates(line)).all():
-        return []
+        return "has coordinates that the block's frame cannot hold; remove it, or check the frame of its file"
+    if line.length == 0:
+        return "has no length; remove it, or draw it to its end"
+    return None
+
+
+def _touches(place: Any, area: Polygon | None) -> bool:
+    """Whether what is known of a place reaches into the area; a place of which nothing is known counts."""
+    if area is None or place is None:
+        return True
+    known = shapely.get_coordinates(place)
+    known = known[np.isfinite(known).all(axis=1)]
+    return len(known) == 0 or bool(shapely.box(*known.min(axis=0), *known.max(axis=0)).intersects(area))
+
+
+def _clipped(line: LineString, area: Polygon | None) -> list[LineString]:
     inside = line if area is None else line.intersection(area)
     return [part for part in shapely.get_parts(inside) if part.geom_type == "LineString" and part.length > 0]
 
