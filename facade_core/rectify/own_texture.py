@@ -12,6 +12,10 @@ from facade_core.street.scene import Scene
 
 # Texels beside a triangle's edge still belong to it by rounding.
 EDGE = 1e-6
+# Pixels by which coordinates of 0 or 1 may miss the picture's border.
+ROUNDING = 0.01
+# Pixels kept around the part of a picture that a chart uses.
+MARGIN = 4
 
 
 def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
@@ -27,21 +31,35 @@ def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> t
     triangles = np.flatnonzero(mesh.chart == chart)
     corners = mesh.vertices[mesh.triangles[triangles]] - charts.origin[chart]
     flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]]) * scene.spec.texels_per_metre
-    texture = mesh.texture[triangles]
+    texture = np.where(np.isfinite(mesh.uv[triangles]).all(axis=(1, 2)), mesh.texture[triangles], -1)
     for index in np.unique(texture[texture >= 0]).tolist():
         if index not in images:
             continue
-        image = images[index]
         used = texture == index
-        height, width = image.shape[:2]
-        pixels = mesh.uv[triangles[used]].astype(np.float64) * (width, -height) + (0.0, height)
-        part = pyramid(image)
-        _paint(part.pixels, part.levels, flat[used], pixels, rgb, covered)
+        part, pixels, repeat = _part(images[index], mesh.uv[triangles[used]].astype(np.float64))
+        levels = pyramid(part)
+        _paint(levels.pixels, levels.levels, flat[used], pixels, repeat, rgb, covered)
     return _dilate(rgb, covered)
 
 
+def _part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, bool]:
+    """The part of a picture that coordinates (t, 3, 2) use, their pixels in it (t, 3, 2), and whether it repeats.
+
+    A chart mostly uses little of a picture that many charts share. What stays inside the picture does not take in colour
+    from its opposite border.
+    """
+    height, width = image.shape[:2]
+    pixels = uv * (width, -height) + (0.0, height)
+    low, high = pixels.min(axis=(0, 1)), pixels.max(axis=(0, 1))
+    if (low < -ROUNDING).any() or (high > np.array([width, height]) + ROUNDING).any():
+        return image, pixels, True
+    left, top = np.clip(np.floor(low) - MARGIN, 0, None).astype(int)
+    right, bottom = np.ceil(high).astype(int) + MARGIN
+    return image[top:bottom, left:right], pixels - (left, top), False
+
+
 @njit(cache=True, nogil=True)
-def _paint(pixels, levels, corners, source, rgb, covered):
+def _paint(pixels, levels, corners, source, repeat, rgb, covered):
     """Fill the texels whose centres lie in triangles; corners, source (t, 3, 2): in texels and in the texture's pixels."""
     rows, columns = covered.shape
     for t in range(len(corners)):
@@ -70,7 +88,7 @@ def _paint(pixels, levels, corners, source, rgb, covered):
                     continue
                 x = px + s * du[0] + w * dv[0]
                 y = py + s * du[1] + w * dv[1]
-                area_mean(pixels, levels, x, y, ax, ay, bx, by, True, rgb[r, c])
+                area_mean(pixels, levels, x, y, ax, ay, bx, by, repeat, rgb[r, c])
                 covered[r, c] = True
 
 

@@ -90,3 +90,20 @@ def test_a_missing_picture_leaves_the_wall_uncovered() -> None:
     rgb, covered = own_texture(scene_of(UPRIGHT, [3, 3]), 0, {})
     assert not covered.any()
     assert not rgb.any()
+
+
+def test_the_opposite_border_of_a_picture_does_not_bleed_in() -> None:
+    halves = np.zeros((10, 20, 3), np.uint8)
+    halves[:, :10] = 200
+    rgb, _ = own_texture(scene_of(UPRIGHT, [0, 0]), 0, {0: halves})
+    assert (rgb[:, 0] == 200).all()
+    assert (rgb[:, -1] == 0).all()
+
+
+def test_a_part_of_a_large_picture() -> None:
+    whole = ramp(4000, 4000)
+    rgb, covered = own_texture(scene_of(0.25 + UPRIGHT * (0.02, 0.01), [0, 0]), 0, {0: whole.astype(np.uint8)})
+    assert covered.all()
+    # rows from 0.26 down to 0.25 of the height, upwards
+    assert np.abs(rgb[..., 1].astype(float) - (20 + 200 * 0.745)).max() < 3
+    assert np.abs(rgb[..., 0].astype(float) - (20 + 200 * 0.26)).max() < 4
