@@ -3,22 +3,30 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
+from shapely import LineString, MultiPolygon, Polygon
 
-from catalogs.faces import Face, shell_of
-from catalogs.features import Fault, Model, Models, Remark
+from catalogs.features import Fault, Footprint, Footprints
 from facade_core.errors import InputError
 
+# How far a body reaches behind a wall of which no more is known.
+DEPTH_M = 10.0
+# Walls meet, and stand upright, within this.
+TOLERANCE_M = 0.1
+_SHAPE = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'
 
-def read_walls(path: Path, lod: str | None = None) -> Models:
-    """One model per building of {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}, its walls as they are given.
 
-    Corners are metres in `crs` and go around their wall; which side is outside is not known. Nothing is closed. `lod` is
-    not looked at. Raises InputError where the file is no such JSON.
+def read_walls(path: Path, lod: str | None = None) -> Footprints:
+    """One footprint per building of {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}, as high as its walls.
+
+    Corners are metres in `crs` and go around their wall; seen from outside its first two run from left to right. Three walls
+    or more that meet end to end are closed to a body; behind any other one a body of DEPTH_M stands. `lod` is not looked at:
+    walls have none. Raises InputError where the file is no such JSON.
     """
     try:
         content = json.loads(path.read_bytes())
@@ -27,47 +35,75 @@ def read_walls(path: Path, lod: str | None = None) -> Models:
         raise InputError(f"{path} cannot be read as JSON ({reason}); save it again") from error
     walls = content.get("walls") if isinstance(content, dict) else None
     if not isinstance(walls, dict):
-        raise InputError(
-            f'{path} has no walls; give {{"crs": "EPSG:n", "walls": {{building: {{wall: [[x, y, z], ...]}}}}}}'
-        )
+        raise InputError(f"{path} has no walls; give {_SHAPE}")
     crs = content.get("crs")
     if crs is not None and not isinstance(crs, str):
         raise InputError(f'{path}: crs is {crs!r}; give a text such as "EPSG:28992"')
-    models, remarks, faults = [], [], []
+    items, faults = [], []
     for building, stated in walls.items():
-        rings = {name: _ring(corners) for name, corners in stated.items()} if isinstance(stated, dict) else {}
-        broken = [name for name, ring in rings.items() if ring is None]
-        flat = [name for name, ring in rings.items() if ring is not None and not _area(ring) > 1e-6]
-        faces = [Face([r], "wall") for name, r in rings.items() if r is not None and name not in flat]
-        shell = None if broken else shell_of(faces)
-        if shell is not None:
-            models.append(Model(building, shell))
-            remarks += [Remark(f"{building} {name}", "walls without an area set aside", None) for name in flat]
-            continue
-        if broken:
-            reason = (
-                f"walls {', '.join(broken)} of {building} are no lists of three or more [x, y, z] numbers; mend them"
-            )
-        else:
-            reason = f"{building} has no wall with an area; give it walls, or take it out of the file"
-        points = np.concatenate([ring for ring in rings.values() if ring is not None] or [np.empty((0, 3))])
-        place = shapely.box(*points[:, :2].min(axis=0), *points[:, :2].max(axis=0)) if len(points) else None
-        faults.append(Fault(building, "building", reason, place))
-    return Models(crs, tuple(models), remarks=tuple(remarks), faults=tuple(faults))
+        try:
+            items.append(_building(building, stated))
+        except ValueError as reason:
+            faults.append(Fault(building, "building", str(reason)))
+    return Footprints(crs, tuple(items), faults=tuple(faults))
 
 
-def _ring(corners: Any) -> np.ndarray | None:
-    """(n, 3) corners of a wall without the closing one; None where they are no such numbers."""
+def _building(name: str, stated: Any) -> Footprint:
+    """The body behind a building's walls; ValueError with the reason and the remedy where they bound none."""
+    if not isinstance(stated, Mapping) or not stated:
+        raise ValueError("it has no wall; give it walls, or take it out of the file")
+    rings = {wall: _ring(wall, corners) for wall, corners in stated.items()}
+    feet = [_foot(wall, ring) for wall, ring in rings.items()]
+    outlines = [outline for chain in _chains(feet) for outline in _bodies(chain)]
+    body = shapely.normalize(shapely.union_all(outlines))
+    heights = np.concatenate([ring[:, 2] for ring in rings.values()])
+    base = float(heights.min())
+    assert isinstance(body, Polygon | MultiPolygon)
+    return Footprint(name, body, float(heights.max()) - base, None, None, base)
+
+
+def _ring(wall: str, corners: Any) -> np.ndarray:
+    """The corners of a wall, (n, 3)."""
     try:
         ring = np.asarray(corners, np.float64)
     except (TypeError, ValueError):
-        return None
-    if ring.ndim != 2 or ring.shape[1] != 3 or not np.isfinite(ring).all():
-        return None
-    ring = ring[:-1] if len(ring) > 3 and (ring[0] == ring[-1]).all() else ring
-    return ring if len(ring) >= 3 else None
+        ring = np.empty(0)
+    if ring.ndim != 2 or ring.shape[1] != 3 or len(ring) < 3 or not np.isfinite(ring).all():
+        raise ValueError(f"wall {wall} is no list of three or more [x, y, z] numbers; mend it")
+    return ring
 
 
-def _area(ring: np.ndarray) -> float:
-    corners = ring - ring[0]
-    return float(np.linalg.norm(np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)) / 2)
+def _foot(wall: str, ring: np.ndarray) -> np.ndarray:
+    """The line (2, 2) on which a wall stands, from left to right seen from outside."""
+    apart = np.linalg.norm(ring[:, None, :2] - ring[None, :, :2], axis=2)
+    a, b = sorted(np.unravel_index(apart.argmax(), apart.shape))
+    foot = np.array([ring[a, :2], ring[b, :2]])
+    if apart.max() < TOLERANCE_M or np.ptp(ring[:, 2]) < TOLERANCE_M:
+        raise ValueError(f"wall {wall} has no area; mend it")
+    if shapely.distance(LineString(foot), shapely.points(ring[:, :2])).max() > TOLERANCE_M:
+        raise ValueError(f"wall {wall} does not stand upright; give walls as vertical rectangles")
+    along = foot[1] - foot[0]
+    first = (ring[:, :2] - foot[0]) @ along
+    return foot if first[0] <= first[np.flatnonzero(np.abs(first - first[0]) > 1e-6)[0]] else foot[::-1]
+
+
+def _chains(feet: list[np.ndarray]) -> list[np.ndarray]:
+    """Feet that meet end to end, in the order given, as polylines (n, 2)."""
+    chains: list[list[np.ndarray]] = []
+    for foot in feet:
+        if chains and np.linalg.norm(chains[-1][-1] - foot[0]) <= TOLERANCE_M:
+            chains[-1].append(foot[1])
+        else:
+            chains.append([foot[0], foot[1]])
+    return [np.array(chain) for chain in chains]
+
+
+def _bodies(chain: np.ndarray) -> list[Polygon]:
+    closed = Polygon(chain) if len(chain) >= 4 else Polygon()
+    if closed.is_valid and closed.area > 0:
+        return [closed]
+    bodies = []
+    for a, b in zip(chain[:-1], chain[1:], strict=True):
+        left = np.array([a[1] - b[1], b[0] - a[0]]) * DEPTH_M / np.linalg.norm(b - a)
+        bodies.append(Polygon([a, b, b + left, a + left]))
+    return bodies
