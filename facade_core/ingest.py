@@ -14,7 +14,7 @@ from facade_core.geometry.packing import pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import terrain_of
-from facade_core.rectify.panorama import sightings
+from facade_core.rectify import sightings
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Elevation, Pose, Street
 

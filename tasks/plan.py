@@ -18,6 +18,7 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.ingest import Facades, Plan, Sightings, ingest
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Pose, Street
+from tasks.units.images import image_size
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -33,7 +34,7 @@ def plan_of(block: Block) -> Plan:
         block.streets,
         elevation=block.terrain,
         poses=[panorama.pose for panorama in block.panoramas],
-        panorama_sizes=[panorama.size for panorama in block.panoramas],
+        panorama_sizes=[image_size(panorama.path) for panorama in block.panoramas],
         texels_per_metre=texture.texels_per_metre,
         spacing=texture.viewpoint_spacing,
         height=texture.viewpoint_height,

@@ -18,8 +18,7 @@ from facade_core.errors import FacadeError
 from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
 from facade_core.ingest import Plan
 from facade_core.labels import CLASSES
-from facade_core.rectify.own_texture import own_texture
-from facade_core.rectify.panorama import fuse
+from facade_core.rectify import fuse, own_texture, rectify_panorama
 from tasks.imagery import Imagery
 from tasks.outcome import failure
 from tasks.run import Run
@@ -112,8 +111,9 @@ def _evidence(
         hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         return image, _widened(hidden), imagery.photo.name
     if imagery.panoramas:
-        views = [(read_panorama(path), pose) for path, pose in imagery.panoramas]
-        image, seen = fuse(plan.scene, chart, views, size)
+        image, seen = fuse(
+            [rectify_panorama(plan.scene, chart, read_panorama(path), pose, size) for path, pose in imagery.panoramas]
+        )
         if seen.mean() >= SHOWN:
             return image, _widened(~seen), ", ".join(path.name for path, _ in imagery.panoramas)
     if imagery.own:

@@ -11,6 +11,14 @@ import numpy as np
 from facade_core.errors import ImageError
 
 
+def image_size(path: Path) -> tuple[int, int]:
+    """Rows and columns of an image file, from its header."""
+    from PIL import Image
+
+    with Image.open(path) as image:
+        return image.height, image.width
+
+
 def read_textures(paths: Sequence[Path], used: np.ndarray) -> dict[int, np.ndarray]:
     """The pictures (h, w, 3) uint8 of those indices into `paths` that are used; negative ones stand for none."""
     return {int(i): read_image(paths[i])[0] for i in np.unique(used[used >= 0])}

@@ -13,7 +13,7 @@ import zarr
 from facade_core.atlas.provenance import PHOTO, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.rectify.own_texture import own_texture
+from facade_core.rectify import own_texture
 from tasks.run import Run
 from tasks.units.context import context, worker_name
 from tasks.units.images import read_textures
