@@ -455,10 +455,10 @@ def pictures(tmp_path: Path) -> Path:
 )
 @pytest.mark.parametrize("inside", [False, True])
 def test_texture_of_a_wall(pictures: Path, version: str, target: str, uri: str, inside: bool) -> None:
-    parts = (building(box(**UTM, id="w")), textured(uri, target))
-    if inside:
-        parts = (building(box(**UTM, id="w") + textured(uri, target).replace("appearanceMember", "appearance")),)
-    models = read_citygml(write(pictures, *parts, version=version))
+    appearance = textured(uri, target)
+    within = appearance.replace("appearanceMember", "appearance") if inside else ""
+    path = write(pictures, building(box(**UTM, id="w") + within), "" if inside else appearance, version=version)
+    models = read_citygml(path)
     assert models.textures == (pictures / "a b" / "w.jpg",)
     shell = models.items[0].shell
     assert (shell.texture == 0).sum() == 2
