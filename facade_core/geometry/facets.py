@@ -85,8 +85,10 @@ def facets(shell: Shell, footprint: Polygon) -> Facets:
     # the winding that most of a facet's area has
     normal[np.bincount(facet, np.where(turned, -length, length), count) < 0] *= -1
     what = semantic[seed]
-    middle = vertices[triangles[seed]].mean(axis=1)
     corners = vertices[triangles]
+    # towards the top: the foot of a wall may stand in another part of the building
+    top = np.arange(3) == np.argmax(corners[seed][..., 2], axis=1)[:, None]
+    middle = np.einsum("fc,fcj->fj", np.where(top, 0.6, 0.2), corners[seed])
     odd = np.stack([_odd(middle, s * normal, np.arange(count), corners, facet) for s in (1.0, -1.0)], axis=1)
     leaning = (what != _ROOF) & (what != _CEILING) & (what != _UNKNOWN) & (what != _GROUND)
     upright = np.abs(normal[:, 2]) < np.where(leaning, LEANING, UPRIGHT)
@@ -243,13 +245,30 @@ def _odd(points, directions, own, corners, facet):
     """Whether most of three rays from each point (n, 3) along `directions` meet an odd number of triangles (t, 3, 3) of facets
     other than `own` (n,)."""
     out = np.empty(len(points), np.bool_)
+    low, high = np.empty((len(corners), 3)), np.empty((len(corners), 3))
+    for t in range(len(corners)):
+        for m in range(3):
+            low[t, m] = min(corners[t, 0, m], corners[t, 1, m], corners[t, 2, m])
+            high[t, m] = max(corners[t, 0, m], corners[t, 1, m], corners[t, 2, m])
+    reach = 0.0
+    for m in range(3):
+        if len(corners):
+            reach += high[:, m].max() - low[:, m].min()
     for i in range(len(points)):
+        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
         votes = 0
         for r in range(len(TILTS)):
+            if votes == 2 or (r == 2 and votes == 0):
+                break
             dx, dy, dz = directions[i, 0] + TILTS[r, 0], directions[i, 1] + TILTS[r, 1], directions[i, 2] + TILTS[r, 2]
+            qx, qy, qz = px + reach * dx, py + reach * dy, pz + reach * dz
             hits = 0
             for t in range(len(corners)):
-                if facet[t] == own[i]:
+                if high[t, 2] < min(pz, qz) or low[t, 2] > max(pz, qz):
+                    continue
+                if high[t, 0] < min(px, qx) or low[t, 0] > max(px, qx):
+                    continue
+                if high[t, 1] < min(py, qy) or low[t, 1] > max(py, qy) or facet[t] == own[i]:
                     continue
                 ax, ay, az = corners[t, 0, 0], corners[t, 0, 1], corners[t, 0, 2]
                 ex, ey, ez = corners[t, 1, 0] - ax, corners[t, 1, 1] - ay, corners[t, 1, 2] - az
@@ -258,13 +277,13 @@ def _odd(points, directions, own, corners, facet):
                 det = ex * hx + ey * hy + ez * hz
                 if abs(det) < 1e-12:
                     continue
-                sx, sy, sz = points[i, 0] - ax, points[i, 1] - ay, points[i, 2] - az
+                sx, sy, sz = px - ax, py - ay, pz - az
                 u = (sx * hx + sy * hy + sz * hz) / det
                 if u < 0 or u > 1:
                     continue
-                qx, qy, qz = sy * ez - sz * ey, sz * ex - sx * ez, sx * ey - sy * ex
-                v = (dx * qx + dy * qy + dz * qz) / det
-                if v >= 0 and u + v <= 1 and (fx * qx + fy * qy + fz * qz) / det > RAY_START_M:
+                gx, gy, gz = sy * ez - sz * ey, sz * ex - sx * ez, sx * ey - sy * ex
+                v = (dx * gx + dy * gy + dz * gz) / det
+                if v >= 0 and u + v <= 1 and (fx * gx + fy * gy + fz * gz) / det > RAY_START_M:
                     hits += 1
             votes += hits % 2
         out[i] = votes >= 2

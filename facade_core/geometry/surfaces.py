@@ -88,7 +88,7 @@ def add_building(
     except GeometryError as error:
         raise GeometryError(f"building {building.id}: {error}") from None
     _facets(pieces, index, found, largest, grid)
-    _shell_skirt(pieces, index, found, outline, terrain)
+    _shell_skirt(pieces, index, found, outline, terrain, largest, grid)
     return None
 
 
@@ -207,7 +207,9 @@ def _facets(pieces: Pieces, index: int, found: Facets, largest: float, grid: flo
     )  # fmt: skip
 
 
-def _shell_skirt(pieces: Pieces, index: int, found: Facets, outline: Polygon, terrain: Terrain) -> None:
+def _shell_skirt(
+    pieces: Pieces, index: int, found: Facets, outline: Polygon, terrain: Terrain, largest: float, grid: float
+) -> None:
     """Walls from the open lower edges of a shell's walls down to the terrain, one surface per facet."""
     edges = np.concatenate([found.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
     key = np.sort(edges, axis=1) @ [len(found.vertices), 1]
@@ -231,17 +233,21 @@ def _shell_skirt(pieces: Pieces, index: int, found: Facets, outline: Polygon, te
         return
     a, b = ends[foot, 0], ends[foot, 1]
     low = [np.column_stack([p[:, :2], p[:, 2] - np.maximum(gap[foot, k], 0)]) for k, p in enumerate((a, b))]
-    n = len(a)
-    corner = np.arange(n)
-    of_facet, chart = np.unique(facet[foot], return_inverse=True)
+    order = np.argsort(facet[foot], kind="stable")
+    of_facet, chart = np.unique(facet[foot][order], return_inverse=True)
     normal = found.normal[of_facet] * [1, 1, 0]
-    axis_u, axis_v = frames(normal / np.linalg.norm(normal, axis=1, keepdims=True))
-    pieces.add(
-        np.full(len(of_facet), WALL), np.arange(len(of_facet)), index, axis_u, axis_v,
-        np.concatenate([a, b, *low]),
-        np.stack([corner + 2 * n, corner + 3 * n, corner + n, corner + 2 * n, corner + n, corner], axis=1).reshape(-1, 3),
-        np.repeat(chart, 2),
-    )  # fmt: skip
+    n = len(order)
+    quads = np.stack([order + k * n for k in (2, 3, 1, 2, 1, 0)], axis=1)
+    skirt = Facets(
+        vertices=np.concatenate([a, b, *low]),
+        triangles=quads.reshape(-1, 3),
+        facet=np.repeat(chart, 2),
+        texture=np.full(2 * n, -1, np.int32),
+        uv=np.zeros((2 * n, 3, 2), np.float32),
+        kind=np.full(len(of_facet), WALL, np.uint8),
+        normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
+    )
+    _facets(pieces, index, skirt, largest, grid)
 
 
 def _ground(pieces: Pieces, polygons: Sequence[Polygon], terrain: Terrain, grid: float) -> None:

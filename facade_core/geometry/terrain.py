@@ -111,12 +111,16 @@ def _of_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
     bases = _tamed(middles, bases)
     if np.ptp(bases) == 0:
         return Terrain(0.0, 0.0, 1.0, bases[:1, None])
-    points, owner = shapely.get_coordinates(np.asarray(outlines, object), return_index=True)
-    points, first = np.unique(np.round(points, 2), axis=0, return_index=True)
-    heights = bases[owner[first]]
-    low, high = points.min(axis=0) - MARGIN_M, points.max(axis=0) + MARGIN_M
+    corners, owner = shapely.get_coordinates(np.asarray(outlines, object), return_index=True)
+    low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
     step = max(STEP_M, float(np.sqrt(np.prod(high - low) / CELLS)))
     columns, rows = np.ceil((high - low) / step).astype(int) + 1
+    # one point for each cell of the raster that has corners
+    _, of, corners_in = np.unique(
+        np.round((corners - low) / step) @ [1, columns], return_inverse=True, return_counts=True
+    )
+    points = np.stack([np.bincount(of, corners[:, k] - low[k]) for k in range(2)], axis=1) / corners_in[:, None] + low
+    heights = np.bincount(of, bases[owner]) / corners_in
     at = np.stack(np.meshgrid(low[0] + step * np.arange(columns), low[1] + step * np.arange(rows)), axis=-1).reshape(
         -1, 2
     )

@@ -1,0 +1,92 @@
+"""Roof shapes are closed, stand on the footprint and have the height that they state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+
+from facade_core.geometry.facets import facets
+from facade_core.geometry.roofs import roof_shell
+from facade_core.types import Building, Roof
+
+RECTANGLE = shapely.box(0, 0, 20, 10)
+FOOTPRINTS = {
+    "rectangle": RECTANGLE,
+    "L": shapely.Polygon([(0, 0), (20, 0), (20, 8), (8, 8), (8, 18), (0, 18)]),
+    "court": shapely.Polygon([(0, 0), (30, 0), (30, 20), (0, 20)], [[(10, 6), (10, 14), (20, 14), (20, 6)]]),
+    "far and turned": shapely.affinity.translate(
+        shapely.affinity.rotate(shapely.Polygon([(0, 0), (20, 0), (20, 8), (12, 8), (12, 12), (8, 12), (0, 18)]), 37.3),
+        682000.123,
+        6653000.77,
+    ),
+    "round": shapely.Point(0, 0).buffer(8),
+    "extra corners": shapely.Polygon([(0, 0), (5, 0), (10, 0), (20, 0), (20, 5), (20, 10), (10, 10), (0, 10), (0, 5)]),
+}
+SHAPES = ("gabled", "hipped", "half-hipped", "pyramidal", "skillion", "gambrel", "mansard")
+
+
+def building(footprint: shapely.Polygon, roof: Roof) -> Building:
+    return Building("b", footprint, 6.0, "height", roof=roof)
+
+
+@pytest.mark.parametrize("footprint", FOOTPRINTS)
+@pytest.mark.parametrize("shape", SHAPES)
+@pytest.mark.parametrize("across", [False, True])
+def test_closed_and_between_eaves_and_ridge(shape: str, footprint: str, across: bool) -> None:
+    outline = FOOTPRINTS[footprint]
+    shell = roof_shell(building(outline, Roof(shape, 4.0, 77.0 if across else None, across)), 3.0)
+    assert shell is not None
+    mesh = trimesh.Trimesh(shell.vertices, shell.triangles, process=False)
+    assert mesh.is_watertight
+    assert mesh.is_winding_consistent
+    assert mesh.volume > outline.area * 6
+    top = shell.vertices[shell.triangles[shell.semantic == 1], 2]
+    assert top.min() >= 9 - 1e-9
+    assert top.max() <= 13 + 1e-6
+    found = facets(shell, outline)
+    corners = found.vertices[found.triangles]
+    area = np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    assert area == pytest.approx(mesh.area - outline.area, abs=0.05)
+    assert (found.normal[:, 2] > -1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("shape", "volume"),
+    [
+        ("gabled", 400),
+        ("skillion", 400),
+        ("hipped", 400 - 2 * 4 * 10 * 5 / 6),
+        ("pyramidal", 800 / 3),
+        ("gambrel", 800 * 0.675),  # 0.25 x 0.6 / 2 + 0.75 x 0.8
+    ],
+)
+def test_volume_under_the_roof_of_a_rectangle(shape: str, volume: float) -> None:
+    shell = roof_shell(building(RECTANGLE, Roof(shape, 4.0)), 0.0)
+    assert shell is not None
+    assert trimesh.Trimesh(shell.vertices, shell.triangles).volume - 1200 == pytest.approx(volume, rel=1e-6)
+
+
+def test_ridge_runs_along_the_long_side_or_across() -> None:
+    for across, axis in ((False, 1), (True, 0)):
+        shell = roof_shell(building(RECTANGLE, Roof("gabled", 4.0, across=across)), 0.0)
+        assert shell is not None
+        ridge = shell.vertices[shell.vertices[:, 2] > 9.99]
+        assert np.ptp(ridge[:, axis]) < 1e-6
+        assert np.ptp(ridge[:, 1 - axis]) == pytest.approx((20, 10)[across])
+
+
+def test_a_skillion_falls_towards_its_direction() -> None:
+    shell = roof_shell(building(RECTANGLE, Roof("skillion", 4.0, direction=90.0)), 0.0)
+    assert shell is not None
+    east = shell.vertices[:, 0] > 19
+    top = shell.vertices[:, 2] > 1
+    assert shell.vertices[east & top, 2].max() == pytest.approx(6)
+    assert shell.vertices[~east & top, 2].max() == pytest.approx(10)
+
+
+def test_other_shapes_are_left_flat() -> None:
+    assert roof_shell(building(RECTANGLE, Roof("onion", 4.0)), 0.0) is None
+    assert roof_shell(building(RECTANGLE, Roof("flat", 0.0)), 0.0) is None
+    assert roof_shell(Building("b", RECTANGLE, 6.0, "height"), 0.0) is None

@@ -1,0 +1,144 @@
+"""Shells, roofs and terrain into the charts of a block."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.errors import GeometryError
+from facade_core.geometry import GROUND, ROOF, WALL, Charts, Mesh, block_surfaces, terrain_of
+from facade_core.geometry.roofs import roof_shell
+from facade_core.types import Building, Elevation, Roof, Shell, Street
+
+BOX = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
+STREET = Street("s", None, shapely.LineString([(-30, -8), (50, -8)]))
+SLOPE = Elevation(-200.0, 200.0, 10.0, np.add.outer(np.zeros(41), np.arange(41)).astype(np.float32))
+
+
+def surfaces(buildings, streets=(), elevation=None, largest=100.0) -> tuple[Charts, Mesh]:
+    terrain = terrain_of(buildings, elevation)
+    return block_surfaces(buildings, streets, terrain=terrain, ground_margin=20, largest=largest)
+
+
+def shares(mesh: Mesh, which: np.ndarray) -> float:
+    """Area of some triangles."""
+    corners = mesh.vertices[mesh.triangles[which]]
+    return float(
+        np.linalg.norm(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]), axis=1).sum() / 2
+    )
+
+
+def test_a_level_block_does_not_change_with_its_height() -> None:
+    low, low_mesh = surfaces([BOX], [STREET])
+    high, high_mesh = surfaces([replace(BOX, base=40.0)], [STREET])
+    np.testing.assert_array_equal(low.kind, high.kind)
+    np.testing.assert_array_equal(low.size, high.size)
+    np.testing.assert_array_equal(low_mesh.triangles, high_mesh.triangles)
+    np.testing.assert_allclose(high_mesh.vertices - low_mesh.vertices, np.tile([0, 0, 40], (len(low_mesh.vertices), 1)))
+    assert set(low_mesh.vertices[:, 2]) == {0.0, 12.0}
+
+
+def test_ground_follows_the_terrain_and_stays_closed() -> None:
+    charts, mesh = surfaces([BOX], [STREET], SLOPE)
+    ground = charts.kind == GROUND
+    own = ground[mesh.vertex_chart]
+    x = mesh.vertices[own, 0]
+    np.testing.assert_allclose(mesh.vertices[own, 2], 0.1 * (x + 200), atol=1e-5)
+    assert len(set(charts.surface[ground])) == 1
+    assert (charts.normal()[ground, 2] > 0.99).all()
+    plan = shapely.union_all(
+        [shapely.Polygon(t) for t in mesh.vertices[mesh.triangles[ground[mesh.chart]]][..., :2]], grid_size=1e-6
+    )
+    assert plan.geom_type == "Polygon"
+    assert plan.intersection(BOX.footprint).area < 1e-3
+
+
+def test_uneven_ground_is_cut_finer() -> None:
+    rough = replace(SLOPE, heights=np.random.default_rng(0).uniform(0, 3, (41, 41)).astype(np.float32))
+    level = surfaces([BOX], [STREET])[0]
+    uneven = surfaces([BOX], [STREET], rough)[0]
+    assert (level.size[level.kind == GROUND].max(), uneven.size[uneven.kind == GROUND].max() < 13) == (32, True)
+
+
+def test_a_building_stands_on_the_lowest_ground_and_a_higher_one_has_a_skirt() -> None:
+    charts, mesh = surfaces([BOX], [STREET], SLOPE)
+    walls = charts.kind == WALL
+    assert walls.sum() == 4
+    assert mesh.vertices[walls[mesh.vertex_chart], 2].min() == pytest.approx(20)
+    charts, mesh = surfaces([replace(BOX, base=23.0)], [STREET], SLOPE)
+    walls = charts.kind == WALL
+    assert walls.sum() == 8
+    assert (charts.kind[:5] == [WALL] * 4 + [ROOF]).all()
+    skirt = walls & (np.arange(len(charts)) >= 5)
+    assert mesh.vertices[skirt[mesh.vertex_chart], 2].max() == pytest.approx(23)
+    assert mesh.vertices[skirt[mesh.vertex_chart], 2].min() == pytest.approx(20)
+
+
+def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
+    roofed = replace(BOX, roof=Roof("gabled", 4.0), base=23.0)
+    charts, mesh = surfaces([roofed], [STREET], SLOPE)
+    assert (charts.kind == ROOF).sum() == 2
+    walls = (charts.kind == WALL)[mesh.chart]
+    # 60 m around at 12 m, two gables, and the skirt down to ground that rises from 20 to 22 m
+    assert shares(mesh, walls) == pytest.approx(60 * 12 + 40 + 3 * 10 + 1 * 10 + 2 * 2 * 20, abs=1e-3)
+    normals = charts.normal()[charts.kind == ROOF]
+    assert sorted(np.sign(normals[:, 1]).tolist()) == [-1, 1]
+
+
+def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
+    long = replace(BOX, footprint=shapely.box(5, 0, 155, 10), roof=Roof("gabled", 4.0))
+    shell = roof_shell(long, 7.0)
+    assert shell is not None
+    rng = np.random.default_rng(0)
+    painted = Shell(shell.vertices, shell.triangles, shell.semantic, np.full(len(shell.triangles), 3, np.int32),
+                    rng.random((len(shell.triangles), 3, 2)).astype(np.float32))  # fmt: skip
+    charts, mesh = surfaces([replace(long, roof=None, shell=painted)])
+    assert (charts.kind == WALL).sum() + (charts.kind == ROOF).sum() == len(charts)
+    assert charts.size.max() < 56
+    assert len(set(charts.surface)) == 6
+    assert (mesh.texture == 3).all()
+    assert mesh.uv.min() >= 0
+    assert mesh.uv.max() > 0.5
+    assert mesh.vertices[:, 2].min() == 7.0
+    assert shares(mesh, np.ones(len(mesh.triangles), bool)) == pytest.approx(
+        2 * 160 * 12 + 40 + 2 * 150 * np.hypot(5, 4), rel=1e-6
+    )
+
+
+@pytest.mark.parametrize(
+    ("broken", "reason"),
+    [
+        (replace(BOX, height=0.0), "height"),
+        (replace(BOX, height=float("nan")), "height"),
+        (replace(BOX, footprint=shapely.Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])), "area|itself"),
+        (replace(BOX, shell=Shell(np.zeros((0, 3)), np.zeros((0, 3), np.int32), np.zeros(0, np.uint8),
+                                  np.zeros(0, np.int32), np.zeros((0, 3, 2), np.float32))), "no surface"),
+    ],
+)  # fmt: skip
+def test_a_building_without_surfaces_is_named(broken: Building, reason: str) -> None:
+    with pytest.raises(GeometryError, match=f"building a: .*({reason})"):
+        surfaces([broken])
+
+
+@pytest.mark.realdata
+def test_lyon_roofs_face_up_and_walls_stand_up(data: Path) -> None:
+    """The first surfaces of Lyon as one model: every chart's triangles face as it does, none lies below its neighbours."""
+    with np.load(data / "city" / "lyon" / "lod2.npz") as packed:
+        corners = packed["triangles"][:4000].astype(np.float64)
+    vertices, index = np.unique(corners.reshape(-1, 3), axis=0, return_inverse=True)
+    outline = shapely.union_all(shapely.make_valid(shapely.polygons(corners[..., :2])), grid_size=0.01)
+    n = len(corners)
+    shell = Shell(vertices, index.reshape(-1, 3).astype(np.int32), np.full(n, 6, np.uint8), np.full(n, -1, np.int32),
+                  np.zeros((n, 3, 2), np.float32))  # fmt: skip
+    charts, mesh = surfaces([replace(BOX, footprint=outline.convex_hull, shell=shell)])
+    normal = charts.normal()
+    assert (normal[charts.kind == ROOF, 2] > 0).all()
+    assert (np.abs(normal[charts.kind == WALL, 2]) < 0.7).all()
+    tri = mesh.vertices[mesh.triangles]
+    facing = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
+    assert (np.einsum("ij,ij->i", facing, normal[mesh.chart]) > -1e-9).all()
+    assert np.isfinite(charts.origin).all()
