@@ -5,14 +5,19 @@ Tag meanings are those of the OSM wiki ("Simple 3D Buildings", "Key:highway").
 
 from __future__ import annotations
 
+import ast
 import json
-import re
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.features import Centreline, Centrelines, Footprint, Footprints, Remark
+from catalogs.centrelines import centrelines_of
+from catalogs.features import Centrelines, Footprint, Footprints, Remark
+from catalogs.lengths import parse_length, parse_levels
+from catalogs.roofs import roof_of, tagged_rise
 from facade_core.errors import InputError
+from facade_core.types import Roof
 
 # Streets that a camera can travel between facades. Service roads are driveways and parking aisles, mostly inside blocks.
 STREETS = frozenset(
@@ -30,52 +35,59 @@ STREETS = frozenset(
     ]
 )
 WITHOUT_WALLS = frozenset(("roof", "carport"))
-_LENGTH = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
-_FEET_INCHES = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
-_FOOT, _INCH = 0.3048, 0.0254
+TALLEST = 1000.0  # m; what is tagged as higher is a slip
+LOWEST = 2.0  # m; walls
 
 
-def parse_length(text: str) -> float | None:
-    """Metres from an OSM length: "12", "12.5 m", "40 ft", 7'4"; None where it is not understood."""
-    text = text.strip()
-    if match := _FEET_INCHES.fullmatch(text):
-        return int(match[1]) * _FOOT + float(match[2].replace(",", ".")) * _INCH
-    if match := _LENGTH.fullmatch(text):
-        value = float(match[1].replace(",", "."))
-        return value * _FOOT if (match[2] or "").lower() in ("ft", "feet", "'") else value
-    return None
+def read_footprints(path: Path, lod: str | None = None) -> Footprints:
+    """Every building outline of a .pbf, in lon/lat (EPSG:4326); outlines have no level of detail, `lod` is not looked at.
 
-
-def parse_levels(text: str) -> float | None:
-    """Storeys from building:levels: "5", "3.5"; of a list such as "4;5" the largest; None where not understood."""
-    try:
-        levels = max(float(part.replace(",", ".")) for part in text.split(";"))
-    except ValueError:
-        return None
-    return levels if 0 < levels < 300 else None
-
-
-def read_footprints(path: Path) -> Footprints:
-    """Every building outline of a .pbf, in lon/lat (EPSG:4326).
-
-    The height is the one to the eaves: `height` less `roof:height` where both are tagged. Roofs without walls, buildings under
-    ground and those that start above it (bridges, overhangs) are set aside, since extruding them from the ground would
-    put walls where there are none. Raises InputError where the file is no readable .pbf.
+    The height is the one to the eaves: `height` less that of the roof. Roofs without walls, buildings under ground and
+    those that start above it (bridges, overhangs) are set aside, since extruding them from the ground would put walls
+    where there are none. Raises InputError where the file is no readable .pbf.
     """
-    remarks = []
+    remarks: list[Remark] = []
     items = []
     for feature, geometry, tags in _features(path, lambda osm: osm.get_buildings()):
         if tags.get("building") == "no":
             continue
-        if reason := _unusable(geometry, tags):
-            remarks.append(Remark(feature, f"{reason} set aside", geometry))
-            continue
-        height = _eaves(tags)
-        if height is None and "height" in tags:
-            remarks.append(Remark(f"{feature} ({tags['height']})", "heights not understood and ignored", geometry))
-        levels = parse_levels(tags.get("building:levels", ""))
-        items.append(Footprint(feature, geometry, height, levels, tags.get("name")))
+        if (footprint := footprint_of(feature, geometry, tags, remarks, degrees=True)) is not None:
+            items.append(footprint)
     return Footprints("EPSG:4326", tuple(items), tuple(remarks))
+
+
+def footprint_of(
+    feature: str, geometry: Any, tags: Mapping[str, str], remarks: list[Remark], *, degrees: bool
+) -> Footprint | None:
+    """A building with its tags understood; None where it cannot be extruded. `remarks` takes what there is to say of it."""
+    if reason := _unusable(geometry, tags):
+        remarks.append(Remark(feature, f"{reason} set aside", geometry))
+        return None
+    height = parse_length(tags.get("height", ""))
+    if height is None or not LOWEST <= height <= TALLEST:
+        height = None
+        if "height" in tags:
+            remarks.append(Remark(f"{feature} ({tags['height']})", "heights not understood and ignored", geometry))
+    roof = roof_of(tags, geometry, degrees=degrees)
+    if height is not None:
+        height, roof = _eaves(height, roof, tags)
+    levels = parse_levels(tags.get("building:levels", ""))
+    return Footprint(feature, geometry, height, levels, tags.get("name"), roof=roof)
+
+
+def _eaves(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[float, Roof | None]:
+    """Height of the walls under a roof: `height` is tagged from the ground to the ridge.
+
+    A roof whose tagged height leaves no storey under it is not believed; one whose height is only assumed is made lower.
+    """
+    tagged = tagged_rise(tags)
+    rise = roof.height if roof else tagged or 0.0
+    if height - rise >= LOWEST:
+        return height - rise, roof
+    left = height - LOWEST
+    if roof and tagged is None and left > 0.5:
+        return LOWEST, replace(roof, height=round(left, 2))
+    return height, None
 
 
 def read_centrelines(path: Path) -> Centrelines:
@@ -83,16 +95,32 @@ def read_centrelines(path: Path) -> Centrelines:
 
     Raises InputError where the file is no readable .pbf.
     """
-    items = []
-    for feature, geometry, tags in _features(path, lambda osm: osm.get_network("all")):
-        above = tags.get("tunnel") != "yes" and _number(tags, "layer") >= 0
-        if tags.get("highway") not in STREETS or not above or geometry is None or geometry.is_empty:
-            continue
-        for line in getattr(geometry, "geoms", [geometry]):
-            # a closed pedestrian way is the outline of a square, with or without area=yes
-            if not (line.is_ring and (tags["highway"] == "pedestrian" or tags.get("area") == "yes")):
-                items.append(Centreline(feature, line, tags.get("name")))
-    return Centrelines("EPSG:4326", tuple(items))
+
+    def streets() -> Iterator[tuple[str, Any, str | None]]:
+        for feature, geometry, tags in _features(path, lambda osm: osm.get_network("all")):
+            for line in getattr(geometry, "geoms", [geometry]):
+                if line is not None and not line.is_empty and is_street(line, tags):
+                    yield feature, line, tags.get("name")
+
+    return centrelines_of("EPSG:4326", streets())
+
+
+def is_street(line: Any, tags: Mapping[str, str]) -> bool:
+    """Whether a way with a `highway` tag is one that a camera can travel above ground between facades."""
+    above = tags.get("tunnel") not in ("yes", "T") and _number(tags, "layer") >= 0
+    # a closed pedestrian way is the outline of a square, with or without area=yes
+    square = line.is_ring and ("pedestrian" in tags["highway"] or tags.get("area") == "yes")
+    return above and not square and not STREETS.isdisjoint(listed(tags["highway"]))
+
+
+def listed(text: str) -> list[str]:
+    """The values of an attribute of a merged street, which OSMnx writes as "['a', 'b']"; of a plain one the value itself."""
+    if text.startswith("["):
+        try:
+            return [str(value) for value in ast.literal_eval(text)]
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+            pass
+    return [text]
 
 
 def _features(path: Path, layer: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
@@ -123,7 +151,7 @@ def _tags(record: dict[str, Any]) -> dict[str, str]:
     return tags | {key: value for key, value in record.items() if isinstance(value, str)}
 
 
-def _unusable(geometry: Any, tags: dict[str, str]) -> str | None:
+def _unusable(geometry: Any, tags: Mapping[str, str]) -> str | None:
     """Why a building cannot be extruded from the ground; None where it can."""
     if geometry is None or geometry.is_empty:
         return "buildings with an empty geometry"
@@ -138,20 +166,11 @@ def _unusable(geometry: Any, tags: dict[str, str]) -> str | None:
     return None
 
 
-def _eaves(tags: dict[str, str]) -> float | None:
-    """Height of the walls; a roof height that leaves no storey under it is not believed."""
-    height = parse_length(tags.get("height", ""))
-    if height is None or not 2.0 <= height <= 1000.0:
-        return None
-    eaves = height - _metres(tags, "roof:height")
-    return eaves if eaves >= 2.0 else height
-
-
-def _metres(tags: dict[str, str], key: str) -> float:
+def _metres(tags: Mapping[str, str], key: str) -> float:
     return parse_length(tags.get(key, "")) or 0.0
 
 
-def _number(tags: dict[str, str], key: str) -> float:
+def _number(tags: Mapping[str, str], key: str) -> float:
     try:
         return float(tags.get(key, "0"))
     except ValueError:

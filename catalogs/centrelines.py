@@ -1,0 +1,54 @@
+"""Lines of any source into centrelines: one per part and street, the broken ones set aside."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from typing import Any
+
+import numpy as np
+import shapely
+
+from catalogs.features import Centreline, Centrelines, Fault
+
+_SAME = 1e-7  # lines that differ by less, in degrees or metres, are one
+
+
+def centrelines_of(crs: str | None, features: Iterable[tuple[str, Any, str | None]]) -> Centrelines:
+    """Centrelines of (id, geometry, name): parts of one geometry are id-0, id-1, ...; both directions of a street are one.
+
+    What has no geometry, no length or a coordinate that is no finite number is a fault.
+    """
+    items, faults = [], []
+    known: set[bytes] = set()
+    for id, geometry, name in features:
+        parts = [] if geometry is None else [part for part in shapely.get_parts(geometry) if not part.is_empty]
+        if not parts:
+            faults.append(Fault(id, "street", f"centreline {id} has no geometry; draw it, or remove it"))
+        for index, part in enumerate(parts):
+            part_id = id if len(parts) == 1 else f"{id}-{index}"
+            if reason := _broken(part):
+                faults.append(Fault(part_id, "street", f"centreline {part_id} {reason}", place_of(part)))
+                continue
+            line = shapely.force_2d(part)
+            key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _SAME))).wkb
+            if key not in known:
+                known.add(key)
+                items.append(Centreline(part_id, line, name))
+    return Centrelines(crs, tuple(items), tuple(faults))
+
+
+def _broken(part: Any) -> str | None:
+    if part.geom_type not in ("LineString", "LinearRing"):
+        return f"is a {part.geom_type}, no line; draw it as a line, or remove it"
+    if not np.isfinite(shapely.get_coordinates(part)).all():
+        return "has a coordinate that is no finite number; mend or remove it"
+    if not part.length > 0:
+        return "has no length; draw it longer, or remove it"
+    return None
+
+
+def place_of(geometry: Any) -> Any:
+    """Where a geometry is, as far as its coordinates are finite; None where none is."""
+    points = shapely.get_coordinates(geometry)
+    points = points[np.isfinite(points).all(axis=1)]
+    return shapely.multipoints(points) if len(points) else None

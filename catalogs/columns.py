@@ -1,0 +1,163 @@
+"""Columns of vector files, whatever they are called, as the OpenStreetMap tags that mean the same."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Iterable, Mapping
+from typing import Any
+
+_NAMES = {
+    "height": "height height_m building_height bldg_height height_ft hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
+    "measured_height hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h h_m",
+    "building:levels": "building_levels levels storeys stories num_storeys storeysaboveground "
+    "storeys_above_ground floors num_floors n_floors number_of_floors numberoffloors numberoffloorsaboveground floor_count "
+    "geschosse anzahl_geschosse nb_etages bouwlagen",
+    "name": "name names bezeichnung naam nom building_name street_name strassenname straatnaam str_name road_name fullname",
+    "building": "building",
+    "min_height": "min_height building_min_height",
+    "building:min_level": "building_min_level min_level min_floor",
+    "location": "location",
+    "layer": "layer",
+    "roof:shape": "roof_shape building_roof_shape roofshape roof_type rooftype dachform",
+    "roof:height": "roof_height building_roof_height roofheight",
+    "roof:levels": "roof_levels building_roof_levels",
+    "roof:angle": "roof_angle",
+    "roof:direction": "roof_direction roof_slope_direction",
+    "roof:orientation": "roof_orientation",
+    "highway": "highway fclass",
+    "tunnel": "tunnel",
+    "area": "area",
+    "junction": "junction",
+}
+# Tag -> the names of its column in order of preference: lower case, every mark an underscore.
+COLUMNS: Mapping[str, tuple[str, ...]] = {tag: tuple(names.split()) for tag, names in _NAMES.items()}
+# 3DBAG and its like state heights above the datum: of the roof, and of the ground.
+ROOF_LEVEL = (
+    "b3_h_dak_70p",
+    "b3_h_70p",
+    "b3_h_dak_50p",
+    "b3_h_50p",
+    "h_dak_70p",
+    "h_dak_50p",
+    "roof_0_75",
+    "roof_0_50",
+)
+GROUND_LEVEL = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_30")
+_IDS = (
+    "id osm_id osmid osm_way_id full_id gml_id gmlid identificatie bag_id pand_id uuid building_id bldg_id gebaeude_id "
+    "cleabs egid objectid fid ogc_fid gid link_id road_id segment_id toid"
+)
+IDS = tuple(_IDS.split())
+_MORE = ("other_tags", "tags")  # tags without a column of their own, as GDAL and pyrosm keep them
+_KINDS = ("element", "element_type", "osm_type")
+_PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
+_OSM_ID = re.compile(r"(node|way|relation)/(\d+)")
+
+_WANTED = frozenset(
+    name for names in (*COLUMNS.values(), ROOF_LEVEL, GROUND_LEVEL, IDS, _MORE, _KINDS) for name in names
+)
+
+
+def columns_of(fields: Iterable[str], *, cut: bool) -> dict[str, str]:
+    """Known name -> field, of the fields that mean something here. `cut`: the file holds 10 characters of a name (.shp)."""
+    found: dict[str, str] = {}
+    for field in fields:
+        name = re.sub(r"[\s:.\-/]+", "_", field.strip().lower()).lstrip("@_")
+        names = [known for known in _WANTED if known[:10] == name[:10]] if cut and len(name) == 10 else [name]
+        for known in names:
+            if known in _WANTED:
+                found.setdefault(known, field)
+    return found
+
+
+def tags_of(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[dict[str, str]]:
+    """The tags of each record: texts, only those that are stated; `ground` is the height of the ground above the datum."""
+    present = {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in COLUMNS.items()}
+    more = [columns[name] for name in _MORE if name in columns]
+    levels = [[columns[name] for name in names if name in columns] for names in (ROOF_LEVEL, GROUND_LEVEL)]
+    levels = levels if all(levels) else []
+    result = []
+    for record in records:
+        tags: dict[str, str] = {}
+        for field in more:
+            tags |= _parsed(record[field])
+        for tag, sources in present.items():
+            for name, field in sources:
+                if text := text_of(record[field]):
+                    tags[tag] = f"{text} ft" if name == "height_ft" else _plain_name(text) if tag == "name" else text
+                    break
+        if "height" not in tags and levels and (found := _above_ground(record, *levels)):
+            tags["height"], tags["ground"] = found
+        result.append(tags)
+    return result
+
+
+def text_of(value: Any) -> str:
+    """What a cell states, empty where it states nothing: null, NaN, blanks. Whole numbers are written without a point."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, dict):  # Overture: {"primary": name, ...}
+        return text_of(value.get("primary"))
+    if isinstance(value, float):
+        return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < 1e15 else str(value)
+    text = "" if value is None else str(value).strip()
+    return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
+
+
+def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> list[str]:
+    """An id for each record: the first column whose values are all there and all different, else the row's number.
+
+    Those of OpenStreetMap are written w12 and r12 where the kind is known.
+    """
+    kind = next((columns[name] for name in _KINDS if name in columns), None)
+    for name in IDS:
+        if name not in columns:
+            continue
+        found = []
+        for record in records:
+            text = text_of(record[columns[name]])
+            if match := _OSM_ID.fullmatch(text):
+                text = f"{match[1][0]}{match[2]}"
+            elif text.isdigit() and kind is not None and name in ("id", "osmid", "osm_id"):
+                text = f"{text_of(record[kind])[:1].lower()}{text}"
+            elif name == "osm_id" and "osm_way_id" in columns:  # GDAL: a relation has the one id, a way the other
+                way = text_of(record[columns["osm_way_id"]])
+                text = f"r{text}" if text else f"w{way}" if way else ""
+            found.append(text)
+        if all(found) and len(set(found)) == len(found):
+            return found
+    return [str(row) for row in range(len(records))]
+
+
+def _above_ground(record: Mapping[str, Any], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:
+    """Height above the ground and height of the ground, from heights above the datum."""
+    roof, ground = (
+        next((text for field in fields if (text := text_of(record[field]))), "") for fields in (roofs, grounds)
+    )
+    try:
+        return f"{float(roof) - float(ground):.2f}", ground
+    except ValueError:
+        return None
+
+
+def _parsed(value: Any) -> dict[str, str]:
+    """Tags in one cell: JSON, a mapping, or "key"=>"value" pairs."""
+    if isinstance(value, str) and value.startswith("{"):
+        try:
+            value = json.loads(value)
+        except ValueError:
+            return {}
+    if isinstance(value, dict):
+        return {str(key): text for key, stated in value.items() if (text := text_of(stated))}
+    return {key: stated for key, stated in _PAIR.findall(value)} if isinstance(value, str) else {}
+
+
+def _plain_name(text: str) -> str:
+    """A name; where it is a JSON object of names (Overture in GeoJSON), the primary one."""
+    if text.startswith("{"):
+        try:
+            return str(json.loads(text).get("primary") or text)
+        except ValueError:
+            return text
+    return text

@@ -1,0 +1,29 @@
+"""Lengths and storeys as OpenStreetMap writes them: numbers with or without a unit."""
+
+from __future__ import annotations
+
+import re
+
+_LENGTH = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
+_FEET_INCHES = re.compile(r"(\d+)\s*'\s*(\d+(?:[.,]\d+)?)\s*(?:\"|'')")
+_FOOT, _INCH = 0.3048, 0.0254
+
+
+def parse_length(text: str) -> float | None:
+    """Metres from an OSM length: "12", "12.5 m", "40 ft", 7'4"; None where it is not understood."""
+    text = text.strip()
+    if match := _FEET_INCHES.fullmatch(text):
+        return int(match[1]) * _FOOT + float(match[2].replace(",", ".")) * _INCH
+    if match := _LENGTH.fullmatch(text):
+        value = float(match[1].replace(",", "."))
+        return value * _FOOT if (match[2] or "").lower() in ("ft", "feet", "'") else value
+    return None
+
+
+def parse_levels(text: str) -> float | None:
+    """Storeys from building:levels: "5", "3.5"; of a list such as "4;5" the largest; None where not understood."""
+    try:
+        levels = max(float(part.replace(",", ".")) for part in text.split(";"))
+    except ValueError:
+        return None
+    return levels if 0 < levels < 300 else None
