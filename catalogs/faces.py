@@ -79,11 +79,13 @@ def _triangles(
     following = np.arange(1, len(points) + 1)
     following[ring + ring_size - 1] = ring
 
+    finite = np.logical_and.reduceat(np.isfinite(points).all(axis=1), first)
+    points = np.where(finite[owner][:, None], points, 0.0)
     local = (points - points[first][owner]) * (*scale, 1.0)
     areas = np.add.reduceat(np.cross(local, local[following]), ring)  # Newell: twice the area, along the normal
     normal = areas[np.isin(ring, first)]
     length = np.linalg.norm(normal, axis=1)
-    sound = (length > _SMALLEST) & np.isfinite(np.add.reduceat(local, first).sum(axis=1))
+    sound = length > _SMALLEST
     normal = np.where(sound[:, None], normal, (0.0, 0.0, 1.0)) / np.where(sound, length, 1.0)[:, None]
     x, y, z = normal.T
     flat_lying = np.abs(z) >= 0.9

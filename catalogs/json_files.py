@@ -10,6 +10,7 @@ from catalogs.features import Footprints, Models
 from facade_core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
+_LONGEST_WORD = len("-Infinity")
 
 
 def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
@@ -67,7 +68,7 @@ def parse_json(text: bytes, where: str) -> Any:
         return json.loads(text)
     except json.JSONDecodeError as error:
         # A text that ends too early fails at its end, or in a word or string that the end cuts.
-        if error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= len("-Infinity"):
+        if error.pos and (error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= _LONGEST_WORD):
             raise InputError(
                 f"{where} is truncated: the JSON breaks off at line {error.lineno}; get it again"
             ) from error
