@@ -89,9 +89,12 @@ def _around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float
     from rasterio.warp import reproject
     from rasterio.windows import Window
 
-    if raster.crs is None or raster.transform.is_identity:
-        what = "states no frame" if raster.crs is None else "states no place on the ground"
-        raise InputError(f"{path} {what}; write it into the file, e.g. with gdal_translate -a_srs EPSG:n -a_ullr ...")
+    if raster.crs is None:
+        raise InputError(
+            f"{path} states no frame; put its .prj beside it, or write it in with gdal_translate -a_srs EPSG:n"
+        )
+    if raster.transform.is_identity:
+        raise InputError(f"{path} states no place on the ground; put its world file beside it, or give a GeoTIFF")
     own = CRS.from_wkt(raster.crs.to_wkt())
     own = own.sub_crs_list[0] if own.is_compound else own
     to_own = Transformer.from_crs(crs, own, always_xy=True)

@@ -182,8 +182,10 @@ def test_a_truncated_raster_is_refused(tmp_path: Path) -> None:
 def test_a_raster_without_a_frame_or_of_another_place_is_refused(tmp_path: Path) -> None:
     with pytest.raises(InputError, match=r"nowhere\.tif is no file"):
         read_elevation(tmp_path / "nowhere.tif", UTM, BOX)
-    with pytest.raises(InputError, match=r"states no frame; write it"):
+    with pytest.raises(InputError, match=r"states no frame; put its"):
         read_elevation(write(tmp_path / "bare.tif", tilted(), crs=None), UTM, BOX)
+    with pytest.raises(InputError, match=r"states no place on the ground; put its"):
+        read_elevation(write(tmp_path / "lost.tif", tilted(), transform=rasterio.Affine.identity()), UTM, BOX)
     with pytest.raises(InputError, match=r"does not cover the block \[385100, .*it spans \[384000, .* in EPSG:32635"):
         read_elevation(write(tmp_path / "west.tif", tilted(), west=384_000.0), UTM, BOX)
     nothing = np.full((200, 200), np.nan, np.float32)
