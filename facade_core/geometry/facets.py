@@ -96,7 +96,7 @@ def facets(shell: Shell, footprint: Polygon) -> Facets:
     np.minimum.at(low, facet, corners[..., 2].min(axis=1))
     low -= vertices[:, 2].min() if len(vertices) else 0.0
 
-    outward = _outward(normal, middle, odd, upright, what, low, size, footprint, closed)
+    outward = _outward(normal, middle, odd, upright, what, low, size, footprint, closed, corners, facet)
     kind = _kinds(what, outward, upright, low)
     keep = (kind >= 0) & (size / 2 >= SMALLEST_M2)
     number = np.cumsum(keep) - 1
@@ -135,15 +135,23 @@ def _weld(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     return vertices, triangles[kept], area[kept], kept
 
 
-def _outward(normal, middle, odd, upright, what, low, size, footprint, closed) -> np.ndarray:
+def _outward(normal, middle, odd, upright, what, low, size, footprint, closed, corners, facet) -> np.ndarray:
     """Normals turned outward. odd (f, 2): whether an odd number of surfaces lies ahead of the facet and behind it."""
     ahead, behind = odd.T
     # upright: the footprint, then the number of surfaces on either side
     flat = normal[:, :2] / np.maximum(np.hypot(normal[:, 0], normal[:, 1]), 1e-9)[:, None]
+    aside = ASIDE_M * np.column_stack([flat, np.zeros(len(flat))])
     shapely.prepare(footprint)
-    inside = [shapely.contains_xy(footprint, middle[:, :2] + s * ASIDE_M * flat) for s in (1, -1)]
-    on_outline = inside[0] != inside[1]
-    told = np.where(upright, on_outline | (ahead != behind), False)
+    inside = [shapely.contains_xy(footprint, (middle + s * aside)[:, :2]) for s in (1, -1)]
+    on_outline = upright & (inside[0] != inside[1])
+    # a wall that stands above the roof behind it is the neighbour's: it faces this building's side of the outline
+    within = middle + np.where(inside[0], 1, -1)[:, None] * aside
+    nothing = np.full(len(normal), -1)
+    roofed = _odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing, corners, facet)
+    if (on_outline & roofed).any():
+        told = np.where(on_outline, roofed, upright & (ahead != behind))
+    else:
+        told = on_outline | (upright & (ahead != behind))
     flip = np.where(on_outline, inside[0], ahead) & told
     # a source that winds most of its walls the wrong way round does so where nothing else tells too
     reverse = size[flip].sum() > size[told & ~flip].sum()

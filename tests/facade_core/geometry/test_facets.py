@@ -82,6 +82,18 @@ def test_walls_inside_the_footprint_are_told_by_what_lies_on_both_sides() -> Non
     assert (np.einsum("ij,ij->i", away, found.normal[walls, :2]) > 0).all()
 
 
+def test_a_party_wall_above_the_roof_faces_the_lower_house() -> None:
+    """Given with the lower house, as some cities do: winding tells, since the footprint does not."""
+    low = box(0, 0, 0, 20, 10, 5)
+    west = (low[..., 0] == 0).all(axis=1)
+    wall = low[west][:, ::-1].copy()
+    wall[..., 2] *= 3
+    found = facets(shell(np.concatenate([low[~west], wall])), shapely.box(0, 0, 20, 10))
+    x = np.array([found.vertices[found.triangles[found.facet == f]][..., 0].max() for f in range(len(found))])
+    assert found.normal[x == 0].round(6).tolist() == [[1, 0, 0]]
+    assert (found.kind == WALL).sum() == 4
+
+
 def test_an_overhang_has_a_ceiling_and_the_underside_is_left_out() -> None:
     import trimesh
 
