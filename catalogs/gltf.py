@@ -139,13 +139,16 @@ def _numbered(header: dict[str, Any]) -> tuple[dict[str, Any], dict[int, tuple[i
 
 
 def _names(header: dict[str, Any], owner: int, mesh: int, parents: dict[int, int]) -> list[str]:
-    """What a primitive is called: its node, its mesh, then the nodes above, the nameless ones left out."""
+    """What a primitive is called, nearest first: its node, the nodes above, its mesh; a nameless node by its mesh."""
     above: list[dict[str, Any]] = []
     node = parents.get(owner)
     while node is not None and len(above) < len(parents):
         above.append(header["nodes"][node])
         node = parents.get(node)
-    stated = [str(item.get("name", "")).strip() for item in (header["nodes"][owner], header["meshes"][mesh], *above)]
+    drawn = [header["nodes"][owner], header["meshes"][mesh]]
+    own = str(drawn[0].get("name", "")).strip().lower()
+    order = [drawn[1], *above] if own in _NAMELESS else [drawn[0], *above, drawn[1]]
+    stated = [str(item.get("name", "")).strip() for item in order]
     return [name for name in stated if name.lower() not in _NAMELESS]
 
 

@@ -58,6 +58,7 @@ def is_inside(name: str) -> bool:
     return _INSIDE.fullmatch(name) is not None
 
 
+@np.errstate(invalid="ignore")  # vertices that are no numbers are told as faults
 def models_of(surfaces: Sequence[Surface], stem: str) -> tuple[tuple[Model, ...], tuple[Fault, ...]]:
     """One model per name where there are several, unless each names but a surface; else one per connected component.
 
@@ -99,12 +100,14 @@ def _names_are_of_surfaces(surfaces: Sequence[Surface]) -> bool:
         [number.setdefault(surface.building, len(number)) for surface in surfaces], [len(s.corners) for s in surfaces]
     )
     normal = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    first = np.unique(name, return_index=True)[1]
     length = np.linalg.norm(normal, axis=1)
-    one = normal[first][name]
-    turned = np.linalg.norm(np.cross(normal, one), axis=1) > 0.02 * length * np.linalg.norm(one, axis=1)
-    flat = np.bincount(name, turned, len(number)) == 0
-    return bool(2 * flat.sum() > len(flat)) and 2 * (int(_connected(corners).max()) + 1) <= len(flat)
+    order = np.lexsort((-length, name))
+    largest = normal[order[np.unique(name[order], return_index=True)[1]]][name]
+    level = np.linalg.norm(np.cross(normal, largest), axis=1) <= 0.02 * length * np.linalg.norm(largest, axis=1)
+    flat = np.bincount(name, ~level, len(number)) == 0
+    if len(flat) < 6 or 2 * flat.sum() <= len(flat):  # a box has six
+        return False
+    return 2 * (int(_connected(corners).max()) + 1) <= len(flat)
 
 
 def _merged(surfaces: Sequence[Surface]) -> list[Surface]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import warnings
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,16 @@ if TYPE_CHECKING:
 
 _LONLAT = "EPSG:4326"
 _PARQUET = (".parquet", ".geoparquet")
+# What a file of each kind begins with: GDAL goes by the content, and some of its formats fetch other files and addresses.
+_BEGINS = {
+    ".gpkg": (b"SQLite format 3",),
+    ".fgb": (b"fgb",),
+    ".shp": (b"\x00\x00\x27\x0a",),
+    ".geojson": (b"{", b"\x1e"),
+    ".json": (b"{", b"\x1e"),
+    ".parquet": (b"PAR1",),
+    ".geoparquet": (b"PAR1",),
+}
 _KINDS = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "MultiCurve", "CompoundCurve")}
 
 
@@ -41,6 +52,7 @@ def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
     the file states none, or degrees that its coordinates cannot be. Raises InputError where the file cannot be read, or
     where it holds nothing of that kind.
     """
+    _check_start(path)
     try:
         if path.suffix.lower() in _PARQUET:
             layer, others = path.stem, list[str]()
@@ -64,6 +76,16 @@ def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
     return Features(crs, identifiers(records, columns), geometries, tags_of(records, columns), layer, others)
 
 
+def _check_start(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
+    except OSError as error:
+        raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
+    if not start.startswith(_BEGINS[path.suffix.lower()]):
+        raise InputError(f"{path} is no {path.suffix} file by its content; export it again, e.g. as GeoPackage")
+
+
 def _layer(path: Path, kind: str, words: Sequence[str]) -> tuple[str, list[str]]:
     import pyogrio
 
@@ -82,8 +104,9 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
 
     fields = pyogrio.read_info(path, layer=layer)["fields"]
     columns = columns_of(fields, cut=path.suffix.lower() == ".shp")
-    # a broken ring is None and becomes a fault of its own
-    frame = pyogrio.read_dataframe(path, layer=layer, columns=sorted(set(columns.values())), on_invalid="ignore")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # on what is broken, which becomes a fault of its own
+        frame = pyogrio.read_dataframe(path, layer=layer, columns=sorted(set(columns.values())), on_invalid="ignore")
     return frame, columns
 
 
