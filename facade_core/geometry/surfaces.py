@@ -232,7 +232,11 @@ def _shell_skirt(
     if not foot.any():
         return
     a, b = ends[foot, 0], ends[foot, 1]
-    low = [np.column_stack([p[:, :2], p[:, 2] - np.maximum(gap[foot, k], 0)]) for k, p in enumerate((a, b))]
+    drop = np.maximum(gap[foot], 0)
+    for share in (0.25, 0.5, 0.75):  # uneven ground lies lower than its ends somewhere between
+        between = a + share * (b - a) - np.array([0, 0, 1]) * (drop @ [1 - share, share])[:, None]
+        drop += np.maximum(between[:, 2] - terrain.height(between[:, :2]), 0)[:, None]
+    low = [p - drop[:, k : k + 1] * [0, 0, 1] for k, p in enumerate((a, b))]
     order = np.argsort(facet[foot], kind="stable")
     of_facet, chart = np.unique(facet[foot][order], return_inverse=True)
     normal = found.normal[of_facet] * [1, 1, 0]
