@@ -114,7 +114,7 @@ def _levels(thing: Mapping[str, Any], templates: Sequence[Any]) -> dict[Lod, lis
             if type(number) is not int or not 0 <= number < len(templates) or not isinstance(templates[number], dict):
                 raise GeometryError(f"it is an instance of template {number}, which is missing; export it anew")
             shape = templates[number]
-        if shape.get("type") in DEPTHS and shape.get("boundaries"):
+        if str(shape.get("type")) in DEPTHS and shape.get("boundaries"):
             levels[lod_of(shape.get("lod"))].append(geometry)
     return dict(levels)
 

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.cityjson_values import list_of, mapping_of
-from catalogs.faces import Face
+from catalogs.cityjson_values import list_of, mapping_of, points_of, within_reach
+from catalogs.faces import FARTHEST, Face
 from facade_core.errors import GeometryError
 
 # How many levels of nesting lie between a geometry and its surfaces.
@@ -71,13 +71,14 @@ def instance_points(geometry: Mapping[str, Any], template: np.ndarray, corners: 
     Raises GeometryError where the instance has no place.
     """
     try:
-        matrix = np.array(geometry.get("transformationMatrix"), np.float64).reshape(4, 4)
+        matrix = points_of([geometry.get("transformationMatrix")], 16).reshape(4, 4)
         (anchor,) = geometry["boundaries"]
-        if type(anchor) is not int or not 0 <= anchor < len(corners):
+        if np.isnan(matrix).any() or type(anchor) is not int or not 0 <= anchor < len(corners):
             raise ValueError(anchor)
     except (TypeError, ValueError, KeyError) as error:
         raise GeometryError("an instance in it has no place or no matrix of 16 numbers; export it anew") from error
-    return template @ matrix[:3, :3].T + matrix[:3, 3] + corners[anchor]
+    with np.errstate(over="ignore", invalid="ignore"):
+        return within_reach(template @ matrix[:3, :3].T + matrix[:3, 3] + corners[anchor])
 
 
 def _outer(boundaries: Any, depth: int) -> Iterator[list[list[int]]]:
@@ -152,7 +153,7 @@ def _texture(surface: list[list[int]], pictured: Any, appearance: Appearance) ->
         if not all(_is_index(value, len(appearance.uv)) for value in values[1:]):
             return -1, None
         uv.append(appearance.uv[values[1:]].reshape(-1, 2))
-    return (picture, uv) if all(np.isfinite(ring).all() for ring in uv) else (-1, None)
+    return (picture, uv) if all((np.abs(ring) < FARTHEST).all() for ring in uv) else (-1, None)
 
 
 def _is_index(value: Any, length: int) -> bool:

@@ -7,13 +7,20 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.faces import FARTHEST
+
 
 def transformed(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:
-    """Points (n, 3) scaled and translated as a file says; as they are where it says nothing."""
-    if transform is None:
-        return points
-    with np.errstate(over="ignore", invalid="ignore"):
-        return points * np.array(transform["scale"], np.float64) + np.array(transform["translate"], np.float64)
+    """Points (n, 3) scaled and translated as a file says, as they are where it says nothing; NaN where absurdly far."""
+    if transform is not None:
+        with np.errstate(over="ignore", invalid="ignore"):
+            points = points * np.array(transform["scale"], np.float64) + np.array(transform["translate"], np.float64)
+    return within_reach(points)
+
+
+def within_reach(points: np.ndarray) -> np.ndarray:
+    """Points with NaN for coordinates that are infinite or so large that no frame has them."""
+    return np.where(np.abs(points) < FARTHEST, points, np.nan)
 
 
 def points_of(rows: Any, size: int = 3) -> np.ndarray:

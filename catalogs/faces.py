@@ -11,6 +11,7 @@ import numpy as np
 from facade_core.types import SEMANTICS, Shell
 
 _SMALLEST = 1e-6  # m2; twice the area that a face encloses at least
+FARTHEST = 1e9  # no coordinate of a real frame is larger
 _SLIVER = 1e-9  # m2; twice the area of a triangle at least
 
 
@@ -32,7 +33,7 @@ def shell_of(faces: Sequence[Face], scale: tuple[float, float] = (1.0, 1.0)) -> 
     """The shell of a building's faces; None where no face encloses an area.
 
     Equal vertices are shared. `scale` is the length of a unit of x and of y in metres, so that faces in degrees are cut in a
-    plane of metres too. Faces with a vertex that is not finite are left out, and so are holes without an area.
+    plane of metres too. Faces with a vertex that is not finite, or absurdly far away, are left out.
     """
     faces = [face for face in faces if face.rings and len(face.rings[0]) >= 3]
     rings = [[np.asarray(ring, np.float64) for ring in face.rings if len(ring) >= 3] for face in faces]
@@ -79,8 +80,8 @@ def _triangles(
     following = np.arange(1, len(points) + 1)
     following[ring + ring_size - 1] = ring
 
-    finite = np.logical_and.reduceat(np.isfinite(points).all(axis=1), first)
-    points = np.where(finite[owner][:, None], points, 0.0)
+    near = np.logical_and.reduceat((np.abs(points) < FARTHEST).all(axis=1), first)
+    points = np.where(near[owner][:, None], points, 0.0)
     local = (points - points[first][owner]) * (*scale, 1.0)
     areas = np.add.reduceat(np.cross(local, local[following]), ring)  # Newell: twice the area, along the normal
     normal = areas[np.isin(ring, first)]

@@ -77,6 +77,7 @@ def parse_json(text: bytes, where: str) -> Any:
             f"{where} is not JSON: {error.msg.lower()} at {place}; mend it there or export it anew"
         ) from error
     except UnicodeDecodeError as error:
-        raise InputError(f"{where} is not JSON: its bytes are no UTF-8 text; export it anew") from error
+        what = "is truncated within a letter; get it" if error.start >= len(text) - 3 else "is no UTF-8 text; export it"
+        raise InputError(f"{where} {what} again") from error
     except (RecursionError, ValueError) as error:  # ValueError: a number of thousands of digits
         raise InputError(f"{where} is not usable JSON ({str(error)[:60]}); export it anew") from error

@@ -534,6 +534,8 @@ def without(key: str) -> Json:
         ("<CityModel/>", "not JSON"),
         ('{"type": "CityJSON", }, "version": "2.0", "CityObjects": {}, "vertices": []}', "not JSON"),
         ("\xff\xfe", "not JSON"),
+        ('{"type": "CityJSON", "caf\xe9": "x", "version": "2.0"}', "no UTF-8"),
+        ('{"type": "CityJSON", "caf\xc3', "truncated"),
         ("[" * 100_000 + "]" * 100_000, "not usable JSON"),
         ("[]", "not CityJSON"),
         ('"CityJSON"', "not CityJSON"),
@@ -547,7 +549,7 @@ def without(key: str) -> Json:
         (json.dumps(city({}) | {"transform": {"scale": [1, 1, float("nan")], "translate": [0, 0, 0]}}), "transform"),
         (json.dumps(city({}) | {"type": "CityJSONFeature"}), "begins with a feature"),
     ],
-    ids=range(20),
+    ids=range(22),
 )
 def test_a_file_that_cannot_be_read_is_refused_in_one_line(tmp_path: Path, text: str, said: str) -> None:
     path = tmp_path / "a.city.json"
