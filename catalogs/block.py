@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 from catalogs.block_keys import BlockKeys, TextureSettings, check_keys
 from catalogs.block_paths import named_paths
 from catalogs.buildings import Buildings, block_buildings
-from catalogs.features import Centrelines, Fault, Footprints, Models
+from catalogs.features import Centrelines, Fault, Footprints, Models, by_reason, notes_by_reason
 from catalogs.frames import area_outline, block_frame, check_scale, known_frame, named_frame, to_lonlat
 from catalogs.geometry_files import read_buildings, read_centrelines
 from catalogs.images import image_files, photos_by_facade
@@ -117,12 +117,14 @@ def read_block(path: Path | str) -> Block:
         terrain = file.read("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
     panoramas: tuple[PosedPanorama, ...] = ()
     broken_panoramas: tuple[Fault, ...] = ()
+    far: tuple[str, ...] = ()
     if "imagery.panoramas.path" in files:
         from catalogs.panoramas import read_panoramas
 
         poses = files.get("imagery.panoramas.poses", (None,))[0]
         found = file.read("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
         panoramas, broken_panoramas = found.items, found.faults
+        far = notes_by_reason(by_reason(found.remarks))
     return Block(
         name=keys.name,
         crs=frame,
@@ -137,7 +139,7 @@ def read_block(path: Path | str) -> Block:
         storey=keys.storey,
         geoid_separation=keys.geoid_separation,
         seed=keys.seed,
-        notes=frame_notes + built.notes,
+        notes=frame_notes + built.notes + far,
         faults=(*built.faults, *broken_streets, *broken_pictures, *broken_panoramas),
         digest=_digest(keys, frame, files, built, exemplars, photos, panoramas),
     )

@@ -156,6 +156,14 @@ def natural_order(identifier: str) -> tuple[tuple[str, int], ...]:
     return tuple((text, int(number or -1)) for text, number in re.findall(r"(\D*)(\d*)", identifier))
 
 
+def by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:
+    """The ids that each reason is remarked on."""
+    found: dict[str, list[str]] = {}
+    for remark in remarks:
+        found.setdefault(remark.reason, []).append(remark.id)
+    return found
+
+
 def notes_by_reason(reasons: Mapping[str, Iterable[str]], *, listed: int = 8) -> tuple[str, ...]:
     """One note per reason, with the number of features it concerns and the first ids."""
     notes = []

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import shapely
 
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry.charts import WALL
@@ -123,10 +124,11 @@ def ingest(
     spec = AtlasSpec(placement.pages, texels_per_metre, page=page)
     scene = Scene(mesh, charts, placement, spec, spacing=spacing, visibility_range=visibility_range)
 
+    obstacles = shapely.STRtree(footprints)
     cameras: list[Viewpoint] = []
     for index, street in enumerate(streets):
         positions, forward = viewpoints(
-            street.line, spacing=spacing, height=height, obstacles=footprints, ground=terrain.height
+            street.line, spacing=spacing, height=height, obstacles=obstacles, ground=terrain.height
         )
         for position, ahead in zip(positions, forward, strict=True):
             cameras.append(Viewpoint(len(cameras), index, position, ahead))

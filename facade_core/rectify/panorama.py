@@ -50,7 +50,7 @@ def sightings(
     poses: Sequence[Pose],
     image_sizes: Sequence[tuple[int, int]],
     *,
-    reach: float = 80.0,
+    reach: float = 150.0,
 ) -> list[Sighting]:
     """Panoramas that show a chart within `reach` metres, best first; image_sizes are (height, width) in pixels.
 

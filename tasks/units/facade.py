@@ -112,7 +112,7 @@ def _evidence(
         return image, _widened(hidden), imagery.photo.name
     if imagery.panoramas:
         image, seen = fuse(
-            [rectify_panorama(plan.scene, chart, read_panorama(path), pose, size) for path, pose in imagery.panoramas]
+            rectify_panorama(plan.scene, chart, read_panorama(path), pose, size) for path, pose in imagery.panoramas
         )
         if seen.mean() >= SHOWN:
             return image, _widened(~seen), ", ".join(path.name for path, _ in imagery.panoramas)

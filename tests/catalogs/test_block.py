@@ -91,7 +91,7 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         (
             "",
             {"buildings": "buildings: {path: block.yaml}"},
-            "block.yaml: files of type .yaml are not read; supported: .pbf",
+            "block.yaml: files of type .yaml are not read; supported: .fgb",
         ),
         ("", {"buildings": "buildings: {path: facades}"}, "facades is a folder; name a file in it"),
         ("", {"buildings": ""}, "buildings: missing; write buildings: {path: FILE}"),
@@ -110,7 +110,12 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ),
         ("", {"imagery": ""}, "imagery.exemplars: missing, but texture.walls is exemplar"),
         ("", {"imagery": "imagery: {exemplars: {path: .}}"}, "holds no pictures; did you mean"),
-        ("", {"imagery": "imagery: {panoramas: {path: p}}"}, "imagery.panoramas: posed panoramas are not read yet"),
+        ("", {"imagery": "imagery: {panoramas: {path: p}}"}, "imagery.panoramas.path: "),
+        ("terrain: {path: city.osm.pbf}", {}, "terrain.path: "),
+        ("", {"buildings": "buildings: {path: '${NOT_SET_ANYWHERE}/b.pbf'}"}, "NOT_SET_ANYWHERE is not set"),
+        ("", {"buildings": "buildings: {path: [city.osm.pbf, gone.json]}"}, "gone.json does not exist"),
+        ("", {"buildings": "buildings: {path: []}"}, "buildings.path"),
+        ("", {"buildings": "buildings: {path: city.osm.pbf, crs: EPSG:1}"}, "buildings.crs: 'EPSG:1' is not a known CRS"),
     ],
 )
 def test_each_fault_is_one_line_naming_file_key_and_remedy(
@@ -129,7 +134,6 @@ def test_each_fault_is_one_line_naming_file_key_and_remedy(
     [
         ("city.osm.pbf", b"not a pbf" * 99, "city.osm.pbf is not an OSM .pbf file"),
         ("city.osm.pbf", None, "city.osm.pbf cannot be read as OSM .pbf"),
-        ("facades/0.png", b"not a picture", "0.png cannot be opened as a picture; replace or remove it"),
     ],
 )
 def test_broken_files_are_named(read: Read, folder: Path, name: str, content: bytes | None, words: str) -> None:
@@ -201,14 +205,14 @@ def test_the_readme_documents_every_key_with_its_range_and_default() -> None:
     assert {key for key in rows if "." in key and not key.endswith(".py")} - keys.keys() == set(), "no key that is gone"
     for key, allowed in keys.items():
         assert allowed in rows[key], key
-    for name, value in vars(block_keys.BlockKeys(name="a", buildings=P, streets=S)).items():
+    for name, value in vars(block_keys.BlockKeys(name="a", buildings=BUILDINGS)).items():
         if isinstance(value, int | float):
             assert f"| {value} |" in rows[name], name
     for name in TextureSettings.__dataclass_fields__:
         assert f"| {getattr(TextureSettings(), name)} |" in rows[f"texture.{name}"], name
 
 
-P, S = block_keys.PathKeys(path="x"), block_keys.StreetKeys(path="x")
+BUILDINGS = block_keys.BuildingKeys(path="x")
 
 
 @pytest.mark.realdata

@@ -21,6 +21,7 @@ def row(number: int, **changes: Any) -> dict[str, Any]:
     x = 385_700 + 20 * number
     known = {
         "id": f"w12-f{number}",
+        "kind": "facade",
         "block": "demo",
         "building": "w12",
         "geometry": LineString([(x, 6_671_700, 3), (x + 15, 6_671_700, 3)]),
@@ -74,7 +75,9 @@ def test_no_facades_is_an_empty_catalogue(tmp_path: Path) -> None:
         ({"floors": 3.5}, "floors is 3.5; give int32"),
         ({"street": 5}, "street is 5; give string"),
         ({"block": None}, "column block is None"),
-        ({"geometry": None}, "column geometry is None"),
+        ({"geometry": None}, "geometry is no LineString"),
+        ({"kind": "wall"}, "kind is 'wall'; give one of facade, building"),
+        ({"kind": "building"}, "a building has a row only when it is set aside"),
         ({"geometry": LineString()}, "geometry is no LineString"),
         ({"status": "ok"}, "status is 'ok'; give done or failed"),
         ({"status": "failed"}, "failed without a reason"),
@@ -88,6 +91,18 @@ def test_a_wrong_row_is_named_and_the_old_file_stays(tmp_path: Path, changes: di
         write_items(path, [row(7, **changes)], "EPSG:32635")
     assert words in str(error.value)
     assert path.read_bytes() == before
+
+
+def test_a_unit_set_aside_has_a_row_without_a_place(tmp_path: Path) -> None:
+    path = tmp_path / "items.parquet"
+    aside = {"building": None, "geometry": None, "status": "failed", "reason": "its footprint crosses itself"}
+    rows = [row(3, id="w9", kind="building", **aside), row(2), row(4, id="w9", kind="photo", **aside)]
+    write_items(path, rows, "EPSG:32635")
+    items = gpd.read_parquet(path)
+    assert list(items.kind) == ["facade", "building", "photo"], "facades first"
+    assert items.geometry.isna().tolist() == [False, True, True]
+    assert items.xmin.isna().tolist() == [False, True, True]
+    assert items.crs == "OGC:CRS84"
 
 
 def test_missing_columns_and_twins_are_refused(tmp_path: Path) -> None:

@@ -24,6 +24,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
         x = 385_700 + 20 * index
         known = {
             "id": f"f{index}",
+            "kind": "facade",
             "block": "demo",
             "building": f"w{index // 4}",
             "geometry": LineString([(x, 6_671_700), (x + 15, 6_671_700)]),

@@ -171,7 +171,7 @@ def test_sightings_rank_frontal_near_pictures_first() -> None:
         Pose(105.0, 150.0, 2.5, 0.0),  # far
         Pose(108.0, 193.0, 2.5, 0.0),  # near and frontal
         Pose(104.0, 196.0, 2.5, 0.0),  # past the occluder, too near for the wall's ends
-        Pose(105.0, 60.0, 2.5, 0.0),  # out of reach
+        Pose(105.0, 30.0, 2.5, 0.0),  # out of reach
     ]
     found = sightings(scene, 0, poses, [(1024, 2048)] * 4)
     assert found[0].panorama == 1
