@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 
 from catalogs.cityjson import read_cityjson
-from catalogs.features import Model, Models
+from catalogs.features import Footprints, Model, Models
 from catalogs.json_files import read_json
 from facade_core.errors import InputError
 from facade_core.types import SEMANTICS
@@ -190,7 +190,8 @@ def test_semantics_are_mapped_and_inner_surfaces_dropped(read: Callable[..., Mod
     geometry["semantics"]["surfaces"] = [{"type": kind} for kind in kinds]
     found = areas(only(read(city({"h": house(geometry)}))))
     assert found == pytest.approx({"ceiling": 80.0, "roof": 100.0, "unknown": 5.8})
-    for broken in (
+    wrong: Any
+    for wrong in (
         {"values": VALUES},
         {"values": [None]},
         {"values": [[9] * 9]},
@@ -199,8 +200,8 @@ def test_semantics_are_mapped_and_inner_surfaces_dropped(read: Callable[..., Mod
         [],
         {},
     ):
-        geometry = solid(semantics=broken and {"surfaces": [{"type": "Door"}], **broken})
-        assert areas(only(read(city({"h": house(geometry)})))) == pytest.approx({"unknown": 420.0}), broken
+        geometry = solid(semantics=wrong and {"surfaces": [{"type": "Door"}], **wrong})
+        assert areas(only(read(city({"h": house(geometry)})))) == pytest.approx({"unknown": 420.0}), wrong
     geometry = solid()
     geometry["semantics"]["values"][0][0] = None
     assert areas(only(read(city({"h": house(geometry)}))))["unknown"] == pytest.approx(80.0)
@@ -280,15 +281,16 @@ def test_a_solid_that_repeats_its_surfaces_counts_once(read: Callable[..., Model
 
 
 def test_instances_of_templates(read: Callable[..., Models]) -> None:
-    store = {"templates": [solid()], "vertices-templates": [[float(c) for c in corner] for corner in CORNERS]}
+    store: Json = {"templates": [solid()], "vertices-templates": [[float(c) for c in corner] for corner in CORNERS]}
     matrix = [0, -2, 0, 5, 2, 0, 0, 0, 0, 0, 2, 0, 0, 0, 0, 1]
     instance = {"type": "GeometryInstance", "template": 0, "boundaries": [1], "transformationMatrix": matrix}
-    document = city({"h": house(instance)}, **{"geometry-templates": store})
+    templates: Any = {"geometry-templates": store}
+    document = city({"h": house(instance)}, **templates)
     model = only(read(document))
     assert volume(model) == pytest.approx(8 * VOLUME)
     np.testing.assert_allclose(model.shell.vertices.min(axis=0), ORIGIN + np.array([10 + 5 - 16, 0, 0]), atol=1e-6)
     for key, wrong in (("template", 1), ("boundaries", [99]), ("transformationMatrix", [1, 2])):
-        broken = read(city({"h": house(instance | {key: wrong})}, **{"geometry-templates": store}))
+        broken = read(city({"h": house(instance | {key: wrong})}, **templates))
         assert len(broken.faults) == 1
         assert "instance" in broken.faults[0].reason
 
@@ -593,6 +595,7 @@ def test_a_sequence_reads_as_the_same_buildings(write: Write, name: str) -> None
     path = write(city({}, corners=np.empty((0, 3))), feature("a"), "", feature("p", 20, **parts), name=name)
     path.write_text(path.read_text().replace('""', ""))
     models = read_json(path)
+    assert isinstance(models, Models)
     assert models.faults == ()
     assert models.crs == "EPSG:7415"
     assert [model.id for model in models.items] == ["a", "p"]
@@ -643,17 +646,23 @@ def test_a_sequence_needs_its_head(write: Write) -> None:
 # ---- which reader
 
 
-def test_json_goes_to_the_reader_of_what_it_is(write: Write, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_json_goes_to_the_reader_of_what_it_is(write: Write) -> None:
     assert [model.id for model in read_json(write(city({"h": house(solid())}))).items] == ["h"]
     with pytest.raises(InputError, match="is not CityJSON"):
         read_json(write(without("type")))
+    document: Any
     for document in ([], {}, 7, {"type": "Topology"}, {"walls": []}):
         with pytest.raises(InputError, match="holds no buildings"):
             read_json(write(document))
-    import catalogs.walls
-
-    monkeypatch.setattr(catalogs.walls, "read_walls", lambda path, lod=None: Models("EPSG:28992", ()))
-    assert read_json(write({"walls": {}})) == Models("EPSG:28992", ())
+    wall = [[0, 0, 0], [4, 0, 0], [4, 0, 3], [0, 0, 3]]
+    walls = read_json(write({"crs": "EPSG:28992", "walls": {"w": {"south": wall}}}))
+    assert isinstance(walls, Footprints)
+    assert [item.id for item in walls.items] == ["w"]
+    outline = {"type": "Polygon", "coordinates": [[[4.4, 52.0], [4.5, 52.0], [4.5, 52.1], [4.4, 52.0]]]}
+    feature = {"type": "Feature", "properties": {"height": 7.0}, "geometry": outline}
+    footprints = read_json(write({"type": "FeatureCollection", "features": [feature]}))
+    assert isinstance(footprints, Footprints)
+    assert [item.height for item in footprints.items] == [7.0]
 
 
 # ---- real cities
