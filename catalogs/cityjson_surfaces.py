@@ -136,7 +136,7 @@ def _texture_values(geometry: Mapping[str, Any], theme: str | None) -> Any:
     themes = mapping_of(geometry.get("texture"))
     if not themes:
         return None
-    return mapping_of(themes[theme] if theme in themes else themes[min(themes)]).get("values")
+    return mapping_of(themes[theme] if theme is not None and theme in themes else themes[min(themes)]).get("values")
 
 
 def _texture(surface: list[list[int]], pictured: Any, appearance: Appearance) -> tuple[int, list[np.ndarray] | None]:

@@ -65,15 +65,16 @@ class Plan:
     """A block's geometry and the order of its work.
 
     streets are the given ones, or those derived from the gaps; poses are those of the block's panoramas, on the ground where
-    they had no height. textured (charts,) bool: charts with a texture of the source's own. views (k, 2) int32: pairs of
-    viewpoint and chart, sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that the street stage
-    writes; wave (streets,) int32.
+    they had no height. refused: buildings without usable surfaces, as (id, reason). textured (charts,) bool: charts with a
+    texture of the source's own. views (k, 2) int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows;
+    writable (charts,) bool: charts that the street stage writes; wave (streets,) int32.
     """
 
     scene: Scene
     streets: tuple[Street, ...]
     facades: Facades
     poses: tuple[Pose, ...]
+    refused: tuple[tuple[str, str], ...]
     sightings: Sightings
     textured: np.ndarray
     viewpoints: tuple[Viewpoint, ...]
@@ -115,7 +116,7 @@ def ingest(
     streets = tuple(streets) or streets_between(footprints)
     terrain = terrain_of(buildings, elevation)
     one_page = AtlasSpec(1, texels_per_metre, page=page)
-    charts, mesh = block_surfaces(
+    charts, mesh, refused = block_surfaces(
         buildings, streets, terrain=terrain, ground_margin=visibility_range, largest=one_page.largest
     )
     placement = pack(
@@ -153,6 +154,7 @@ def ingest(
         streets=streets,
         facades=facades,
         poses=on_ground,
+        refused=refused,
         sightings=_sightings(scene, facades, on_ground, panorama_sizes),
         textured=textured,
         viewpoints=tuple(cameras),

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 if TYPE_CHECKING:
-    from shapely import LineString, Polygon
+    from shapely import LineString, MultiPolygon, Polygon
 
 
 @dataclass(frozen=True, slots=True)
@@ -105,7 +105,7 @@ class Roof:
 
 @dataclass(frozen=True, slots=True)
 class Building:
-    """A building in the block's metric frame (metres, z up): a footprint to extrude, or a shell.
+    """A building in the block's metric frame (metres, z up): a footprint to extrude, or a shell, which may stand in parts.
 
     height is from the ground to the eaves (of a shell: to its top); height_source says where it is from: "height", "levels",
     "default" or "model". levels is the number of storeys where the source states it. base is the height of the ground at the
@@ -113,7 +113,7 @@ class Building:
     """
 
     id: str
-    footprint: Polygon
+    footprint: Polygon | MultiPolygon
     height: float
     height_source: str
     levels: int | None = None

@@ -56,6 +56,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
         plan = plan_of(block)
         root = zarr.group(store=session.store, overwrite=True)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
+        set_aside += [("building", unit, reason) for unit, reason in plan.refused]
         set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
             block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=_notes(block, plan), set_aside=set_aside

@@ -68,12 +68,13 @@ def new_block(
     library = exemplars or path.parent / "exemplars"
     if exemplars is None and not library.is_dir():
         paint_exemplars(library)
+    imagery = {"exemplars": {"path": _beside(library, path)}}
     keys = {
         "name": path.stem,
         "area": [float(value) for value in bbox],
         "buildings": {"path": _beside(osm, path)},
         "streets": {"path": _beside(osm, path)},
-        "imagery": {"exemplars": {"path": _beside(library, path)}},
+        "imagery": imagery,
         "seed": seed,
     }
     draft = path.with_name(f".{path.name}.draft")
@@ -83,9 +84,9 @@ def new_block(
         ids = set(plan.facades.id)
         panoramas, named, unused = _sorted_pictures(photos, block, ids) if photos else ((), (), ())
         if photos and panoramas:
-            keys["imagery"] |= {"panoramas": {"path": _beside(photos, path)}}
+            imagery["panoramas"] = {"path": _beside(photos, path)}
         elif photos and named:
-            keys["imagery"] |= {"photos": {"path": _beside(photos, path)}}
+            imagery["photos"] = {"path": _beside(photos, path)}
         block = _drafted(draft, keys)
         os.replace(draft, path)
     finally:

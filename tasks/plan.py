@@ -50,7 +50,7 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
     import xarray as xr
 
     scene, charts, placement, facades = plan.scene, plan.scene.charts, plan.scene.placement, plan.facades
-    streets, shown = plan.streets, plan.sightings
+    streets, shown, refused = plan.streets, plan.sightings, dict(plan.refused)
     tables: dict[str, xr.Dataset] = {
         "charts": xr.Dataset(
             {
@@ -153,6 +153,7 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
                 "height": ("building", np.array([b.height for b in buildings]), METRES),
                 "height_source": ("building", text_column([b.height_source for b in buildings])),
                 "levels": ("building", np.array([b.levels or 0 for b in buildings], np.int32)),
+                "refused": ("building", text_column([refused.get(b.id, "") for b in buildings])),
             }
         ),
     }
@@ -188,6 +189,7 @@ def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
     mesh = _read_mesh(open_table(session, "mesh").load())
     cameras = open_table(session, "viewpoints").load()
     streets = open_table(session, "streets").load()
+    built = open_table(session, "buildings").load()
     poses = open_table(session, "poses").load()
     shown = open_table(session, "sightings").load()
 
@@ -217,11 +219,12 @@ def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
         ),
         facades=read_facades(session),
         poses=tuple(
-            Pose(*position.tolist(), *angles.tolist(), tuple(view.tolist()))
-            for position, angles, view in zip(
-                poses.position.values, poses.angles.values, poses.view.values, strict=True
+            Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
+            for (x, y, z), (heading, pitch, roll), (left, top, width, height) in zip(
+                poses.position.values.tolist(), poses.angles.values.tolist(), poses.view.values.tolist(), strict=True
             )
         ),
+        refused=tuple((str(i), str(why)) for i, why in zip(built.id.values, built.refused.values, strict=True) if why),
         sightings=Sightings(**columns(shown, "facade", "panorama", "seen", "pixels_per_metre")),
         textured=charts_table.textured.values,
         viewpoints=tuple(

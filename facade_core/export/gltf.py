@@ -15,14 +15,15 @@ from facade_core.street.scene import Scene
 def write_glb(path: Path, scene: Scene, pages: Mapping[int, bytes]) -> None:
     """Write a block as GLB: one primitive per atlas page, textured with the page's JPEG in `pages`.
 
-    glTF's frame is y up: (x, y, z) = (east, up, -north) metres around the block's centre, which is kept in the scene's
-    extras as `origin` (easting, northing, height). The file appears whole or not at all.
+    glTF's frame is y up: (x, y, z) = (east, up, -north) metres around the block's centre on its lowest ground, which is kept
+    in the scene's extras as `origin` (easting, northing, height). The file appears whole or not at all.
     """
     import trimesh
     from PIL import Image
 
     charts, placement, mesh, spec = scene.charts, scene.placement, scene.mesh, scene.spec
-    origin = np.append(((mesh.vertices.min(axis=0) + mesh.vertices.max(axis=0)) / 2)[:2].round(), 0.0)
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    origin = np.append(((low + high) / 2)[:2].round(), np.floor(low[2]))
     local = mesh.vertices - origin
     position = np.column_stack([local[:, 0], local[:, 2], -local[:, 1]])
     xy = mesh.chart_coordinates(charts) * spec.texels_per_metre

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 from numba import njit
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import CEILING, DOOR, ROOF, WALL, WINDOW
@@ -58,7 +58,7 @@ class Facets:
         return len(self.kind)
 
 
-def facets(shell: Shell, footprint: Polygon) -> Facets:
+def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     """Group the triangles of `shell` into facets: connected, of one semantic and texture, in one plane.
 
     Winding is not relied on: an upright facet is turned so that the footprint lies behind it; one inside the footprint, or

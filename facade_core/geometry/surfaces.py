@@ -8,7 +8,7 @@ from dataclasses import replace
 import mapbox_earcut
 import numpy as np
 import shapely
-from shapely import Polygon
+from shapely import MultiPolygon, Polygon
 
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts, Mesh, Pieces, frames
@@ -43,61 +43,68 @@ def block_surfaces(
     ground_margin: float,
     largest: float,
     grid: float = 32.0,
-) -> tuple[Charts, Mesh]:
+) -> tuple[Charts, Mesh, tuple[tuple[str, str], ...]]:
     """Charts and mesh of a block: the surfaces of every building, and the ground near the streets on the terrain.
+
+    Third, the buildings without usable surfaces, which are left out: (id, reason).
 
     Surfaces longer than `largest` metres, and all ground, are cut on the world grid of `grid` metres (ground finer where it is
     uneven); pieces keep their surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills courtyards.
-    Raises GeometryError when nothing is left, or for a building that has no surfaces.
+    Raises GeometryError when nothing is left.
     """
     pieces = Pieces()
+    refused, outlines = [], []
     for index, building in enumerate(buildings):
-        add_building(pieces, index, building, terrain, largest=largest, grid=grid)
+        try:
+            outlines.append(add_building(pieces, index, building, terrain, largest=largest, grid=grid))
+        except GeometryError as error:
+            refused.append((building.id, str(error)))
     if streets:
         near = [street.line.buffer(ground_margin) for street in streets]
-        built = shapely.union_all([_outline(building) for building in buildings])
+        built = shapely.union_all(outlines)
         # closing the footprints covers courtyards and gaps that no street comes near
         around = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
         open_ground = shapely.union_all([*near, around]).difference(built)
         parts = sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds)
         _ground(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
     if not len(pieces):
-        raise GeometryError("the block has neither buildings nor streets; check its area and input files")
-    return pieces.values()
+        why = f": {refused[0][0]}: {refused[0][1]}" if refused else "; check its area and input files"
+        raise GeometryError(f"the block has neither buildings nor streets{why}")
+    return *pieces.values(), tuple(refused)
 
 
 def add_building(
     pieces: Pieces, index: int, building: Building, terrain: Terrain, *, largest: float, grid: float = 32.0
-) -> None:
-    """The surfaces of one building behind those in `pieces`. Raises GeometryError, naming it, where it has none."""
+) -> Polygon | MultiPolygon:
+    """The surfaces of one building behind those in `pieces`; returns what it covers. Raises GeometryError where it has none."""
     outline = _outline(building)
-    try:
-        if building.shell is not None:
-            shell = building.shell
-        else:
-            if not (np.isfinite(building.height) and building.height > 0):
-                raise GeometryError("its height is not above 0; state one or drop it")
-            base = terrain.lowest(outline) if building.base is None else building.base
-            roofed = roof_shell(replace(building, footprint=outline), base)
-            if roofed is None:
-                return _extruded(pieces, index, outline, base, building.height, terrain, largest, grid)
-            shell = roofed
-        found = facets(shell, outline)
-        if len(found) == 0:
-            raise GeometryError("its model has no surface; repair or drop it")
-    except GeometryError as error:
-        raise GeometryError(f"building {building.id}: {error}") from None
+    if building.shell is not None:
+        shell = building.shell
+    else:
+        if not (np.isfinite(building.height) and building.height > 0):
+            raise GeometryError("its height is not above 0; state one or drop it")
+        base = terrain.lowest(outline) if building.base is None else building.base
+        roofed = roof_shell(replace(building, footprint=outline), base)
+        if roofed is None:
+            _extruded(pieces, index, outline, base, building.height, terrain, largest, grid)
+            return outline
+        shell = roofed
+    found = facets(shell, outline)
+    if len(found) == 0:
+        raise GeometryError("its model has no surface; repair or drop it")
     _facets(pieces, index, found, largest, grid)
     _shell_skirt(pieces, index, found, outline, terrain, largest, grid)
-    return None
+    return outline
 
 
-def _outline(building: Building) -> Polygon:
+def _outline(building: Building) -> Polygon | MultiPolygon:
+    """What a building covers; only a shell may be in several parts."""
     footprint = shapely.orient_polygons(building.footprint.simplify(COLLINEAR_M))
-    if footprint.geom_type != "Polygon" or not footprint.area > 0:
-        raise GeometryError(f"building {building.id}: its footprint has no area; repair or drop it")
+    kinds = ("Polygon",) if building.shell is None else ("Polygon", "MultiPolygon")
+    if footprint.geom_type not in kinds or not footprint.area > 0:
+        raise GeometryError("its footprint has no area; repair or drop it")
     if not footprint.is_valid:
-        raise GeometryError(f"building {building.id}: its footprint crosses itself; repair or drop it")
+        raise GeometryError("its footprint crosses itself; repair or drop it")
     return footprint
 
 
@@ -208,7 +215,13 @@ def _facets(pieces: Pieces, index: int, found: Facets, largest: float, grid: flo
 
 
 def _shell_skirt(
-    pieces: Pieces, index: int, found: Facets, outline: Polygon, terrain: Terrain, largest: float, grid: float
+    pieces: Pieces,
+    index: int,
+    found: Facets,
+    outline: Polygon | MultiPolygon,
+    terrain: Terrain,
+    largest: float,
+    grid: float,
 ) -> None:
     """Walls from the open lower edges of a shell's walls down to the terrain, one surface per facet."""
     edges = np.concatenate([found.triangles[:, [k, (k + 1) % 3]] for k in range(3)])

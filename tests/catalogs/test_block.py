@@ -115,7 +115,11 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ("", {"buildings": "buildings: {path: '${NOT_SET_ANYWHERE}/b.pbf'}"}, "NOT_SET_ANYWHERE is not set"),
         ("", {"buildings": "buildings: {path: [city.osm.pbf, gone.json]}"}, "gone.json does not exist"),
         ("", {"buildings": "buildings: {path: []}"}, "buildings.path"),
-        ("", {"buildings": "buildings: {path: city.osm.pbf, crs: EPSG:1}"}, "buildings.crs: 'EPSG:1' is not a known CRS"),
+        (
+            "",
+            {"buildings": "buildings: {path: city.osm.pbf, crs: EPSG:1}"},
+            "buildings.crs: 'EPSG:1' is not a known CRS",
+        ),
     ],
 )
 def test_each_fault_is_one_line_naming_file_key_and_remedy(

@@ -15,7 +15,7 @@ STREET = Street("s", None, shapely.LineString([(-30, -8), (50, -8)]))
 
 
 def test_a_box_has_four_walls_a_roof_and_ground() -> None:
-    charts, mesh = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
     walls = charts.kind == WALL
     assert walls.sum() == 4
     assert (charts.kind == ROOF).sum() == 1
@@ -34,7 +34,7 @@ def test_a_box_has_four_walls_a_roof_and_ground() -> None:
 
 
 def test_ground_is_cut_on_the_world_grid_and_leaves_out_the_building() -> None:
-    charts, mesh = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
     ground = charts.kind == GROUND
     assert charts.size[ground].max() <= 32 + 1e-9
     assert len(set(charts.surface[ground])) == 1
@@ -46,7 +46,7 @@ def test_ground_is_cut_on_the_world_grid_and_leaves_out_the_building() -> None:
 
 def test_long_walls_are_cut_and_keep_their_surface() -> None:
     long = Building("l", shapely.box(5, 0, 155, 10), 12.0, "height")
-    charts, _ = block_surfaces([long], [], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    charts, _, _ = block_surfaces([long], [], terrain=terrain_of([], None), ground_margin=20, largest=100)
     south = (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9)
     assert charts.size[south, 0].max() <= 32
     assert charts.size[south, 0].sum() == pytest.approx(150)
@@ -54,7 +54,7 @@ def test_long_walls_are_cut_and_keep_their_surface() -> None:
 
 
 def test_chart_coordinates_undo_the_frame() -> None:
-    charts, mesh = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = block_surfaces([BOX], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
     xy = mesh.chart_coordinates(charts)
     own = mesh.vertex_chart
     back = charts.origin[own] + xy[:, :1] * charts.axis_u[own] + xy[:, 1:] * charts.axis_v[own]

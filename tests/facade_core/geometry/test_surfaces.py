@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from dataclasses import replace
 from pathlib import Path
 
@@ -21,7 +22,9 @@ SLOPE = Elevation(-200.0, 200.0, 10.0, np.add.outer(np.zeros(41), np.arange(41))
 
 def surfaces(buildings, streets=(), elevation=None, largest=100.0) -> tuple[Charts, Mesh]:
     terrain = terrain_of(buildings, elevation)
-    return block_surfaces(buildings, streets, terrain=terrain, ground_margin=20, largest=largest)
+    charts, mesh, refused = block_surfaces(buildings, streets, terrain=terrain, ground_margin=20, largest=largest)
+    assert refused == ()
+    return charts, mesh
 
 
 def shares(mesh: Mesh, which: np.ndarray) -> float:
@@ -119,9 +122,37 @@ def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
                                   np.zeros(0, np.int32), np.zeros((0, 3, 2), np.float32))), "no surface"),
     ],
 )  # fmt: skip
-def test_a_building_without_surfaces_is_named(broken: Building, reason: str) -> None:
-    with pytest.raises(GeometryError, match=f"building a: .*({reason})"):
-        surfaces([broken])
+def test_a_building_without_surfaces_is_left_out_by_name(broken: Building, reason: str) -> None:
+    beside = replace(BOX, id="b", footprint=shapely.box(100, 0, 120, 10))
+    buildings = [broken, beside]
+    charts, _, refused = block_surfaces(
+        buildings, [STREET], terrain=terrain_of([beside], None), ground_margin=20, largest=100
+    )
+    assert set(charts.building.tolist()) == {-1, 1}
+    ((id, why),) = refused
+    assert id == "a"
+    assert re.search(reason, why)
+    with pytest.raises(GeometryError, match="a: "):
+        block_surfaces([broken], [], terrain=terrain_of([], None), ground_margin=20, largest=100)
+
+
+def test_a_shell_may_stand_in_two_parts() -> None:
+    halves = [
+        roof_shell(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0) for x in (0, 20)
+    ]
+    one, two = (half for half in halves if half is not None)
+    both = Shell(
+        np.concatenate([one.vertices, two.vertices]),
+        np.concatenate([one.triangles, two.triangles + len(one.vertices)]),
+        *(np.concatenate([getattr(one, name), getattr(two, name)]) for name in ("semantic", "texture", "uv")),
+    )
+    house = replace(BOX, footprint=shapely.box(0, 0, 8, 10).union(shapely.box(20, 0, 28, 10)), shell=both, base=0.0)
+    charts, _ = surfaces([house], [STREET])
+    middle = charts.origin + (charts.axis_u * charts.size[:, :1] + charts.axis_v * charts.size[:, 1:]) / 2
+    wall = charts.kind == WALL
+    assert wall.sum() == 8
+    outside = shapely.points((middle + 0.5 * charts.normal())[wall, :2])
+    assert not shapely.intersects(house.footprint, outside).any(), "walls of both parts face outward"
 
 
 @pytest.mark.realdata

@@ -23,7 +23,7 @@ BUILDINGS = [
 
 @pytest.fixture(scope="module")
 def scene() -> Scene:
-    charts, mesh = block_surfaces(BUILDINGS, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    charts, mesh, _ = block_surfaces(BUILDINGS, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
     placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
@@ -137,7 +137,9 @@ def test_swatches_keep_textured_pixels_and_paint_the_same_ground_from_anywhere(s
 def test_swatches_know_every_kind_of_surface_and_dirt_starts_at_the_foot_of_the_walls() -> None:
     """A roofed house on a hill: tiles run along the slope, walls are darker at their foot, 30 m up."""
     house = Building("h", shapely.box(0, 0, 20, 10), 6.0, "height", base=30.0, roof=Roof("gabled", 4.0))
-    charts, mesh = block_surfaces([house], [STREET], terrain=terrain_of([house], None), ground_margin=20, largest=100)
+    charts, mesh, _ = block_surfaces(
+        [house], [STREET], terrain=terrain_of([house], None), ground_margin=20, largest=100
+    )
     placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
 
     def swatches(charts: Charts) -> Swatches:

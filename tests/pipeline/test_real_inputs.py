@@ -1,0 +1,150 @@
+"""A block as users have it: models with textures of their own, no streets, posed panoramas, and a broken unit of every kind."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import geopandas as gpd
+import numpy as np
+import pytest
+import trimesh
+import yaml
+import zarr
+from PIL import Image
+
+from facade_core.atlas.provenance import PHOTO
+from facade_core.atlas.store import open_repository
+from facade_core.synth import exemplars
+from tests.pipeline.conftest import run
+
+X, Y, GROUND = 121_000.0, 487_000.0, 1.5
+
+
+def house(city: dict[str, Any], id: str, x: float, y: float, textured: bool = False) -> None:
+    """A box of 12 x 10 x 9 m in the city; its northern wall and its roof may carry the texture."""
+    first = len(city["vertices"])
+    for z in (GROUND, GROUND + 9):
+        city["vertices"] += [[X + x + u, Y + y + v, z] for u, v in ((0, 0), (12, 0), (12, 10), (0, 10))]
+    faces = [[i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4] for i in range(4)] + [[3, 2, 1, 0], [4, 5, 6, 7]]
+    geometry: dict[str, Any] = {
+        "type": "MultiSurface",
+        "lod": "2",
+        "boundaries": [[[first + corner for corner in face]] for face in faces],
+        "semantics": {
+            "surfaces": [{"type": "WallSurface"}, {"type": "GroundSurface"}, {"type": "RoofSurface"}],
+            "values": [0, 0, 0, 0, 1, 2],
+        },
+    }
+    if textured:
+        geometry["texture"] = {
+            "photo": {"values": [[[None]]] * 2 + [[[0, 0, 1, 2, 3]]] + [[[None]]] * 2 + [[[0, 0, 1, 2, 3]]]}
+        }
+    city["CityObjects"][id] = {"type": "Building", "geometry": [geometry], "attributes": {"storeysAboveGround": 3}}
+
+
+def write_inputs(folder: Path) -> Path:
+    city: dict[str, Any] = {
+        "type": "CityJSON",
+        "version": "2.0",
+        "transform": {"scale": [1, 1, 1], "translate": [0, 0, 0]},
+        "metadata": {"referenceSystem": "https://www.opengis.net/def/crs/EPSG/0/28992"},
+        "appearance": {
+            "textures": [{"type": "PNG", "image": "wall.png"}],
+            "vertices-texture": [[0, 0], [1, 0], [1, 1], [0, 1]],
+        },
+        "CityObjects": {"empty": {"type": "Building"}},
+        "vertices": [],
+    }
+    for row, y in enumerate((0, 24)):
+        for column in range(2):
+            house(city, f"h{row}{column}", 16.0 * column, y, textured=row == column == 1)
+    house(city, "nowhere", 60, 0)
+    city["vertices"][-1][0] = float("nan")
+    (folder / "city.json").write_text(json.dumps(city))
+    painted = list(exemplars(3, seed=1, metres_per_pixel=1 / 8))
+    Image.fromarray(painted[0].image).save(folder / "wall.png")
+    (folder / "facades").mkdir()
+    for number, exemplar in enumerate(painted):
+        Image.fromarray(exemplar.image).save(folder / "facades" / f"{number}.png")
+    (folder / "panoramas").mkdir()
+    rows, columns = np.mgrid[0:512, 0:1024]
+    wave = (128 + 60 * np.sin(columns / 9) * np.cos(rows / 7)).astype(np.uint8)
+    for name in ("seen", "unposed", "cut"):
+        Image.fromarray(np.dstack([wave, wave, 255 - wave])).save(folder / "panoramas" / f"{name}.jpg")
+    cut = folder / "panoramas" / "cut.jpg"
+    cut.write_bytes(cut.read_bytes()[:2000])
+    pose = {"x": X + 6, "y": Y + 17, "z": GROUND + 2.5, "heading": 0}
+    (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:28992", "poses": {"seen": pose, "cut": pose}}))
+    block = {
+        "name": "four-houses",
+        "buildings": {"path": "city.json"},
+        "imagery": {"exemplars": {"path": "facades"}, "panoramas": {"path": "panoramas", "poses": "poses.json"}},
+        "texture": {"texels_per_metre": 4, "panorama_width": 256},
+    }
+    (folder / "block.yaml").write_text(yaml.safe_dump(block))
+    return folder / "block.yaml"
+
+
+@pytest.fixture(scope="module")
+def done(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path, dict[str, Any]]:
+    folder = tmp_path_factory.mktemp("inputs")
+    block = write_inputs(folder)
+    return block, folder / "out", run(block, folder / "out", workers=2, expect=1)
+
+
+def test_everything_else_is_published_and_the_reasons_are_in_the_catalogue(done: Any) -> None:
+    _, _, summary = done
+    assert summary["facades_failed"] == 0
+    assert summary["facades_done"] >= 12
+    assert summary["viewpoints"] > 4, "streets are derived"
+    items = gpd.read_parquet(summary["outputs"]["items"])
+    aside = items[items.kind != "facade"]
+    assert sorted(zip(aside.kind, aside.id, strict=True)) == [
+        ("building", "empty"),
+        ("building", "nowhere"),
+        ("panorama", "cut.jpg"),
+        ("panorama", "unposed"),
+    ]
+    assert aside.reason.str.len().min() > 10
+    assert {failure["unit"] for failure in summary["failures"]} == set(aside.id)
+    assert "four-houses" in Path(summary["outputs"]["report"]).read_text()
+    assert "nowhere" in Path(summary["outputs"]["report"]).read_text()
+
+
+def test_own_textures_and_panoramas_are_photos_and_the_rest_is_synthesised(done: Any) -> None:
+    _, out, summary = done
+    items = gpd.read_parquet(summary["outputs"]["items"]).set_index("id")
+    sources = items.source.dropna()
+    assert "own texture" in set(sources)
+    assert any(source == "seen.jpg" for source in sources)
+    assert any(source in ("0", "1", "2") for source in sources)
+    own = items[items.source == "own texture"]
+    assert (own.photo > 0.95).all()
+    assert (items[items.source == "seen.jpg"].photo > 0.2).all()
+    session = open_repository(out / "store").readonly_session("main")
+    group = zarr.open_group(session.store, mode="r")
+    charts = group["charts"]
+    roof = np.flatnonzero(charts["textured"][:] & (charts["kind"][:] == 1))
+    assert len(roof) == 1, "one roof has a texture of its own"
+    page, y, x = (int(charts[name][roof[0]]) for name in ("page", "y", "x"))
+    height, width = int(charts["height"][roof[0]]), int(charts["width"][roof[0]])
+    assert (group["atlas/provenance"][page, y : y + height, x : x + width] == PHOTO).mean() > 0.98
+
+
+def test_the_model_stands_at_its_height_on_the_ground(done: Any) -> None:
+    _, _, summary = done
+    scene = trimesh.load(summary["outputs"]["glb"][0])
+    low, high = scene.bounds[:, 1]
+    assert high - low == pytest.approx(9.0, abs=0.2)
+    origin = scene.metadata["origin"]
+    assert origin[2] + high == pytest.approx(GROUND + 9, abs=0.2)
+
+
+def test_a_rerun_does_nothing_and_still_says_what_was_set_aside(done: Any) -> None:
+    block, out, first = done
+    again = run(block, out, expect=1)
+    assert again["units_done"] == 0
+    assert again["atlas_digest"] == first["atlas_digest"]
+    assert again["failures"] == first["failures"]
