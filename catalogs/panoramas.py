@@ -74,7 +74,7 @@ def read_panoramas(
                 raise ValueError(_unposed(source, poses))
             pose = _in_frame(source, view, crs, frames)
         except ValueError as error:
-            faults.append(Fault(path.stem, "panorama", f"{path.name}: {error}"))
+            faults.append(Fault(path.name, "panorama", str(error)))
             continue
         posed += 1
         if not math.isfinite(pose.x + pose.y) or (bounds and _outside(pose, bounds) > FAR_M):
@@ -84,7 +84,7 @@ def read_panoramas(
             remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
         items.append(PosedPanorama(path.stem, path, pose))
     if not posed:
-        remedy = "; ".join(dict.fromkeys(fault.reason for fault in faults[:3]))
+        remedy = "; ".join(f"{fault.id}: {fault.reason}" for fault in faults[:3])
         raise InputError(f"{folder} holds no panorama that can be used: {remedy}")
     if poses and not any(_entry(sources, path) for path in paths):
         example = next(iter(sources))

@@ -111,7 +111,7 @@ def _sorted_pictures(
         posed, reasons = set(), {}
     named = tuple(path.name for path in paths if path.stem in facades and path.name not in posed)
     without = "no pose, and not named after a facade"
-    unused = [(path.name, reasons.get(path.stem, without)) for path in paths if path.name not in {*posed, *named}]
+    unused = [(path.name, reasons.get(path.name, without)) for path in paths if path.name not in {*posed, *named}]
     if posed and named:
         unused += [
             (name, "panoramas and photos of facades want a folder each; only panoramas are used") for name in named

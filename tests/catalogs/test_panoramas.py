@@ -203,12 +203,12 @@ def test_what_is_set_aside_is_named_with_its_remedy(folder: Path, tmp_path: Path
     reasons = {fault.id: fault.reason for fault in found.faults}
     for name, part in {
         "good.png": "have one name; rename or remove",
-        "unposed": "no pose; give its pose in poses.json",
-        "nowhere": "no pose",
-        "headless": "a place but no heading",
-        "square": "twice as wide as high",
-        "cylinder": "cylindrical",
-        "nan": "x is nan, not a finite number",
+        "unposed.jpg": "no pose; give its pose in poses.json",
+        "nowhere.jpg": "no pose",
+        "headless.jpg": "a place but no heading",
+        "square.jpg": "twice as wide as high",
+        "cylinder.jpg": "cylindrical",
+        "nan.jpg": "x is nan, not a finite number",
         "cut.jpg": "cut off; replace or remove it",
         "text.jpg": "cannot be opened",
     }.items():
@@ -271,7 +271,7 @@ def test_damaged_xmp_and_exif_count_as_none(folder: Path, tmp_path: Path) -> Non
     poses = {name: {"x": 1, "y": 2, "heading": 0} for name in "ab"}
     found = read_panoramas(folder, poses_file(tmp_path, {"poses": poses}), UTM)
     assert [item.id for item in found.items] == ["a", "b"]
-    assert [fault.id for fault in found.faults] == ["c"]
+    assert [fault.id for fault in found.faults] == ["c.jpg"]
 
 
 def test_unreadable_pictures_are_faults_unless_all_are(tmp_path: Path) -> None:
@@ -304,7 +304,7 @@ def test_amsterdam_and_strasbourg(data: Path) -> None:
     amsterdam = data / "city" / "amsterdam"
     found = read_panoramas(amsterdam / "panoramas", amsterdam / "poses_and_walls.json", RD)
     assert len(found.items) == 4
-    assert [fault.id[-6:] for fault in found.faults] == ["000063", "000149"]
+    assert [fault.id[-10:] for fault in found.faults] == ["000063.jpg", "000149.jpg"]
     dam = next(item.pose for item in found.items if item.id.endswith("001622"))
     assert (dam.x, dam.y, dam.z, dam.heading) == pytest.approx((121348.591, 487338.811, 2.0, 0.0), abs=1e-3)
 

@@ -105,7 +105,7 @@ def test_everything_else_is_published_and_the_reasons_are_in_the_catalogue(done:
         ("building", "empty"),
         ("building", "nowhere"),
         ("panorama", "cut.jpg"),
-        ("panorama", "unposed"),
+        ("panorama", "unposed.jpg"),
     ]
     assert aside.reason.str.len().min() > 10
     assert {failure["unit"] for failure in summary["failures"]} == set(aside.id)
