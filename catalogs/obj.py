@@ -17,24 +17,23 @@ from facade_core.errors import InputError
 _NAMELESS = ("", "default", "(null)", "off")
 
 Label = tuple[str | None, str | None, str | None]  # object, group, material
-
-
-@dataclass(slots=True)
-class _Faces:
-    """Faces under one label: corners per face, then for each corner its vertex and its texture coordinate, -1 without."""
-
-    sizes: array[int] = field(default_factory=lambda: array("i"))
-    vertex: array[int] = field(default_factory=lambda: array("q"))
-    coordinate: array[int] = field(default_factory=lambda: array("q"))
+Kind = tuple[str | None, str, int]  # building, semantic, texture
 
 
 @dataclass(slots=True)
 class _Text:
-    """What the lines of a file say."""
+    """What the lines of a file say.
+
+    sizes, label: of each face; vertex, coordinate: of each corner of each face, numbers of lines counted from 0, -1 without.
+    """
 
     vertices: array[float] = field(default_factory=lambda: array("d"))
     coordinates: array[float] = field(default_factory=lambda: array("d"))
-    faces: dict[Label, _Faces] = field(default_factory=dict)
+    sizes: array[int] = field(default_factory=lambda: array("i"))
+    label: array[int] = field(default_factory=lambda: array("i"))
+    vertex: array[int] = field(default_factory=lambda: array("q"))
+    coordinate: array[int] = field(default_factory=lambda: array("q"))
+    labels: dict[Label, int] = field(default_factory=dict)
     declared: set[Label] = field(default_factory=set)
     libraries: list[str] = field(default_factory=list)
 
@@ -45,31 +44,26 @@ def read_obj(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark],
     x east, y north, z up, as 3D city models are exported. Raises InputError where there is no face.
     """
     text = _parsed(path)
-    if not text.faces:
+    if not text.labels:
         raise InputError(f"{path} holds no faces; export the model as polygons or triangles")
-    # a last row that is no number stands for every vertex that is not there
-    vertices = np.concatenate([np.frombuffer(text.vertices), [np.nan] * 3]).reshape(-1, 3)
-    coordinates = np.concatenate([np.frombuffer(text.coordinates), [np.nan] * 2]).reshape(-1, 2)
     pictures, remarks = _pictures(path, text.libraries)
     textures = tuple(dict.fromkeys(pictures.values()))
 
-    objects = {label[0] for label in text.faces} - {None}
-    piped = any("|" in (label[1] or "") for label in text.faces)
+    objects = {label[0] for label in text.labels} - {None}
+    piped = any("|" in (label[1] or "") for label in text.labels)
     by_object = len(objects) > 1 and not piped
-    surfaces: list[Surface] = []
-    for label, faces in text.faces.items():
+    kinds: list[Kind | None] = []
+    for label in text.labels:
         _, group, material = label
         kind = (group or "").partition("|")[2]
-        if is_inside(kind):
-            continue
         semantic = semantic_of(kind, group if by_object or is_surface_name(group or "") else None, material)
         picture = pictures.get(material or "")
         texture = -1 if picture is None else textures.index(picture)
-        surfaces += _surfaces(faces, vertices, coordinates, _building(label, by_object), semantic, texture)
-    named = {_building(label, by_object) for label in text.faces}
+        kinds.append(None if is_inside(kind) else (_building(label, by_object), semantic, texture))
+    named = {_building(label, by_object) for label in text.labels}
     empty = sorted({_building(label, by_object) for label in text.declared} - named - {None}, key=str)
     faults = [Fault(str(name), "building", f"group {name} of {path.name} has no faces; give it some") for name in empty]
-    return surfaces, textures, remarks, faults
+    return list(_surfaces(text, kinds)), textures, remarks, faults
 
 
 def _building(label: Label, by_object: bool) -> str | None:
@@ -86,7 +80,7 @@ def _building(label: Label, by_object: bool) -> str | None:
 def _parsed(path: Path) -> _Text:
     text = _Text()
     label: Label = (None, None, None)
-    faces = None
+    number = -1
     for line in _lines(path):
         words = line.split()
         key = words[0] if words else ""
@@ -95,13 +89,14 @@ def _parsed(path: Path) -> _Text:
         elif key == "f":
             if len(words) < 4:
                 continue
-            if faces is None:
-                faces = text.faces.setdefault(label, _Faces())
-            faces.sizes.append(len(words) - 1)
+            if number < 0:
+                number = text.labels.setdefault(label, len(text.labels))
+            text.sizes.append(len(words) - 1)
+            text.label.append(number)
             for word in words[1:]:
                 vertex, _, rest = word.partition("/")
-                faces.vertex.append(_index(vertex, len(text.vertices) // 3))
-                faces.coordinate.append(_index(rest.partition("/")[0], len(text.coordinates) // 2) if rest else -1)
+                text.vertex.append(_index(vertex, len(text.vertices) // 3))
+                text.coordinate.append(_index(rest.partition("/")[0], len(text.coordinates) // 2) if rest else -1)
         elif key == "vt":
             text.coordinates.extend(_numbers([*words[1:3], "0"][:2], 2))
         elif key in ("g", "o", "usemtl"):
@@ -112,7 +107,7 @@ def _parsed(path: Path) -> _Text:
                 label = (label[0], name, label[2]) if key == "g" else (label[0], label[1], name)
             if key != "usemtl":
                 text.declared.add(label)
-            faces = None
+            number = -1
         elif key == "mtllib":
             text.libraries.append(line.strip()[6:].strip())
     return text
@@ -148,27 +143,40 @@ def _index(word: str, count: int) -> int:
     return index - 1 if index > 0 else max(count + index, -1) if index < 0 else -1
 
 
-def _surfaces(
-    faces: _Faces, vertices: np.ndarray, coordinates: np.ndarray, building: str | None, semantic: str, texture: int
-) -> Iterator[Surface]:
-    sizes = np.frombuffer(faces.sizes, np.int32)
-    starts = np.cumsum(sizes) - sizes
-    vertex = np.frombuffer(faces.vertex, np.int64)
-    points = vertices[np.where(vertex < len(vertices) - 1, vertex, -1)]
-    coordinate = np.frombuffer(faces.coordinate, np.int64)
-    uv = np.nan_to_num(coordinates[np.where(coordinate < len(coordinates) - 1, coordinate, -1)])
-    sound = np.logical_and.reduceat(np.isfinite(points).all(axis=1), starts)
+def _surfaces(text: _Text, kinds: list[Kind | None]) -> Iterator[Surface]:
+    """The faces of each label as triangles; labels without a kind are left out."""
+    # a last row that is no number stands for every vertex that is not there
+    vertices = np.concatenate([np.frombuffer(text.vertices), [np.nan] * 3]).reshape(-1, 3)
+    coordinates = np.concatenate([np.frombuffer(text.coordinates), [np.nan] * 2]).reshape(-1, 2)
+    sizes = np.frombuffer(text.sizes, np.int32)
+    starts = np.cumsum(sizes, dtype=np.int64) - sizes
+    vertex = np.frombuffer(text.vertex, np.int64)
+    vertex = np.where(vertex < len(vertices) - 1, vertex, -1)
+    coordinate = np.frombuffer(text.coordinate, np.int64)
+    coordinate = np.where(coordinate < len(coordinates) - 1, coordinate, -1)
+    sound = np.logical_and.reduceat(np.isfinite(vertices).all(axis=1)[vertex], starts)
 
-    triangles = starts[sound & (sizes == 3), None] + np.arange(3)
-    yield Surface(building, semantic, points[triangles], texture, uv[triangles])
-    if len(rest := np.flatnonzero(sound & (sizes > 3))):
-        rings = [slice(starts[face], starts[face] + sizes[face]) for face in rest]
-        if (shell := shell_of([Face([points[ring]], semantic, texture, [uv[ring]]) for ring in rings])) is not None:
+    label = np.frombuffer(text.label, np.int32)
+    order = np.argsort(label, kind="stable")
+    for faces in np.split(order, np.flatnonzero(np.diff(label[order])) + 1):
+        kind = kinds[label[faces[0]]]
+        if kind is None:
+            continue
+        building, semantic, texture = kind
+        whole = faces[sound[faces]]
+        triangles = starts[whole[sizes[whole] == 3], None] + np.arange(3)
+        uv = None if texture < 0 else np.nan_to_num(coordinates[coordinate[triangles]])
+        yield Surface(building, semantic, vertices[vertex[triangles]], texture, uv)
+        rings = [slice(starts[face], starts[face] + sizes[face]) for face in whole[sizes[whole] > 3]]
+        polygons = [
+            Face([vertices[vertex[r]]], semantic, texture, [np.nan_to_num(coordinates[coordinate[r]])]) for r in rings
+        ]
+        if polygons and (shell := shell_of(polygons)) is not None:
             yield Surface(building, semantic, shell.vertices[shell.triangles], texture, shell.uv)
-    if not sound.all():  # one broken triangle each tells whose model is broken
-        broken = points[starts[~sound, None] + np.arange(3)]
-        broken[np.isfinite(broken).all(axis=(1, 2)), 0] = np.nan
-        yield Surface(building, semantic, broken)
+        if len(whole) < len(faces):  # one broken triangle each tells whose model is broken
+            broken = vertices[vertex[starts[faces[~sound[faces]], None] + np.arange(3)]]
+            broken[np.isfinite(broken).all(axis=(1, 2)), 0] = np.nan
+            yield Surface(building, semantic, broken)
 
 
 def _pictures(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[Remark]]:
