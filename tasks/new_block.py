@@ -13,7 +13,7 @@ import yaml
 from catalogs.block import Block, read_block
 from catalogs.images import image_files
 from catalogs.panoramas import read_panoramas
-from facade_core.errors import InputError
+from facade_core.errors import BlockFileError, InputError
 from tasks.demo import paint_exemplars
 from tasks.plan import plan_of
 
@@ -96,7 +96,10 @@ def new_block(
 
 def _drafted(draft: Path, keys: dict) -> Block:
     draft.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
-    return read_block(draft)
+    try:
+        return read_block(draft)
+    except BlockFileError as error:  # the draft is nobody's file
+        raise InputError(str(error).removeprefix(f"{draft}: ")) from error
 
 
 def _sorted_pictures(
