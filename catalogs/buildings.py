@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 
 SMALLEST = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
 FALLBACK_HEIGHT = 12.0  # m; where no building of the block has a height
+SLIVER = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
 SAME = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
 
 
@@ -191,15 +192,18 @@ def _broken(outline: Any) -> str | None:
     if not np.isfinite(shapely.get_coordinates(outline)).all():
         return "a corner of its footprint is not a number; mend or remove it"
     reason = shapely.is_valid_reason(outline)
-    if reason.startswith("Self-intersection"):  # a ring that merely touches itself is repaired
+    # a ring that merely touches itself, or crosses itself in a sliver, encloses what was meant
+    if reason.startswith("Self-intersection") and abs(_repaired(outline).area - outline.area) > SLIVER * outline.area:
         return f"its footprint crosses itself ({reason.partition('[')[2].rstrip(']')}); mend or remove it"
     return None
 
 
+def _repaired(outline: Any) -> Any:
+    return outline if outline.is_valid else shapely.make_valid(outline, method="structure", keep_collapsed=False)
+
+
 def _parts(outline: Polygon) -> tuple[list[Polygon], list[Polygon]]:
     """The valid polygons of an outline, courtyards kept, from west to east: large enough ones, and too small ones."""
-    if not outline.is_valid:
-        outline = shapely.make_valid(outline, method="structure", keep_collapsed=False)
-    polygons = [part for part in shapely.get_parts(outline) if part.geom_type == "Polygon" and part.area > 0]
+    polygons = [part for part in shapely.get_parts(_repaired(outline)) if part.geom_type == "Polygon" and part.area > 0]
     polygons = sorted(shapely.normalize(polygons), key=lambda part: part.bounds)
     return [p for p in polygons if p.area >= SMALLEST], [p for p in polygons if p.area < SMALLEST]

@@ -54,6 +54,7 @@ def test_heights_are_stated_from_levels_or_the_median() -> None:
 def test_broken_outlines_are_set_aside_by_name_and_the_rest_is_kept() -> None:
     bowtie = Polygon([(0, 0), (10, 10), (10, 0), (0, 10)])
     touching = Polygon([(20, 0), (30, 0), (30, 10), (25, 0), (20, 10)])  # a ring that touches itself encloses well
+    sliver = Polygon([(200, 0), (210, 0), (210, 10), (200, 10), (200, 4), (199.98, 6)])
     nowhere = Polygon([(40, 0), (50, 0), (float("nan"), 10)])
     source = Footprints(
         "EPSG:28992",
@@ -62,6 +63,7 @@ def test_broken_outlines_are_set_aside_by_name_and_the_rest_is_kept() -> None:
             footprint("touch", touching),
             footprint("nan", nowhere),
             footprint("good", box(60, 0, 70, 10)),
+            footprint("sliver", sliver),
             footprint("two", MultiPolygon([box(90, 0, 100, 10), box(80, 0, 86, 10)])),
         ),
         faults=(Fault("gone", "building", "no geometry; remove it"),),
@@ -70,7 +72,7 @@ def test_broken_outlines_are_set_aside_by_name_and_the_rest_is_kept() -> None:
     assert {fault.id for fault in built.faults} == {"bow", "nan", "gone"}
     assert "crosses itself" in next(f.reason for f in built.faults if f.id == "bow")
     ids = [building.id for building in built.items]
-    assert {"good", "two-0", "two-1"} <= set(ids)
+    assert {"good", "two-0", "two-1", "sliver"} <= set(ids)
     assert all(building.footprint.is_valid for building in built.items)
     assert ids.index("two-0") < ids.index("two-1")
 
