@@ -17,19 +17,25 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 EARTH_RADIUS = 6_371_000.0  # m
-_MARGIN = 1.0  # degrees; a file may reach a little beyond the area that its frame is made for
-_CODE = re.compile(r"epsg(?:/[^/&]*/|:[^:,]*:|:)(\d{4,6})(?!\d)", re.IGNORECASE)
+_MARGIN = 2.0  # degrees; surveys keep one zone for a whole country, e.g. 25832 for Passau, 1.5 degrees east of its area
+_SHORT = re.compile(r"\s*(?:epsg:)?(\d{4,6})\s*", re.IGNORECASE)
+_CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{4,6}))?(?!\d)", re.IGNORECASE)
+_SURVEYS = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # names of the German surveys (AdV)
+    f"DE_DHDN_3GK{zone}": 31464 + zone for zone in range(2, 6)
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Axes:
     """How the coordinates of a file are to be read.
 
-    crs: "EPSG:n" or "OGC:CRS84", None where none is known; north_first: its first number is the northing or latitude;
-    scale: metres in a unit of east, and of north; vertical: metres in a unit of height.
+    crs: "EPSG:n", None where none is known; horizontal: the part of it without heights, by which frames are compared;
+    north_first: its first number is the northing or latitude; scale: metres in a unit of east, and of north; vertical: metres
+    in a unit of height.
     """
 
     crs: str | None = None
+    horizontal: str | None = None
     north_first: bool = False
     scale: tuple[float, float] = (1.0, 1.0)
     vertical: float = 1.0
@@ -43,57 +49,77 @@ class Axes:
 def axes_of(name: str | None, place: tuple[float, float] | None, path: Path) -> tuple[Axes, str | None]:
     """The axes of a frame by the name that a file gives, and a remark (see features.Remark) where they are a guess.
 
-    name: "EPSG:7415", an URN or URL of OGC, also compound; place: the first two coordinates of a point of the file.
-    The order of the axes is the frame's own, unless only the other order puts the place where the frame is made for.
+    name: "EPSG:7415", a bare code, a URN or URL of OGC, also compound, CRS84, or a name of the German surveys; place: the first
+    two coordinates of a point of the file. The order of the axes is the frame's own, unless only the other order puts the
+    place where the frame is made for. Heights are in the unit of the frame's vertical part. Where it has none they are in the
+    unit of a projected frame, for a survey in feet measures heights in feet too, and in metres beside degrees.
     Raises InputError for a geocentric frame.
     """
     if not name:
         return Axes(), None
-    frames, crs = _named(name)
-    horizontal = frames[0] if frames else None
+    parts = _named(name)
+    horizontal = next((part for part in parts if not part.is_vertical), None)
     if horizontal is None:
         return Axes(), "names of a CRS that are not understood"
+    codes = _codes(name)
+    crs = f"EPSG:{codes[0]}" if len(codes) == 1 else horizontal.to_string()
     if horizontal.is_geocentric:
         raise InputError(f"{path} is in geocentric {crs}; reproject it to a projected CRS in metres")
-    north_first = horizontal.axis_info[0].direction == "north"
+    north_first = horizontal.axis_info[0].direction == "north" and "CRS84" not in name
     remark = None
     if place is not None:
-        east, north = place[::-1] if north_first else place
-        if not _covers(horizontal, east, north):
-            swap = _covers(horizontal, north, east)
-            remark = "frames whose axes are swapped" if swap else "frames far from the area they are made for"
-            north_first = north_first != swap
+        north_first, remark = _order(horizontal, north_first, place, short=_SHORT.fullmatch(name) is not None)
     unit = horizontal.axis_info[0].unit_conversion_factor
-    heights = [axis for frame in frames for axis in frame.axis_info if axis.direction in ("up", "down")]
-    if horizontal.is_projected or not horizontal.is_geographic:
-        scale, vertical = (unit, unit), unit  # feet both ways where no vertical frame says else
-    else:
-        latitude = (place[0] if north_first else place[1]) * unit if place is not None else 0.0
+    heights = [
+        axis.unit_conversion_factor for part in parts for axis in part.axis_info if axis.direction in ("up", "down")
+    ]
+    if horizontal.is_geographic:
+        latitude = 0.0 if place is None else place[0 if north_first else 1] * unit
         metres = EARTH_RADIUS * unit
         scale, vertical = (metres * max(math.cos(latitude), 1e-3), metres), 1.0
-    if heights:
-        vertical = heights[0].unit_conversion_factor
-    return Axes(crs, north_first, scale, vertical), remark
+    else:
+        scale, vertical = (unit, unit), unit
+    return Axes(crs, horizontal.to_string(), north_first, scale, heights[0] if heights else vertical), remark
 
 
-def _named(name: str) -> tuple[list[CRS], str]:
-    """The frames that a name is made of, a horizontal one first, and that one's code; no frame where none is known."""
+def _codes(name: str) -> list[int]:
+    """The EPSG codes of a name, those of a compound frame in its order."""
+    if short := _SHORT.fullmatch(name):
+        return [int(short[1])]
+    codes = [int(code) for found in _CODES.findall(name) for code in found if code]
+    surveys = [code for survey, code in _SURVEYS.items() if survey in name]
+    return codes or surveys or [4326] * ("CRS84" in name)
+
+
+def _named(name: str) -> list[CRS]:
+    """The frames that a name is made of, horizontal and vertical ones apart; none where one of its codes is unknown."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
-    if "CRS84" in name:
-        return [CRS.from_user_input("OGC:CRS84")], "OGC:CRS84"
-    codes = _CODE.findall(name) or re.findall(r"^\s*(\d{4,6})\s*$", name)
     try:
-        frames = [CRS.from_epsg(int(code)) for code in codes]
+        frames = [CRS.from_epsg(code) for code in _codes(name)]
     except CRSError:
-        return [], ""
-    if not frames or (frames[0].is_vertical and not frames[0].is_compound):
-        return [], ""
-    return frames, f"EPSG:{int(codes[0])}"
+        return []
+    return [part for frame in frames for part in frame.sub_crs_list or [frame]]
+
+
+def _order(crs: CRS, north_first: bool, place: tuple[float, float], *, short: bool) -> tuple[bool, str | None]:
+    """Whether the first number is the northing after all, and a remark where that is a guess.
+
+    short: the name is a mere code, which many writers pair with an order of their own.
+    """
+    east, north = place[::-1] if north_first else place
+    other = _covers(crs, north, east)
+    if not _covers(crs, east, north):
+        remark = "frames whose axes are swapped" if other else "frames far from the area they are made for"
+        return north_first != other, remark
+    if other and north_first and short:
+        return True, "frames whose first axis is taken to be north, as EPSG defines them"
+    return north_first, None
 
 
 def _covers(crs: CRS, east: float, north: float) -> bool:
+    """Whether a place lies in the area that a frame is made for, or not far from it."""
     from pyproj import Transformer
 
     area = crs.area_of_use

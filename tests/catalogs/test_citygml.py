@@ -386,10 +386,24 @@ def test_an_order_that_is_assumed_is_said(tmp_path: Path) -> None:
     assert reasons(models) == ["frames whose first axis is taken to be north, as EPSG defines them"]
 
 
-def test_feet_become_metres_of_height_only(tmp_path: Path) -> None:
-    text = building(box(x=980_000.0, y=190_000.0))
-    models = read_citygml(write(tmp_path, text, srs="urn:ogc:def:crs,crs:EPSG::2263,crs:EPSG::6360"))
-    assert np.ptp(models.items[0].shell.vertices, axis=0) == pytest.approx([10, 8, 6 * 1200 / 3937])
+@pytest.mark.parametrize(
+    ("srs", "metres"),
+    [
+        ("urn:ogc:def:crs,crs:EPSG::2263,crs:EPSG::6360", 1200 / 3937),
+        ("urn:ogc:def:crs,crs:EPSG::2263,crs:EPSG::5703", 1.0),
+        ("EPSG:2263", 1200 / 3937),
+    ],
+)
+def test_feet_become_metres_of_height_only(tmp_path: Path, srs: str, metres: float) -> None:
+    text = "<bldg:measuredHeight>6</bldg:measuredHeight><bldg:storeysAboveGround>2</bldg:storeysAboveGround>"
+    models = read_citygml(write(tmp_path, building(text + box(x=980_000.0, y=190_000.0)), srs=srs))
+    (model,) = models.items
+    assert np.ptp(model.shell.vertices, axis=0) == pytest.approx([10, 8, 6 * metres])
+    assert model.height == pytest.approx(6 * metres), "a figure without a unit is in that of the heights"
+    assert model.levels == 2
+    stated = text.replace("<bldg:measuredHeight", "<bldg:measuredHeight uom='m'")
+    path = write(tmp_path, building(stated + box(x=980_000.0, y=190_000.0)), srs=srs)
+    assert read_citygml(path).items[0].height == 6
 
 
 def test_frame_of_the_geometry_without_an_envelope(tmp_path: Path) -> None:
@@ -407,9 +421,17 @@ def test_building_in_another_frame_is_set_aside(tmp_path: Path) -> None:
     assert "EPSG:25833" in models.faults[0].reason
 
 
+def test_one_zone_under_two_names_is_one_frame(tmp_path: Path) -> None:
+    other = building(box(**UTM), "c").replace("<gml:MultiSurface>", '<gml:MultiSurface srsName="EPSG:5555">')
+    models = read_citygml(write(tmp_path, building(box(**UTM)), other))
+    assert ([model.id for model in models.items], models.crs, models.faults) == (["b", "c"], "EPSG:25832", ())
+
+
 def test_frames_that_are_unknown_or_far(tmp_path: Path) -> None:
-    models = read_citygml(write(tmp_path, building(box(**UTM)), srs="my town"))
+    empty = building("<bldg:lod1MultiSurface></bldg:lod1MultiSurface>", "e")
+    models = read_citygml(write(tmp_path, empty, empty, building(box(**UTM)), srs="my town"))
     assert models.crs is None
+    models = read_citygml(write(tmp_path, building(box(**UTM)), building(box(**UTM), "c"), srs="my town"))
     assert reasons(models) == ["names of a CRS that are not understood"]
     assert reasons(read_citygml(write(tmp_path, building(box())))) == ["frames far from the area they are made for"]
     with pytest.raises(InputError, match="geocentric"):
