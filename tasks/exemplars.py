@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from facade_core.atlas.journal import unit_key
-from tasks.commits import begin, finish, journal
+from tasks.commits import journal
 from tasks.compute import Compute
-from tasks.outcome import Outcome, failure, is_done
+from tasks.fan_out import Work, fan_out
+from tasks.outcome import Outcome, is_done
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
 from tasks.units.exemplar import exemplar_unit
@@ -27,19 +27,5 @@ def prepare_exemplars(run: Run, paths: Sequence[Path], compute: Compute) -> Outc
     outcome = Outcome(skipped=len(paths) - len(due))
     begin_stage("exemplars", len(paths))
     advance("exemplars", outcome.skipped)
-    started: dict[Any, tuple[int, Any]] = {}
-    for index in due:
-        session, fork = begin(run.store)
-        started[compute.submit(exemplar_unit, run, fork, index, paths[index], keys[index])] = (index, session)
-    for future in compute.completed(started):
-        index, session = started[future]
-        try:
-            fork, records = future.result()
-        except Exception as error:
-            session, fork = begin(run.store)
-            records = {index: failure(paths[index].stem, keys[index], error)}
-        finish(session, fork, "exemplars", records, f"exemplar {paths[index].stem}")
-        made = Outcome().add(records.values())
-        advance("exemplars", made.finished, len(made.failed))
-        outcome += made
-    return outcome
+    work = [Work({i: (paths[i].stem, keys[i])}, (i, paths[i], keys[i])) for i in due]
+    return outcome + fan_out(run, "exemplars", exemplar_unit, work, compute)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 from prefect import task
 from prefect.cache_policies import NO_CACHE
@@ -12,10 +11,11 @@ from prefect.cache_policies import NO_CACHE
 from facade_core.atlas.journal import unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.style import choose_exemplars
-from tasks.commits import begin, finish, journal
+from tasks.commits import journal
 from tasks.compute import Compute
+from tasks.fan_out import Work, fan_out
 from tasks.imagery import Imagery
-from tasks.outcome import Outcome, failure, is_done
+from tasks.outcome import Outcome, is_done
 from tasks.plan import read_facades
 from tasks.progress import advance
 from tasks.run import Run
@@ -57,25 +57,13 @@ def process_facades(
     """One batch of buildings, each a unit for one worker: its facades may share chunks. One commit per building."""
     held = journal(run.store, "facades")
     outcome = Outcome()
-    started: dict[Any, tuple[dict[int, str], Any]] = {}
+    work = []
     for facades in buildings:
         keys = {f: unit_key(run.key, "facade", names[f]) for f in facades}
         due = [f for f in facades if not is_done(held[f], keys[f])]
         outcome += Outcome(skipped=len(facades) - len(due))
         advance("facades", len(facades) - len(due))
         if due:
-            session, fork = begin(run.store)
-            future = compute.submit(facade_unit, run, fork, due, keys, {f: imagery[f] for f in due}, textures)
-            started[future] = ({f: keys[f] for f in due}, session)
-    for future in compute.completed(started):
-        due_keys, session = started[future]
-        try:
-            fork, records = future.result()
-        except Exception as error:
-            session, fork = begin(run.store)
-            records = {f: failure(names[f], key, error) for f, key in due_keys.items()}
-        finish(session, fork, "facades", records, f"facades {', '.join(names[f] for f in records)}")
-        made = Outcome().add(records.values())
-        advance("facades", made.finished, len(made.failed))
-        outcome += made
-    return outcome
+            arguments = (due, keys, {f: imagery[f] for f in due}, textures)
+            work.append(Work({f: (names[f], keys[f]) for f in due}, arguments))
+    return outcome + fan_out(run, "facades", facade_unit, work, compute)

@@ -19,8 +19,10 @@ from tasks.units.context import context, worker_name
 from tasks.units.images import read_textures
 
 
-def texture_unit(run: Run, fork: Any, building: int, name: str, key: str, textures: Sequence[Path]) -> tuple[Any, dict]:
-    """Write the textured charts of one building through the fork; returns the fork and the journal record."""
+def texture_unit(
+    run: Run, fork: Any, index: int, building: int, name: str, key: str, textures: Sequence[Path]
+) -> tuple[Any, dict[int, dict[str, Any]]]:
+    """Write the textured charts of one building through the fork; returns the fork and the journal record of unit `index`."""
     start = time.time()
     plan = context(run).plan
     scene = plan.scene
@@ -43,7 +45,7 @@ def texture_unit(run: Run, fork: Any, building: int, name: str, key: str, textur
             "provenance": provenance,
         }.items():
             write_rasters(atlas[array], scene.spec, scene.placement, rasters, flat)
-    return fork, {
+    record = {
         "unit": name,
         "key": key,
         "status": "done",
@@ -53,3 +55,4 @@ def texture_unit(run: Run, fork: Any, building: int, name: str, key: str, textur
         "started": start,
         "seconds": {"texture": round(time.time() - start, 4)},
     }
+    return fork, {index: record}
