@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,7 +18,10 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 EARTH_RADIUS = 6_371_000.0  # m
-_MARGIN = 2.0  # degrees; surveys keep one zone for a whole country, e.g. 25832 for Passau, 1.5 degrees east of its area
+_BEYOND, _FARTHEST_BEYOND = (
+    0.3,
+    2.0,
+)  # of an area's extent, degrees; 25832 serves Passau too, 1.5 degrees east of its area
 _SHORT = re.compile(r"\s*(?:epsg:)?(\d{4,6})\s*", re.IGNORECASE)
 _CODES = re.compile(r"epsg(?:\.xml#|[:/]+(?:[\w.]*[:/])?)(\d{4,6})(?:\+(\d{4,6}))?(?!\d)", re.IGNORECASE)
 _SURVEYS = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # names of the German surveys (AdV)
@@ -57,11 +61,11 @@ def axes_of(name: str | None, place: tuple[float, float] | None, path: Path) -> 
     """
     if not name:
         return Axes(), None
-    parts = _named(name)
+    codes = _codes(name)
+    parts = _parts(codes)
     horizontal = next((part for part in parts if not part.is_vertical), None)
     if horizontal is None:
         return Axes(), "names of a CRS that are not understood"
-    codes = _codes(name)
     crs = f"EPSG:{codes[0]}" if len(codes) == 1 else horizontal.to_string()
     if horizontal.is_geocentric:
         raise InputError(f"{path} is in geocentric {crs}; reproject it to a projected CRS in metres")
@@ -91,13 +95,13 @@ def _codes(name: str) -> list[int]:
     return codes or surveys or [4326] * ("CRS84" in name)
 
 
-def _named(name: str) -> list[CRS]:
-    """The frames that a name is made of, horizontal and vertical ones apart; none where one of its codes is unknown."""
+def _parts(codes: Sequence[int]) -> list[CRS]:
+    """The frames of all codes, horizontal and vertical ones apart; none where one of the codes is unknown."""
     from pyproj import CRS
     from pyproj.exceptions import CRSError
 
     try:
-        frames = [CRS.from_epsg(code) for code in _codes(name)]
+        frames = [CRS.from_epsg(code) for code in codes]
     except CRSError:
         return []
     return [part for frame in frames for part in frame.sub_crs_list or [frame]]
@@ -128,7 +132,9 @@ def _covers(crs: CRS, east: float, north: float) -> bool:
         return False
     if area is None:
         return True
-    if not area.south - _MARGIN <= latitude <= area.north + _MARGIN:
+    beyond = min(_BEYOND * (area.north - area.south), _FARTHEST_BEYOND)
+    if not area.south - beyond <= latitude <= area.north + beyond:
         return False
     width = (area.east - area.west) % 360.0 or 360.0
-    return (longitude - area.west + _MARGIN) % 360.0 <= width + 2 * _MARGIN
+    beyond = min(_BEYOND * width, _FARTHEST_BEYOND)
+    return (longitude - area.west + beyond) % 360.0 <= width + 2 * beyond

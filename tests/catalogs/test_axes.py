@@ -78,6 +78,8 @@ ASSUMED = "frames whose first axis is taken to be north, as EPSG defines them"
         ("EPSG:25832", (825_000.0, 5_390_000.0), False, None),  # Passau, beyond the zone but surveyed in it
         ("EPSG:25832", (0.0, 0.0), False, FAR),
         ("EPSG:28992", (1e300, 1e300), False, FAR),
+        ("EPSG:3414", (30_000.0, 28_000.0), True, ASSUMED),
+        ("EPSG:3414", (0.0, 0.0), True, FAR),  # Singapore is 50 km wide: next to it is far
         ("EPSG:6318", (52.0, 179.0), True, None),  # an area across the antimeridian
     ],
 )
