@@ -49,7 +49,7 @@ def _read(path: Path) -> dict[str, Any]:
     import pyproj  # noqa: F401
     import shapely  # noqa: F401
 
-    from catalogs.geometry_files import read_buildings
+    from catalogs.readers.files import read_buildings
 
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
     start = time.perf_counter()

@@ -15,8 +15,8 @@ from catalogs.block_paths import named_paths
 from catalogs.buildings import Buildings, block_buildings
 from catalogs.features import Centrelines, Fault, Footprints, Models, by_reason, notes_by_reason
 from catalogs.frames import area_outline, block_frame, check_scale, known_frame, named_frame, to_lonlat
-from catalogs.geometry_files import read_buildings, read_centrelines
-from catalogs.images import image_files, photos_by_facade
+from catalogs.readers.files import read_buildings, read_centrelines
+from catalogs.readers.images import image_files, photos_by_facade
 from catalogs.streets import block_streets
 from catalogs.yaml_files import read_yaml
 from facade_core.errors import BlockFileError, InputError
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
 
-    from catalogs.panoramas import PosedPanorama
+    from catalogs.readers.panoramas import PosedPanorama
 
 __all__ = ["Block", "TextureSettings", "read_block"]
 
@@ -112,14 +112,14 @@ def read_block(path: Path | str) -> Block:
     extent = _extent(built.items)
     terrain = None
     if "terrain.path" in files:
-        from catalogs.elevation import read_elevation
+        from catalogs.readers.elevation import read_elevation
 
         terrain = file.read("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
     panoramas: tuple[PosedPanorama, ...] = ()
     broken_panoramas: tuple[Fault, ...] = ()
     far: tuple[str, ...] = ()
     if "imagery.panoramas.path" in files:
-        from catalogs.panoramas import read_panoramas
+        from catalogs.readers.panoramas import read_panoramas
 
         poses = files.get("imagery.panoramas.poses", (None,))[0]
         found = file.read("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)

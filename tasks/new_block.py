@@ -11,8 +11,8 @@ from pathlib import Path
 import yaml
 
 from catalogs.block import Block, read_block
-from catalogs.images import image_files
-from catalogs.panoramas import read_panoramas
+from catalogs.readers.images import image_files
+from catalogs.readers.panoramas import read_panoramas
 from facade_core.errors import BlockFileError, InputError
 from tasks.demo import paint_exemplars
 from tasks.plan import plan_of

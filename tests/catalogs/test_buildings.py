@@ -8,9 +8,9 @@ from pyproj import CRS
 from shapely import MultiPolygon, Polygon, box
 
 from catalogs.buildings import FALLBACK_HEIGHT, block_buildings
-from catalogs.faces import Face, shell_of
 from catalogs.features import Fault, Footprint, Footprints, Model, Models
 from catalogs.models import outline_of
+from catalogs.readers.faces import Face, shell_of
 
 RD = CRS.from_epsg(28992)
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.lengths import parse_length, parse_levels
+from catalogs.readers.lengths import parse_length, parse_levels
 from facade_core.types import Roof
 
 # Other spellings of shapes in use; what is not listed is passed on as it is written.

@@ -12,10 +12,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.centrelines import centrelines_of
 from catalogs.features import Centrelines, Footprint, Footprints, Remark
-from catalogs.lengths import parse_length, parse_levels
-from catalogs.roofs import roof_of, tagged_rise
+from catalogs.readers.centrelines import centrelines_of
+from catalogs.readers.lengths import parse_length, parse_levels
+from catalogs.readers.roofs import roof_of, tagged_rise
 from facade_core.errors import InputError
 from facade_core.types import Roof
 

@@ -12,7 +12,7 @@ import trimesh
 from PIL import Image
 
 from catalogs.features import Model, Models
-from catalogs.meshes import read_meshes
+from catalogs.readers.meshes import read_meshes
 from facade_core.errors import InputError
 from facade_core.types import SEMANTICS
 

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from catalogs.axes import EARTH_RADIUS, Axes, axes_of
+from catalogs.readers.axes import EARTH_RADIUS, Axes, axes_of
 from facade_core.errors import InputError
 
 FILE = Path("city.gml")

@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 
 from catalogs.features import Fault, Models, Remark
-from catalogs.gltf import read_gltf
-from catalogs.obj import read_obj
-from catalogs.surfaces import Surface, models_of
+from catalogs.readers.gltf import read_gltf
+from catalogs.readers.obj import read_obj
+from catalogs.readers.surfaces import Surface, models_of
 from facade_core.errors import InputError
 
 

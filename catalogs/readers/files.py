@@ -63,4 +63,4 @@ def _reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> Callable[...,
         supported = ", ".join(sorted(readers))
         raise InputError(f"{path}: files of type {path.suffix or '(none)'} are not read; supported: {supported}")
     module, function = found
-    return getattr(import_module(f"catalogs.{module}"), function)
+    return getattr(import_module(f"catalogs.readers.{module}"), function)

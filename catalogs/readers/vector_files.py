@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from catalogs.columns import columns_of, identifiers, tags_of
+from catalogs.readers.columns import columns_of, identifiers, tags_of
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:

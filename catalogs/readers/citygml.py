@@ -13,12 +13,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.axes import Axes, axes_of
-from catalogs.citygml_appearance import Appearance, add_texture, remarks_on, texture_of
-from catalogs.citygml_surfaces import chosen_surfaces, rings_of, units_of
-from catalogs.citygml_xml import elements, id_of, local_name, numbers_of
-from catalogs.faces import Face, shell_of
 from catalogs.features import Fault, Model, Models, Remark
+from catalogs.readers.axes import Axes, axes_of
+from catalogs.readers.citygml_appearance import Appearance, add_texture, remarks_on, texture_of
+from catalogs.readers.citygml_surfaces import chosen_surfaces, rings_of, units_of
+from catalogs.readers.citygml_xml import elements, id_of, local_name, numbers_of
+from catalogs.readers.faces import Face, shell_of
 from facade_core.errors import GeometryError, InputError
 
 if TYPE_CHECKING:

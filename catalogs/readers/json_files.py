@@ -14,11 +14,11 @@ _LONGEST_WORD = len("-Infinity")
 
 
 def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
-    """Buildings out of CityJSON, GeoJSON or wall rectangles; `lod` as in catalogs.cityjson.
+    """Buildings out of CityJSON, GeoJSON or wall rectangles; `lod` as in catalogs.readers.cityjson.
 
     Raises InputError where the file is broken, or is none of these.
     """
-    from catalogs import cityjson
+    from catalogs.readers import cityjson
 
     if is_sequence(path):
         return cityjson.read_cityjson(path, lod)
@@ -27,11 +27,11 @@ def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
     if isinstance(document, dict) and (str(kind).startswith("CityJSON") or "CityObjects" in document):
         return cityjson.models_of(document, path, lod)
     if isinstance(kind, str) and kind in _GEOJSON:
-        from catalogs import vectors
+        from catalogs.readers import vectors
 
         return vectors.read_footprints(path, lod)
     if isinstance(document, dict) and isinstance(document.get("walls"), dict):
-        from catalogs import walls
+        from catalogs.readers import walls
 
         return walls.read_walls(path, lod)
     raise InputError(

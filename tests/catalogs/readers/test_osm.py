@@ -11,10 +11,10 @@ import pytest
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
-from catalogs import osm
 from catalogs.buildings import SMALLEST, block_buildings
 from catalogs.features import Centreline, Centrelines, Footprint, Footprints, Remark
 from catalogs.frames import utm_frame
+from catalogs.readers import osm
 from catalogs.streets import block_streets
 from facade_core.types import Roof
 

@@ -12,8 +12,8 @@ import rasterio.shutil
 from pyproj import CRS, Transformer
 from rasterio.transform import from_origin
 
-from catalogs import elevation
-from catalogs.elevation import read_elevation
+from catalogs.readers import elevation
+from catalogs.readers.elevation import read_elevation
 from facade_core.errors import InputError
 from facade_core.types import Elevation
 

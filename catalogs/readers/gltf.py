@@ -12,7 +12,7 @@ from urllib.parse import unquote
 import numpy as np
 
 from catalogs.features import Remark
-from catalogs.surfaces import Surface, is_inside, is_surface_name, semantic_of
+from catalogs.readers.surfaces import Surface, is_inside, is_surface_name, semantic_of
 from facade_core.errors import InputError
 
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])

@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.features import Fault, Remark
-from catalogs.images import image_files
-from catalogs.poses import LONLAT, SourcePose, dms_degrees, read_poses
+from catalogs.readers.images import image_files
+from catalogs.readers.poses import LONLAT, SourcePose, dms_degrees, read_poses
 from facade_core.errors import InputError
 from facade_core.types import Pose
 

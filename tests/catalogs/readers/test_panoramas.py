@@ -12,9 +12,9 @@ from PIL.TiffImagePlugin import IFDRational
 from pyproj import CRS, Proj, Transformer
 from scipy.spatial.transform import Rotation
 
-from catalogs.images import image_files, photos_by_facade
-from catalogs.panoramas import read_panoramas
-from catalogs.poses import read_poses
+from catalogs.readers.images import image_files, photos_by_facade
+from catalogs.readers.panoramas import read_panoramas
+from catalogs.readers.poses import read_poses
 from facade_core.errors import InputError
 
 RD = CRS.from_epsg(28992)

@@ -12,15 +12,15 @@ from typing import Any
 import shapely
 from shapely import LineString
 
-from catalogs.centrelines import centrelines_of
 from catalogs.features import Centrelines, Fault
-from catalogs.osm import is_street, listed
+from catalogs.readers.centrelines import centrelines_of
+from catalogs.readers.osm import is_street, listed
 from facade_core.errors import InputError
 
 
 def read_graphml(path: Path) -> Centrelines:
     """Every edge of a street graph as a centreline, both directions of a street once; an edge without a geometry is a
-    straight line between its nodes. Where edges state `highway`, only the streets that catalogs.osm reads.
+    straight line between its nodes. Where edges state `highway`, only the streets that catalogs.readers.osm reads.
 
     Raises InputError where the file is no GraphML of a graph.
     """

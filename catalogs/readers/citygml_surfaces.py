@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.citygml_xml import id_of, local_name, numbers_of
+from catalogs.readers.citygml_xml import id_of, local_name, numbers_of
 from facade_core.errors import GeometryError
 
 if TYPE_CHECKING:

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.cityjson_values import list_of, mapping_of, points_of, within_reach
-from catalogs.faces import FARTHEST, Face
+from catalogs.readers.cityjson_values import list_of, mapping_of, points_of, within_reach
+from catalogs.readers.faces import FARTHEST, Face
 from facade_core.errors import GeometryError
 
 # How many levels of nesting lie between a geometry and its surfaces.

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.centrelines import centrelines_of, place_of
 from catalogs.features import Centrelines, Fault, Footprints, Remark
-from catalogs.osm import footprint_of, is_street, listed
-from catalogs.vector_files import Features, read_features
+from catalogs.readers.centrelines import centrelines_of, place_of
+from catalogs.readers.osm import footprint_of, is_street, listed
+from catalogs.readers.vector_files import Features, read_features
 
 _BUILDINGS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
 _STREETS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
@@ -54,7 +54,7 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
 
 
 def read_centrelines(path: Path) -> Centrelines:
-    """Street centrelines. Where a column states OpenStreetMap's `highway`, only streets that catalogs.osm reads: no
+    """Street centrelines. Where a column states OpenStreetMap's `highway`, only streets that catalogs.readers.osm reads: no
     footways, no service roads, no tunnels; of OpenDRIVE's roads only those outside junctions.
 
     Raises InputError where the file cannot be read or holds no lines.

@@ -12,8 +12,8 @@ import pytest
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon
 
-from catalogs import osm
-from catalogs.vectors import read_centrelines, read_footprints
+from catalogs.readers import osm
+from catalogs.readers.vectors import read_centrelines, read_footprints
 from facade_core.errors import InputError
 from facade_core.types import Roof
 

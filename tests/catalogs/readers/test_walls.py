@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from shapely import box
 
-from catalogs.walls import DEPTH_M, read_walls
+from catalogs.readers.walls import DEPTH_M, read_walls
 from facade_core.errors import InputError
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.faces import FARTHEST
+from catalogs.readers.faces import FARTHEST
 
 
 def transformed(points: np.ndarray, transform: Mapping[str, Any] | None) -> np.ndarray:

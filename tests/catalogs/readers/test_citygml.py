@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.citygml import read_citygml
 from catalogs.features import Model, Models
+from catalogs.readers.citygml import read_citygml
 from facade_core.errors import InputError
 from facade_core.types import SEMANTICS
 

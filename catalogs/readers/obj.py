@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.faces import Face, shell_of
 from catalogs.features import Fault, Remark
-from catalogs.surfaces import Surface, is_inside, is_surface_name, semantic_of
+from catalogs.readers.faces import Face, shell_of
+from catalogs.readers.surfaces import Surface, is_inside, is_surface_name, semantic_of
 from facade_core.errors import InputError
 
 _NAMELESS = ("", "default", "(null)", "off")

@@ -8,7 +8,7 @@ from typing import Any
 import networkx
 import pytest
 
-from catalogs.graphml import read_graphml
+from catalogs.readers.graphml import read_graphml
 from facade_core.errors import InputError
 
 

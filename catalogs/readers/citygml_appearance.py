@@ -10,8 +10,8 @@ from urllib.parse import unquote
 
 import numpy as np
 
-from catalogs.citygml_xml import numbers_of
 from catalogs.features import Remark
+from catalogs.readers.citygml_xml import numbers_of
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element

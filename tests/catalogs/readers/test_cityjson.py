@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
-from catalogs.cityjson import read_cityjson
 from catalogs.features import Footprints, Model, Models
-from catalogs.json_files import read_json
+from catalogs.readers.cityjson import read_cityjson
+from catalogs.readers.json_files import read_json
 from facade_core.errors import InputError
 from facade_core.types import SEMANTICS
 

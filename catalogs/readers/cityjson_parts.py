@@ -7,8 +7,8 @@ from collections import defaultdict
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from typing import Any
 
-from catalogs.cityjson_surfaces import DEPTHS
-from catalogs.cityjson_values import list_of
+from catalogs.readers.cityjson_surfaces import DEPTHS
+from catalogs.readers.cityjson_values import list_of
 from facade_core.errors import GeometryError
 
 BUILDINGS = ("Building", "BuildingPart")

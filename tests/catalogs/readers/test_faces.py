@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from catalogs.faces import Face, shell_of
+from catalogs.readers.faces import Face, shell_of
 from facade_core.types import SEMANTICS, Shell
 
 WALL = np.array([[0, 0, 0], [4, 0, 0], [4, 0, 3], [0, 0, 3]], np.float64)
