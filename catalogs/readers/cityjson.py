@@ -20,7 +20,7 @@ from catalogs.readers.cityjson_parts import Lod, families, lod_name, lod_of, pie
 from catalogs.readers.cityjson_surfaces import Appearance, faces_of, instance_points
 from catalogs.readers.cityjson_values import list_of, mapping_of, number_of, points_of, transformed
 from catalogs.readers.faces import Face, shell_of
-from catalogs.readers.json_files import is_sequence, load_json, parse_json
+from catalogs.readers.json_text import is_sequence, load_json, parse_json
 from facade_core.errors import GeometryError, InputError
 
 _VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")

@@ -1,16 +1,15 @@
-"""JSON files: opened with errors that say what is wrong, and given to the reader of what is in them."""
+"""JSON files, given to the reader of what is in them."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
-from typing import Any
 
 from catalogs.features import Footprints, Models
+from catalogs.readers import cityjson, vectors, walls
+from catalogs.readers.json_text import is_sequence, load_json
 from facade_core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
-_LONGEST_WORD = len("-Infinity")
 
 
 def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
@@ -18,8 +17,6 @@ def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
 
     Raises InputError where the file is broken, or is none of these.
     """
-    from catalogs.readers import cityjson
-
     if is_sequence(path):
         return cityjson.read_cityjson(path, lod)
     document = load_json(path)
@@ -27,57 +24,9 @@ def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
     if isinstance(document, dict) and (str(kind).startswith("CityJSON") or "CityObjects" in document):
         return cityjson.models_of(document, path, lod)
     if isinstance(kind, str) and kind in _GEOJSON:
-        from catalogs.readers import vectors
-
         return vectors.read_footprints(path, lod)
     if isinstance(document, dict) and isinstance(document.get("walls"), dict):
-        from catalogs.readers import walls
-
         return walls.read_walls(path, lod)
     raise InputError(
         f"{path} holds no buildings: it is neither CityJSON, nor GeoJSON, nor a table of walls; convert it"
     )
-
-
-def is_sequence(path: Path) -> bool:
-    """Whether a file is a sequence of JSON texts, one a line. Raises InputError where it cannot be opened."""
-    if path.suffix.lower() == ".jsonl":
-        return True
-    try:
-        with path.open("rb") as file:
-            first, second = file.readline().strip(), file.readline().strip()
-    except OSError as error:
-        raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
-    return first.startswith(b"{") and first.endswith(b"}") and second.startswith(b"{")
-
-
-def load_json(path: Path) -> Any:
-    """What a JSON file holds; NaN and Infinity are let through. Raises InputError where it cannot be read."""
-    try:
-        text = path.read_bytes()
-    except OSError as error:
-        raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
-    return parse_json(text, str(path))
-
-
-def parse_json(text: bytes, where: str) -> Any:
-    """What a JSON text holds; InputError, which says `where`, for one that is truncated or no JSON."""
-    if not text.strip(b"\0\t\n\r \xef\xbb\xbf"):
-        raise InputError(f"{where} is empty; get the file again")
-    try:
-        return json.loads(text)
-    except json.JSONDecodeError as error:
-        # A text that ends too early fails at its end, or in a word or string that the end cuts.
-        if error.pos and (error.msg.startswith("Unterminated") or len(error.doc.rstrip()) - error.pos <= _LONGEST_WORD):
-            raise InputError(
-                f"{where} is truncated: the JSON breaks off at line {error.lineno}; get it again"
-            ) from error
-        place = f"line {error.lineno}, column {error.colno}"
-        raise InputError(
-            f"{where} is not JSON: {error.msg.lower()} at {place}; mend it there or export it anew"
-        ) from error
-    except UnicodeDecodeError as error:
-        what = "is truncated within a letter; get it" if error.start >= len(text) - 3 else "is no UTF-8 text; export it"
-        raise InputError(f"{where} {what} again") from error
-    except (RecursionError, ValueError) as error:  # ValueError: a number of thousands of digits
-        raise InputError(f"{where} is not usable JSON ({str(error)[:60]}); export it anew") from error
