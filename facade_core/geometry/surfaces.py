@@ -13,7 +13,7 @@ from shapely import MultiPolygon, Polygon
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts, Mesh, Pieces, frames
 from facade_core.geometry.cutting import SHORTEST_WALL_M, cells, cut_triangles, line_cuts
-from facade_core.geometry.facets import Facets, facets
+from facade_core.geometry.facets import Facets, facets, walled
 from facade_core.geometry.roofs import roof_shell
 from facade_core.geometry.terrain import Terrain
 from facade_core.types import Building, Street
@@ -31,6 +31,8 @@ SKIRT_M = 0.05
 # The lower edges of a shell's walls: on its outline and near its lowest point.
 OUTLINE_M = 0.3
 FOOT_M = 2.0
+# A shell with walls along less of its outline is a canopy.
+WALLED = 0.75
 
 _EAST, _SOUTH, _DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, -1.0])
 
@@ -76,7 +78,10 @@ def block_surfaces(
 def add_building(
     pieces: Pieces, index: int, building: Building, terrain: Terrain, *, largest: float, grid: float = 32.0
 ) -> Polygon | MultiPolygon:
-    """The surfaces of one building behind those in `pieces`; returns what it covers. Raises GeometryError where it has none."""
+    """The surfaces of one building behind those in `pieces`. Raises GeometryError where it has none.
+
+    Returns where it stands on the ground; empty for a canopy, under which the ground goes on.
+    """
     outline = _outline(building)
     if building.shell is not None:
         shell = building.shell
@@ -94,7 +99,7 @@ def add_building(
         raise GeometryError("its model has no surface; repair or drop it")
     _facets(pieces, index, found, largest, grid)
     _shell_skirt(pieces, index, found, outline, terrain, largest, grid)
-    return outline
+    return outline if building.shell is None or walled(found, outline) >= WALLED else Polygon()
 
 
 def _outline(building: Building) -> Polygon | MultiPolygon:

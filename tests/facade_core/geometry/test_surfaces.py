@@ -136,6 +136,24 @@ def test_a_building_without_surfaces_is_left_out_by_name(broken: Building, reaso
         block_surfaces([broken], [], terrain=terrain_of([], None), ground_margin=20, largest=100)
 
 
+def test_the_ground_goes_on_under_a_canopy() -> None:
+    house = roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
+    assert house is not None
+    z = house.vertices[house.triangles][..., 2]
+    canopy = Shell(
+        house.vertices, *(getattr(house, n)[z.min(axis=1) > 1] for n in ("triangles", "semantic", "texture", "uv"))
+    )
+
+    def under(shell: Shell) -> bool:
+        charts, mesh = surfaces([replace(BOX, shell=shell, base=0.0)], [STREET])
+        ground = mesh.triangles[charts.kind[mesh.chart] == GROUND]
+        plan = shapely.union_all(shapely.polygons(mesh.vertices[ground][..., :2]))
+        return bool(shapely.contains_xy(plan, 10.1, 5.1))
+
+    assert under(canopy)
+    assert not under(house)
+
+
 def test_a_shell_may_stand_in_two_parts() -> None:
     halves = [
         roof_shell(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0) for x in (0, 20)
