@@ -135,16 +135,19 @@ def _weld(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     return vertices, triangles[kept], area[kept], kept
 
 
-def walled(found: Facets, outline: Polygon | MultiPolygon, *, foot: float = 2.0, near: float = 0.3) -> float:
-    """The share of an outline along which walls stand that reach down to `foot` metres above the lowest point."""
+def walled(found: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
+    """The share of a line along which walls stand that reach down to `foot` metres above the lowest point; 1 of no line."""
+    length = line.length
     corners = found.vertices[found.triangles]
     upright = np.abs(found.normal[found.facet, 2]) < 0.5
     standing = corners[upright & (corners[..., 2].min(axis=1) < found.vertices[:, 2].min() + foot)]
-    if len(standing) == 0:
-        return 0.0
+    if length < 1.0 or len(standing) == 0:
+        return float(length < 1.0)
     walls = shapely.STRtree(shapely.linestrings(standing[..., :2]))
-    points = shapely.points(shapely.get_coordinates(shapely.segmentize(outline.boundary, 1.0)))
-    return len(np.unique(walls.query(points, predicate="dwithin", distance=near)[0])) / len(points)
+    parts = shapely.get_parts(line)
+    steps = [np.arange(0.25, part.length, 0.5) for part in parts]
+    points = shapely.line_interpolate_point(np.repeat(parts, list(map(len, steps))), np.concatenate(steps))
+    return len(np.unique(walls.query(points, predicate="dwithin", distance=near)[0])) / max(1, len(points))
 
 
 def _outward(normal, middle, odd, upright, what, low, size, footprint, closed, corners, facet) -> np.ndarray:

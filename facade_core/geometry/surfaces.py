@@ -31,8 +31,8 @@ SKIRT_M = 0.05
 # The lower edges of a shell's walls: on its outline and near its lowest point.
 OUTLINE_M = 0.3
 FOOT_M = 2.0
-# A shell with walls along less of its outline is a canopy.
-WALLED = 0.75
+# A shell with walls along less of its free outline is a canopy: the ground goes on under it.
+WALLED = 0.6
 
 _EAST, _SOUTH, _DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, -1.0])
 
@@ -56,11 +56,15 @@ def block_surfaces(
     """
     pieces = Pieces()
     refused, outlines = [], []
+    beside = shapely.STRtree([building.footprint for building in buildings])
     for index, building in enumerate(buildings):
         try:
-            outlines.append(add_building(pieces, index, building, terrain, largest=largest, grid=grid))
+            outline, found = add_building(pieces, index, building, terrain, largest=largest, grid=grid)
         except GeometryError as error:
             refused.append((building.id, str(error)))
+            continue
+        if building.shell is None or found is None or walled(found, _free(index, buildings, beside)) >= WALLED:
+            outlines.append(outline)
     if streets:
         near = [street.line.buffer(ground_margin) for street in streets]
         built = shapely.union_all(outlines)
@@ -77,10 +81,10 @@ def block_surfaces(
 
 def add_building(
     pieces: Pieces, index: int, building: Building, terrain: Terrain, *, largest: float, grid: float = 32.0
-) -> Polygon | MultiPolygon:
+) -> tuple[Polygon | MultiPolygon, Facets | None]:
     """The surfaces of one building behind those in `pieces`. Raises GeometryError where it has none.
 
-    Returns where it stands on the ground; empty for a canopy, under which the ground goes on.
+    Returns what it covers, and its facets, None for a body that is merely extruded.
     """
     outline = _outline(building)
     if building.shell is not None:
@@ -92,14 +96,22 @@ def add_building(
         roofed = roof_shell(replace(building, footprint=outline), base)
         if roofed is None:
             _extruded(pieces, index, outline, base, building.height, terrain, largest, grid)
-            return outline
+            return outline, None
         shell = roofed
     found = facets(shell, outline)
     if len(found) == 0:
         raise GeometryError("its model has no surface; repair or drop it")
     _facets(pieces, index, found, largest, grid)
     _shell_skirt(pieces, index, found, outline, terrain, largest, grid)
-    return outline if building.shell is None or walled(found, outline) >= WALLED else Polygon()
+    return outline, found
+
+
+def _free(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
+    """The line along which a building's outline is not another's too: party walls are often left out of models."""
+    footprint = buildings[index].footprint
+    others = [i for i in tree.query(footprint, predicate="dwithin", distance=OUTLINE_M) if i != index]
+    touched = shapely.union_all([buildings[i].footprint for i in others]).buffer(OUTLINE_M)
+    return shapely.difference(footprint.boundary, touched)
 
 
 def _outline(building: Building) -> Polygon | MultiPolygon:
