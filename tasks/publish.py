@@ -7,9 +7,10 @@ import json
 import os
 import shutil
 from collections import Counter
+from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 import zarr
@@ -22,6 +23,7 @@ from facade_core.atlas.journal import atlas_digest, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
+from facade_core.ingest import Plan
 from facade_core.street.translate import Swatches
 from tasks.facade_report import facade_sheets, item_rows, set_aside_rows
 from tasks.plan import read_plan
@@ -30,6 +32,12 @@ from tasks.run import Run, code_version
 from tasks.standing import current_snapshot, published_summary
 
 PICTURE_SIZE = (900, 1440)
+# A facade from a photo is so much more worth showing than one from an exemplar.
+PHOTO_WORTH = 4
+# Viewpoints of a street that are tried for its picture.
+LOOKED_AT = 24
+
+T = TypeVar("T")
 
 
 @task(name="publish", cache_policy=NO_CACHE)
@@ -59,8 +67,9 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     plan = read_plan(session, run.texels_per_metre)
     scene = plan.scene
     swatches = Swatches(scene, plan.streets, seed=run.seed)
-    pictures = _aim(plan)
 
+    viewpoints, records = read_journal(group, "viewpoints"), read_journal(group, "facades")
+    pictures = _aim(plan, records)
     pages: dict[int, bytes] = {}
 
     def page_jpeg(page: int) -> tuple[int, np.ndarray, bytes]:
@@ -81,7 +90,6 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     images.mkdir(parents=True)
     for name, picture in pictures.items():
         (images / f"{name}.jpg").write_bytes(_jpeg(_halve(picture.rgb), 90))
-    viewpoints, records = read_journal(group, "viewpoints"), read_journal(group, "facades")
     shown = [v for v in _spread([i for i, r in enumerate(viewpoints) if r], 6)]
     for viewpoint in shown:
         (images / f"panorama-{viewpoint}.jpg").write_bytes(_jpeg(group["panoramas/rgb"][viewpoint], 88))
@@ -120,17 +128,21 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     )
 
 
-def _aim(plan: Any) -> dict[str, Picture]:
-    """The block from above, and along the street from the middle viewpoint of up to three streets."""
-    pictures = {"above": aim(plan.scene, aerial(plan.scene, PICTURE_SIZE))}
+def _aim(plan: Plan, records: Sequence[dict[str, Any] | None]) -> dict[str, Picture]:
+    """The block from above, and along up to three streets, from where most of the facades is seen, photos before others."""
+    worth = np.zeros(len(plan.scene.charts))
+    for chart, record in zip(plan.facades.chart, records, strict=True):
+        worth[chart] = 1 + PHOTO_WORTH * (record or {}).get("provenance", [0])[-1]
+    pictures = {"above": aim(plan.scene, aerial(plan.scene, PICTURE_SIZE, worth))}
     streets = sorted({v.street for v in plan.viewpoints})
     for number, street in enumerate(_spread(streets, 3)):
         own = [v for v in plan.viewpoints if v.street == street]
-        pictures[f"street-{number}"] = aim(plan.scene, street_level(own[len(own) // 3], PICTURE_SIZE))
+        camera = street_level(plan.scene, _spread(own, LOOKED_AT), PICTURE_SIZE, worth)
+        pictures[f"street-{number}"] = aim(plan.scene, camera)
     return pictures
 
 
-def _spread(values: list[int], count: int) -> list[int]:
+def _spread(values: list[T], count: int) -> list[T]:
     """At most `count` of the values, evenly spread."""
     if len(values) <= count:
         return values

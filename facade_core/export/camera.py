@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,6 +12,8 @@ from facade_core.street.scene import Scene
 
 # Free space around the block in the aerial picture.
 FRAME = 1.04
+# Width of the panoramas by which a street's viewpoint is chosen.
+WIDE = 64
 
 
 @dataclass(frozen=True)
@@ -37,12 +40,15 @@ class Camera:
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 
 
-def aerial(scene: Scene, size: tuple[int, int]) -> Camera:
-    """The block from above, obliquely from the south-west: the whole of its buildings in view."""
+def aerial(scene: Scene, size: tuple[int, int], worth: np.ndarray | None = None) -> Camera:
+    """The block from above, obliquely, with the whole of its buildings in view: from the south-west, or from the side that
+    shows most of what is worth seeing (per chart and area)."""
     built = scene.charts.building[scene.mesh.vertex_chart] >= 0
     points = scene.mesh.vertices[built] if built.any() else scene.mesh.vertices
     target = (points.min(axis=0) + points.max(axis=0)) / 2
-    away = np.array([-0.45, -0.62, 0.64])
+    sides = [np.array([*(turn @ (-0.45, -0.62)), 0.64]) for turn in map(_turn, range(8))]
+    seen = [0.0 if worth is None else _shown(scene, side, worth) for side in sides]
+    away = sides[int(np.argmax(seen))]
     away /= np.linalg.norm(away)
     right = np.cross(-away, [0.0, 0.0, 1.0])
     right /= np.linalg.norm(right)
@@ -60,7 +66,28 @@ def aerial(scene: Scene, size: tuple[int, int]) -> Camera:
     return Camera(target + away * distance, target, field_of_view, size)
 
 
-def street_level(viewpoint: Viewpoint, size: tuple[int, int]) -> Camera:
-    """Looking along the street from a viewpoint, slightly upwards."""
-    ahead = np.array([*viewpoint.forward, 0.14])
+def _turn(eighth: int) -> np.ndarray:
+    """A rotation of the plane by so many eighths of a full turn."""
+    angle = eighth * np.pi / 4
+    return np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+
+
+def _shown(scene: Scene, side: np.ndarray, worth: np.ndarray) -> float:
+    charts = scene.charts
+    return float((worth * charts.size.prod(axis=1) * np.clip(charts.normal() @ side, 0, None)).sum())
+
+
+def street_level(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray) -> Camera:
+    """Looking along a street, slightly upwards, from the viewpoint and in the direction, ahead or back, that shows most of
+    what is worth seeing (per chart)."""
+    rows, columns = slice(WIDE // 8, WIDE // 4), slice(WIDE * 3 // 8, WIDE * 5 // 8)
+    best, found = -1.0, (viewpoints[0], 1.0)
+    for viewpoint in viewpoints:
+        chart = scene.look(viewpoint, WIDE)[2]
+        value = np.where(chart >= 0, worth[chart], 0.0)
+        for sense, shown in ((1.0, value), (-1.0, np.roll(value, WIDE // 2, axis=1))):
+            if (score := float(shown[rows, columns].mean())) > best:
+                best, found = score, (viewpoint, sense)
+    viewpoint, sense = found
+    ahead = np.array([*(sense * viewpoint.forward), 0.14])
     return Camera(viewpoint.position, viewpoint.position + ahead, 84.0, size)
