@@ -3,18 +3,20 @@
 from __future__ import annotations
 
 import difflib
-import hashlib
-import json
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TypeVar
 
+import shapely
+from shapely import box
+
+from catalogs.block_digest import block_digest
 from catalogs.block_keys import BlockKeys, TextureSettings, check_keys
 from catalogs.block_paths import named_paths
-from catalogs.buildings import Buildings, block_buildings
+from catalogs.buildings import block_buildings
 from catalogs.features import Centrelines, Fault, Footprints, Models, by_reason, notes_by_reason
-from catalogs.frames import area_outline, block_frame, check_scale, known_frame, named_frame, to_lonlat
+from catalogs.frames import area_outline, block_frame, check_scale, known_frame, named_frame, outside, to_lonlat
 from catalogs.readers.files import read_buildings, read_centrelines
 from catalogs.readers.images import image_files, photos_by_facade
 from catalogs.streets import block_streets
@@ -108,8 +110,8 @@ def read_block(path: Path | str) -> Block:
     built = block_buildings(sources, frame, area=area, storey=keys.storey)
     if not built.items:
         raise _nothing("buildings", keys, files, _bounds(sources), built.faults, file)
-    streets, broken_streets = _streets(keys, files, centrelines, frame, area, file)
     extent = _extent(built.items)
+    streets, broken_streets = _streets(keys, files, centrelines, frame, area, extent, file)
     terrain = None
     if "terrain.path" in files:
         from catalogs.readers.elevation import read_elevation
@@ -141,7 +143,7 @@ def read_block(path: Path | str) -> Block:
         seed=keys.seed,
         notes=frame_notes + built.notes + far,
         faults=(*built.faults, *broken_streets, *broken_pictures, *broken_panoramas),
-        digest=_digest(keys, frame, files, built, exemplars, photos, panoramas),
+        digest=block_digest(keys, frame, files, built, exemplars, photos, panoramas),
     )
 
 
@@ -173,7 +175,7 @@ def _building_sources(keys: BlockKeys, files: Files, file: _File) -> list[Footpr
         if crs is None:
             raise file.fault("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
         file.read("buildings.crs", known_frame, crs)
-        source = replace(source, crs=crs)
+        source = replace(source, crs=crs, faults=tuple(_located(fault, path) for fault in source.faults))
         sources.append(source.moved(keys.buildings.offset) if keys.buildings.offset else source)
     if not any(source.items or source.faults for source in sources):
         names = ", ".join(map(str, files["buildings.path"]))
@@ -184,7 +186,8 @@ def _building_sources(keys: BlockKeys, files: Files, file: _File) -> list[Footpr
 def _centrelines(keys: BlockKeys, files: Files, sources: Sequence[Footprints | Models], file: _File) -> Centrelines:
     assert keys.streets is not None
     source = file.read("streets.path", read_centrelines, *files["streets.path"])
-    source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs)
+    faults = tuple(_located(fault, files["streets.path"][0]) for fault in source.faults)
+    source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs, faults=faults)
     file.read("streets.crs", known_frame, source.crs)
     if not source.items and not source.faults:
         raise file.fault("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
@@ -204,17 +207,31 @@ def _frame(
     else:
         frame = file.read("crs", block_frame, sources[0].crs, *middle)
         notes = (f"crs not given: {frame.to_string()} ({frame.name}) chosen",)
+    notes += outside(frame, *middle)
     return frame, area_outline(keys.area, frame) if keys.area else None, notes
 
 
 def _streets(
-    keys: BlockKeys, files: Files, centrelines: Centrelines | None, frame: CRS, area: Polygon | None, file: _File
+    keys: BlockKeys,
+    files: Files,
+    centrelines: Centrelines | None,
+    frame: CRS,
+    area: Polygon | None,
+    extent: tuple[float, float, float, float],
+    file: _File,
 ) -> tuple[tuple[Street, ...], tuple[Fault, ...]]:
     if centrelines is None:
         return (), ()
     streets, faults = block_streets(centrelines, frame, area=area)
     if not streets:
         raise _nothing("streets", keys, files, _bounds([centrelines]), faults, file)
+    if not any(street.line.intersects(box(*extent)) for street in streets):
+        span = ", ".join(f"{value:.4f}" for value in _bounds([centrelines]))
+        raise file.fault(
+            "streets.path",
+            f"no street comes within {SURROUNDINGS_M:g} m of a building (streets span [{span}]); "
+            "check streets.crs, or leave streets out",
+        )
     return streets, faults
 
 
@@ -233,6 +250,11 @@ def _nothing(
         span = ", ".join(f"{value:.4f}" for value in bounds)
         return file.fault("area", f"{path} has no {key}{named} inside area {keys.area}; they span [{span}]")
     return file.fault(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
+
+
+def _located(fault: Fault, path: Path) -> Fault:
+    """A fault whose reason names the file."""
+    return fault if path.name in fault.reason else replace(fault, reason=f"{path.name}: {fault.reason}")
 
 
 def _named_streets(source: Centrelines, names: list[str], file: _File) -> Centrelines:
@@ -258,43 +280,5 @@ def _bounds(sources: Sequence[Footprints | Models | Centrelines]) -> tuple[float
 
 def _extent(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
     """The buildings' surroundings in the frame: (xmin, ymin, xmax, ymax)."""
-    import shapely
-
     xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
     return xmin - SURROUNDINGS_M, ymin - SURROUNDINGS_M, xmax + SURROUNDINGS_M, ymax + SURROUNDINGS_M
-
-
-def _digest(
-    keys: BlockKeys,
-    crs: CRS,
-    files: Files,
-    built: Buildings,
-    exemplars: Iterable[Path],
-    photos: Mapping[str, Path],
-    panoramas: Iterable[PosedPanorama],
-) -> str:
-    settings = {
-        "name": keys.name,
-        "crs": crs.to_string(),
-        "area": keys.area,
-        "buildings": keys.buildings.model_dump(exclude={"path"}),
-        "streets": keys.streets and [keys.streets.crs, sorted(keys.streets.names or [])],
-        "texture": asdict(keys.texture),
-        "storey": keys.storey,
-        "geoid_separation": keys.geoid_separation,
-        "seed": keys.seed,
-        "geometry": [
-            [key, *map(_file_digest, files.get(key, ()))] for key in ("buildings.path", "streets.path", "terrain.path")
-        ],
-        "images": [
-            [(path.name, _file_digest(path)) for path in folder]
-            for folder in (exemplars, photos.values(), built.textures)
-        ],
-        "panoramas": [(p.id, asdict(p.pose), _file_digest(p.path)) for p in panoramas],
-    }
-    return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
-
-
-def _file_digest(path: Path) -> str:
-    with path.open("rb") as file:
-        return hashlib.file_digest(file, "sha256").hexdigest()

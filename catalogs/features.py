@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -149,6 +150,14 @@ def _bounds(geometries: Iterable[Any]) -> tuple[float, float, float, float] | No
     if len(boxes) == 0:
         return None
     return (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
+
+
+def file_stem(identifier: str) -> str:
+    """An id as a file's name without suffix: itself where it is one on every system, else told apart by a short digest."""
+    if re.fullmatch(r"[\w{}()+=@-][\w {}()+=@.-]*", identifier, re.ASCII):
+        return identifier
+    plain = re.sub(r"[^\w{}()+=@-]", "_", identifier, flags=re.ASCII)
+    return f"{plain[:80]}-{hashlib.blake2b(identifier.encode(), digest_size=4).hexdigest()}"
 
 
 def natural_order(identifier: str) -> tuple[tuple[str, int], ...]:

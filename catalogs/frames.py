@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from shapely import Polygon
 
 LONLAT = "EPSG:4326"
+_MARGIN = 2.0  # degrees by which blocks at a border may leave the area of their frame
 _TOLERANCE = 0.01  # a frame whose metre is off by more than this spoils every height and floor count
 
 
@@ -82,6 +83,22 @@ def check_scale(crs: CRS, longitude: float, latitude: float) -> None:
             f"{crs.to_string()} ({crs.name}) does not measure metres at {longitude:.4f}, {latitude:.4f} "
             f"(scale {far:.3g}); {remedy}"
         )
+
+
+def outside(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:
+    """A note where a point lies far outside the area that a frame is made for; none where it does not."""
+    area = crs.area_of_use
+    if area is None:
+        return ()
+    west, south, east, north = area.bounds
+    within = south - _MARGIN <= latitude <= north + _MARGIN
+    within &= (longitude - west + _MARGIN) % 360 <= (east - west) % 360 + 2 * _MARGIN
+    if within:
+        return ()
+    return (
+        f"the buildings lie at {longitude:.3f}, {latitude:.3f}, far from where {crs.to_string()} ({crs.name}) is used "
+        f"({area.name}): check crs, buildings.crs and buildings.offset",
+    )
 
 
 def area_outline(area: Sequence[float], crs: CRS) -> Polygon:

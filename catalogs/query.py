@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import math
 import re
+from collections import Counter
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -163,17 +164,20 @@ def _table(items: pd.DataFrame) -> str:
     if items.empty:
         return "no facade matches"
     head = [name for name in _TABLE if name in items]
+    if "kind" in items and (items["kind"] != "facade").any():
+        head.insert(1, "kind")
     if "reason" in items and items["reason"].notna().any():
         head.append("reason")
     rows = [[_cell(name, row[name]) for name in head] for row in _records(items)]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    text = {"id", "street", "status", "reason"}
+    text = {"id", "kind", "street", "status", "reason"}
 
     def line(cells: Sequence[str]) -> str:
         parts = zip(head, cells, widths, strict=True)
         return "  ".join(c.ljust(w) if name in text else c.rjust(w) for name, c, w in parts).rstrip()
 
-    count = f"{len(rows)} facade{'s' if len(rows) != 1 else ''}"
+    kinds = Counter(items["kind"]) if "kind" in items else {"facade": len(rows)}
+    count = ", ".join(f"{n} {kind}{'s' if n != 1 else ''}" for kind, n in kinds.items())
     return "\n".join([line(head), line(["-" * width for width in widths]), *map(line, rows), count])
 
 

@@ -6,6 +6,9 @@ import statistics
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
+from urllib.parse import quote
+
+from catalogs.features import file_stem
 
 # Stages in their order with what a reader should see; a picture that does not exist is left out.
 STAGES = (
@@ -52,12 +55,13 @@ def write_report(
 
 def _facade(row: Mapping[str, Any], record: Mapping[str, Any], images: Sequence[Path]) -> dict[str, Any]:
     pictures = []
+    stem = file_stem(row["id"])
     for stage, title in STAGES:
         for image in images:
-            if not image.name.startswith(f"{row['id']}-{stage}"):
+            if not image.name.startswith(f"{stem}-{stage}"):
                 continue
             level = image.stem.rsplit("-", 1)[-1] if stage == "level" else ""
-            pictures.append({"path": f"images/{image.name}", "title": f"{title} {level}".strip()})
+            pictures.append({"path": f"images/{quote(image.name)}", "title": f"{title} {level}".strip()})
     return {"row": row, "pictures": pictures, "seconds": record.get("seconds", {})}
 
 

@@ -114,7 +114,7 @@ def download(source: Source, folder: Path, arrived: Callable[[], None]) -> None:
             pooch.retrieve(file.url, f"sha256:{file.sha256}", fname=target.name, path=target.parent)
         except (requests.RequestException, OSError) as error:
             raise InputError(
-                f"{target.name} cannot be fetched from {file.url} ({type(error).__name__}); try again"
+                f"{target.name} cannot be fetched from {file.url} ({type(error).__name__}); try again, or put it at {target}"
             ) from error
         except ValueError as error:
             raise InputError(

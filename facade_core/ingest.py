@@ -23,6 +23,8 @@ from facade_core.types import Building, Elevation, Pose, Street
 FACADE_WIDTH_M = 3.0
 FACADE_HEIGHT_M = 2.5
 FACADE_SEEN = 0.25
+# Nor is one that has fewer texels a side: there is nothing to parse in it.
+FACADE_TEXELS = 16
 # Points of a wall that are looked at, per axis.
 SAMPLES = (5, 4)
 
@@ -190,6 +192,7 @@ def _facades(
     """Walls that a street sees, by looking from every viewpoint at a grid of points on each wall in its panorama."""
     charts = scene.charts
     candidate = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    candidate &= charts.texels(scene.spec.texels_per_metre).min(axis=1) >= FACADE_TEXELS
     at = np.stack(
         np.meshgrid((np.arange(SAMPLES[0]) + 0.5) / SAMPLES[0], (np.arange(SAMPLES[1]) + 0.5) / SAMPLES[1]), axis=-1
     ).reshape(-1, 2)

@@ -90,9 +90,15 @@ def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_j
 @click.option("--osm", type=EXISTING_FILE, required=True, help="Map extract with buildings and streets (.osm.pbf).")
 @click.option("--bbox", nargs=4, type=float, required=True, metavar="W S E N", help="Longitudes and latitudes.")
 @click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
+@click.option("--poses", type=EXISTING_FILE, help="Where panoramas were taken, if they do not say so themselves.")
 @click.option("--exemplars", type=EXISTING_FOLDER, help="Rectified facade pictures.  [default: painted ones]")
 def new_block(
-    block_file: Path, osm: Path, bbox: tuple[float, ...], photos: Path | None, exemplars: Path | None
+    block_file: Path,
+    osm: Path,
+    bbox: tuple[float, ...],
+    photos: Path | None,
+    poses: Path | None,
+    exemplars: Path | None,
 ) -> None:
     """Write a block file for a part of a map, and say what was found there.
 
@@ -104,7 +110,7 @@ def new_block(
     from tasks.new_block import new_block as write
 
     with progress(quiet=not sys.stderr.isatty()):
-        found = write(block_file, osm, bbox, photos, exemplars)
+        found = write(block_file, osm, bbox, photos, exemplars, poses)
     click.echo("\n".join(found.lines()))
     click.echo(f"ready: streetloom run {block_file}")
 

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.features import file_stem
 from catalogs.items import ROW_KEYS
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
@@ -52,7 +53,7 @@ def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any
         for level in shown_levels(len(hierarchy.levels)):
             stages[f"level-{level}"] = hierarchy.reconstruct(level)
         for stage, image in stages.items():
-            _save(folder / f"{record['unit']}-{stage}.webp", image)
+            _save(folder / f"{file_stem(record['unit'])}-{stage}.webp", image)
 
 
 def shown_levels(levels: int) -> list[int]:

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from catalogs.features import file_stem
 from facade_core.types import Pose
 
 
@@ -30,7 +31,13 @@ def imagery_of(
     own: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
 ) -> list[Imagery]:
-    """The imagery of every facade; `names` are the facades' ids, the rest is by facade."""
+    """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, the rest by facade."""
     return [
-        Imagery(photos.get(name), tuple(panoramas[i]), bool(own[i]), exemplars.get(i)) for i, name in enumerate(names)
+        Imagery(
+            photo=photos.get(name, photos.get(file_stem(name))),
+            panoramas=tuple(panoramas[i]),
+            own=bool(own[i]),
+            exemplar=exemplars.get(i),
+        )
+        for i, name in enumerate(names)
     ]

@@ -12,6 +12,7 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.block import Block
+from catalogs.features import file_stem
 from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan
@@ -113,8 +114,8 @@ def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
 def stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
     """Photos whose name is no facade's id, as (file name, reason with the nearest id)."""
     strays = []
-    for name in sorted(set(photos) - set(facades)):
-        near = get_close_matches(name, facades, n=1, cutoff=0.0)
-        hint = f"the nearest is {near[0]}; " if near else ""
+    for name in sorted(set(photos) - set(facades) - set(map(file_stem, facades))):
+        near = get_close_matches(name, facades, n=1, cutoff=0.6)
+        hint = f"the nearest is {near[0]}; " if near else "ids are in `streetloom query`; "
         strays.append((photos[name].name, f"no facade has the id {name}; {hint}rename or remove the photo"))
     return strays

@@ -11,6 +11,7 @@ from pathlib import Path
 import yaml
 
 from catalogs.block import Block, read_block
+from catalogs.features import file_stem
 from catalogs.readers.images import image_files
 from catalogs.readers.panoramas import read_panoramas
 from facade_core.errors import BlockFileError, InputError
@@ -47,18 +48,29 @@ class Found:
             f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}",
             f"pictures   {len(self.panoramas)} panoramas with a pose, {len(self.photos)} photos named after a facade, "
             f"{len(self.unused)} of no use yet",
-            *(f"           {name}: {reason}" for name, reason in self.unused),
-            *(f"set aside  {fault.kind} {fault.id}: {fault.reason}" for fault in self.block.faults),
+            *(f"           {name}: {reason.removeprefix(f'{name} ')}" for name, reason in self.unused),
+            *(
+                f"set aside  {fault.kind} {fault.id}: {fault.reason}"
+                for fault in self.block.faults
+                if fault.kind in ("building", "street")
+            ),
             *(f"note       {note}" for note in self.block.notes),
         ]
 
 
 def new_block(
-    path: Path, osm: Path, bbox: Sequence[float], photos: Path | None, exemplars: Path | None, seed: int = 0
+    path: Path,
+    osm: Path,
+    bbox: Sequence[float],
+    photos: Path | None,
+    exemplars: Path | None,
+    poses: Path | None = None,
+    seed: int = 0,
 ) -> Found:
     """Write the block file `path` for the part of the map file `osm` inside `bbox` (west, south, east, north in degrees).
 
-    photos: a folder of pictures; panoramas are told by their shape and pose, photos of a facade by its id as their name.
+    photos: a folder of pictures; panoramas are told by their shape and pose (in themselves or in `poses`), photos of a facade
+    by its id as their name.
     Without `exemplars` a style library is painted beside the file. Raises InputError, and writes nothing, where a block file
     is there already or the map holds no building there.
     """
@@ -82,9 +94,11 @@ def new_block(
         block = _drafted(draft, keys)
         plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
-        panoramas, named, unused = _sorted_pictures(photos, block, ids) if photos else ((), (), ())
+        panoramas, named, unused = _sorted_pictures(photos, poses, block, ids) if photos else ((), (), ())
         if photos and panoramas:
             imagery["panoramas"] = {"path": _beside(photos, path)}
+            if poses:
+                imagery["panoramas"]["poses"] = _beside(poses, path)
         elif photos and named:
             imagery["photos"] = {"path": _beside(photos, path)}
         block = _drafted(draft, keys)
@@ -103,16 +117,17 @@ def _drafted(draft: Path, keys: dict) -> Block:
 
 
 def _sorted_pictures(
-    folder: Path, block: Block, facades: set[str]
+    folder: Path, poses: Path | None, block: Block, facades: set[str]
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...]]:
     paths, broken = image_files(folder, "photo")
+    stems = facades | set(map(file_stem, facades))
     try:
-        found = read_panoramas(folder, None, block.crs)
+        found = read_panoramas(folder, poses, block.crs)
         posed = {panorama.path.name for panorama in found.items}
         reasons = {fault.id: fault.reason for fault in found.faults}
-    except InputError:  # none has a pose
+    except InputError:  # none can be used
         posed, reasons = set(), {}
-    named = tuple(path.name for path in paths if path.stem in facades and path.name not in posed)
+    named = tuple(path.name for path in paths if path.stem in stems and path.name not in posed)
     without = "no pose, and not named after a facade"
     unused = [(path.name, reasons.get(path.name, without)) for path in paths if path.name not in {*posed, *named}]
     if posed and named:

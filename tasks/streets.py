@@ -10,6 +10,7 @@ import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
+from catalogs.features import file_stem
 from facade_core.atlas.journal import latest_chunks, read_journal, seed_records, unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
@@ -72,7 +73,7 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
         return outcome.add([record])
     record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
     snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
-    _tag(run, f"street-{name}-{street_key[:12]}", snapshot)
+    _tag(run, f"street-{file_stem(name)}-{street_key[:12]}", snapshot)
     return outcome.add([record])
 
 

@@ -49,6 +49,8 @@ _IDS = (
     "cleabs egid objectid fid ogc_fid gid link_id road_id segment_id toid"
 )
 IDS = tuple(_IDS.split())
+# A column of ids in which so many rows have one of their own is believed.
+NEARLY_ALL = 0.6
 _MORE = ("other_tags", "tags")  # tags without a column of their own, as GDAL and pyrosm keep them
 _KINDS = ("element", "element_type", "osm_type")
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
@@ -106,9 +108,10 @@ def text_of(value: Any) -> str:
 
 
 def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> list[str]:
-    """An id for each record: the first column whose values are all there and all different, else the row's number.
+    """An id for each record: from the first column whose values are nearly all there and different, else the row's number.
 
-    Those of OpenStreetMap are written w12 and r12 where the kind is known.
+    In such a column a missing one is row-N, a second one of a kind gets -2. Those of OpenStreetMap are written w12 and r12
+    where the kind is known.
     """
     kind = next((columns[name] for name in _KINDS if name in columns), None)
     for name in IDS:
@@ -125,9 +128,25 @@ def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> li
                 way = text_of(record[columns["osm_way_id"]])
                 text = f"r{text}" if text else f"w{way}" if way else ""
             found.append(text)
-        if all(found) and len(set(found)) == len(found):
-            return found
+        if len({*found} - {""}) >= NEARLY_ALL * len(found):
+            return _told_apart(found)
     return [str(row) for row in range(len(records))]
+
+
+def _told_apart(found: list[str]) -> list[str]:
+    """The same ids, each but once: what is missing or there before is numbered."""
+    ids: list[str] = []
+    known = set(found)
+    seen: set[str] = set()
+    for row, text in enumerate(found):
+        text = text or f"row-{row}"
+        number = 2
+        id = text
+        while id in seen or (id != text and id in known):
+            id, number = f"{text}-{number}", number + 1
+        seen.add(id)
+        ids.append(id)
+    return ids
 
 
 def _above_ground(record: Mapping[str, Any], roofs: list[str], grounds: list[str]) -> tuple[str, str] | None:

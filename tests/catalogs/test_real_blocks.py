@@ -14,6 +14,7 @@ from PIL import Image
 from shapely import LineString, Polygon, box, transform
 
 from catalogs.block import Block, read_block
+from catalogs.features import file_stem
 from catalogs.sources import BLOCKS
 from facade_core.errors import BlockFileError
 
@@ -146,3 +147,31 @@ def test_example_blocks(
     assert {fault.kind for fault in found.faults} == faults
     assert len(found.textures) == (8 if name == "plateau" else 0)
     assert found.crs.axis_info[0].unit_name == "metre"
+
+
+def test_streets_that_are_nowhere_near_are_refused(block, tmp_path: Path) -> None:
+    houses().to_file(tmp_path / "houses.gpkg")
+    far = transform(placed(STREET), lambda xy: xy + [100_000, 0])
+    gpd.GeoDataFrame({"id": ["far"]}, geometry=[far], crs="EPSG:28992").to_file(tmp_path / "far.gpkg")
+    with pytest.raises(BlockFileError, match=r"no street comes within 200 m of a building .*; check streets\.crs"):
+        block("houses.gpkg", streets={"path": "far.gpkg"})
+
+
+def test_a_block_far_from_where_its_frame_is_used_is_noted(block, tmp_path: Path) -> None:
+    gpd.GeoDataFrame(geometry=HOUSES, crs="EPSG:25832").to_file(tmp_path / "local.gpkg")
+    assert any("far from where EPSG:25832" in note for note in block("local.gpkg").notes)
+    houses().to_file(tmp_path / "houses.gpkg")
+    assert block("houses.gpkg", crs="EPSG:28992").notes[0].startswith("2 of 2 buildings state no height")
+
+
+def test_a_missing_or_repeated_id_changes_no_other(block, tmp_path: Path) -> None:
+    outlines = [box(20.0 * i, 0, 20.0 * i + 12, 10) for i in range(6)]
+    houses(outlines, id=["A/1", None, "C", "C", "E", "F"]).to_file(tmp_path / "houses.gpkg")
+    assert {building.id for building in block("houses.gpkg").buildings} == {"A/1", "row-1", "C", "C-2", "E", "F"}
+
+
+def test_ids_become_names_of_files() -> None:
+    assert file_stem("{0D6F-3} w12-0") == "{0D6F-3} w12-0"
+    odd = [file_stem(text) for text in ("A/B", "A_B/", "../evil", ".hidden", "a\\b", "ü", "x:y")]
+    assert len(set(odd)) == len(odd)
+    assert all("/" not in name and "\\" not in name and not name.startswith(".") for name in odd)
