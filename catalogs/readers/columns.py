@@ -108,12 +108,14 @@ def text_of(value: Any) -> str:
 
 
 def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> list[str]:
-    """An id for each record: from the first column whose values are nearly all there and different, else the row's number.
+    """An id for each record: from the first column whose values are all there and different, else nearly all, else the row's
+    number.
 
-    In such a column a missing one is row-N, a second one of a kind gets -2. Those of OpenStreetMap are written w12 and r12
+    In a column with gaps a missing one is row-N, a second one of a kind gets -2. Those of OpenStreetMap are written w12 and r12
     where the kind is known.
     """
     kind = next((columns[name] for name in _KINDS if name in columns), None)
+    nearly: list[str] | None = None
     for name in IDS:
         if name not in columns:
             continue
@@ -128,9 +130,11 @@ def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> li
                 way = text_of(record[columns["osm_way_id"]])
                 text = f"r{text}" if text else f"w{way}" if way else ""
             found.append(text)
-        if len({*found} - {""}) >= NEARLY_ALL * len(found):
-            return _told_apart(found)
-    return [str(row) for row in range(len(records))]
+        if all(found) and len({*found}) == len(found):
+            return found
+        if nearly is None and len({*found} - {""}) >= NEARLY_ALL * len(found):
+            nearly = found
+    return _told_apart(nearly) if nearly else [str(row) for row in range(len(records))]
 
 
 def _told_apart(found: list[str]) -> list[str]:

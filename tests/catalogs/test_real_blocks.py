@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import geopandas as gpd
+import numpy as np
 import pytest
 import yaml
 from PIL import Image
@@ -151,7 +152,7 @@ def test_example_blocks(
 
 def test_streets_that_are_nowhere_near_are_refused(block, tmp_path: Path) -> None:
     houses().to_file(tmp_path / "houses.gpkg")
-    far = transform(placed(STREET), lambda xy: xy + [100_000, 0])
+    far = transform(placed(STREET), lambda xy: xy + np.array([100_000, 0]))
     gpd.GeoDataFrame({"id": ["far"]}, geometry=[far], crs="EPSG:28992").to_file(tmp_path / "far.gpkg")
     with pytest.raises(BlockFileError, match=r"no street comes within 200 m of a building .*; check streets\.crs"):
         block("houses.gpkg", streets={"path": "far.gpkg"})
