@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import resource
 import subprocess
 import sys
 import tempfile
+import threading
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -45,29 +45,48 @@ def _apart(path: Path) -> dict[str, Any]:
 
 
 def _read(path: Path) -> dict[str, Any]:
-    """Warm a process up, read, and say what it took beyond that."""
-    import pyproj  # noqa: F401
-    import shapely  # noqa: F401
-
+    """Read a file twice: the first time for its memory, the second, when all is imported and compiled, for its time."""
     from catalogs.readers.files import read_buildings
 
-    before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    found, memory = _peak(lambda: read_buildings(path))
+    count, faults = len(found.items), len(found.faults)
+    del found
     start = time.perf_counter()
-    found = read_buildings(path)
+    read_buildings(path)
     seconds = time.perf_counter() - start
-    memory = (resource.getrusage(resource.RUSAGE_SELF).ru_maxrss - before) / 1024
-    count = len(found.items)
     return {
         "format": "".join(path.suffixes[-2:]) if path.suffix == ".json" else path.suffix,
         "file": path.name,
         "megabytes": round(path.stat().st_size / 1e6, 1),
         "buildings": count,
-        "set_aside": len(found.faults),
+        "set_aside": faults,
         "seconds": round(seconds, 2),
         "seconds_per_1000": round(1000 * seconds / count, 2),
         "memory_mb": round(memory),
         "memory_mb_per_1000": round(1000 * memory / count),
     }
+
+
+def _peak(work: Callable[[], Any]) -> tuple[Any, float]:
+    """What `work` returns and by how many MB the process grew over it, its imports included."""
+    import psutil
+
+    process, done = psutil.Process(), threading.Event()
+    before = process.memory_info().rss
+    peak = [before]
+
+    def watch() -> None:
+        while not done.wait(0.005):
+            peak.append(max(peak.pop(), process.memory_info().rss))
+
+    watcher = threading.Thread(target=watch)
+    watcher.start()
+    try:
+        found = work()
+    finally:
+        done.set()
+        watcher.join()
+    return found, (max(peak[0], process.memory_info().rss) - before) / 1e6
 
 
 def _files(city: Path, folder: Path) -> Iterator[Path]:
@@ -149,6 +168,9 @@ def _meshes(path: Path, folder: Path) -> Iterator[Path]:
     """Lyon's triangles as OBJ with a group per building, as GLB and as PLY."""
     import trimesh
 
+    from catalogs.features import Models
+    from catalogs.readers.files import read_buildings
+
     with np.load(path) as city:
         triangles, feature = city["triangles"].astype(np.float64), city["feature"]
     obj = folder / "lyon.obj"
@@ -161,16 +183,19 @@ def _meshes(path: Path, folder: Path) -> Iterator[Path]:
             np.savetxt(file, corners, fmt="f %d %d %d")
     yield obj
     scene = trimesh.Scene()
-    for id in np.unique(feature)[:1000].tolist():
-        part = triangles[feature == id].reshape(-1, 3)[:, [0, 2, 1]] * [1, 1, -1]
-        mesh = trimesh.Trimesh(part, np.arange(len(part)).reshape(-1, 3), process=False)
-        scene.add_geometry(mesh, node_name=str(id), geom_name=str(id))
+    city = read_buildings(path)
+    assert isinstance(city, Models)
+    models = city.items[:1000]
+    for model in models:
+        y_up = model.shell.vertices[:, [0, 2, 1]] * [1, 1, -1]
+        mesh = trimesh.Trimesh(y_up, model.shell.triangles, process=False)
+        scene.add_geometry(mesh, node_name=model.id, geom_name=model.id)
     glb = folder / "lyon_1000.glb"
     glb.write_bytes(scene.export(file_type="glb"))
     yield glb
-    part = triangles[np.isin(feature, np.unique(feature)[:1000])].reshape(-1, 3)
     ply = folder / "lyon_1000.ply"
-    trimesh.Trimesh(part, np.arange(len(part)).reshape(-1, 3), process=False).export(ply)
+    corners = np.concatenate([model.shell.vertices[model.shell.triangles].reshape(-1, 3) for model in models])
+    trimesh.Trimesh(corners, np.arange(len(corners)).reshape(-1, 3), process=False).export(ply)
     yield ply
 
 

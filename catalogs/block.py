@@ -159,8 +159,7 @@ def _pictures(
         )
         faults += broken
     if "imagery.photos.path" in files:
-        photos, broken = file.read("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
-        faults += broken
+        photos = file.read("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
     if keys.texture.walls == "exemplar" and not exemplars:
         raise file.fault("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
     return exemplars, photos, faults

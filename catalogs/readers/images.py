@@ -17,13 +17,7 @@ def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
 
     Raises InputError where no picture is left.
     """
-    if not folder.is_dir():
-        raise InputError(f"{folder} is not a folder; give the folder that holds the pictures")
-    found = sorted((p for p in folder.iterdir() if _is_image(p)), key=lambda p: p.name)
-    if not found:
-        inside = sorted(p for p in folder.iterdir() if p.is_dir() and any(_is_image(q) for q in p.iterdir()))
-        remedy = f"did you mean {inside[0]}?" if inside else f"put {', '.join(SUFFIXES[:4])} files there"
-        raise InputError(f"{folder} holds no pictures; {remedy}")
+    found = _pictures(folder)
     damage = {path: _damage(path) for path in found}
     usable = tuple(path for path, problem in damage.items() if problem is None)
     if not usable:
@@ -35,18 +29,29 @@ def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     )
 
 
-def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
-    """Facade id -> photo, and a fault per unusable one; the id is the file's name without suffix.
+def photos_by_facade(folder: Path) -> dict[str, Path]:
+    """Facade id -> photo; the id is the file's name without suffix.
 
-    Raises InputError where two files name one facade, or no picture is usable.
+    A photo that is cut off is among them: it is its facade that fails, by name, when it comes to it. Raises InputError where two
+    files name one facade, or there is no picture.
     """
     photos: dict[str, Path] = {}
-    paths, faults = image_files(folder, "photo")
-    for path in paths:
+    for path in _pictures(folder):
         if path.stem in photos:
             raise InputError(f"{photos[path.stem]} and {path.name} both name facade {path.stem}; remove one")
         photos[path.stem] = path
-    return photos, faults
+    return photos
+
+
+def _pictures(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; give the folder that holds the pictures")
+    found = sorted((p for p in folder.iterdir() if _is_image(p)), key=lambda p: p.name)
+    if not found:
+        inside = sorted(p for p in folder.iterdir() if p.is_dir() and any(_is_image(q) for q in p.iterdir()))
+        remedy = f"did you mean {inside[0]}?" if inside else f"put {', '.join(SUFFIXES[:4])} files there"
+        raise InputError(f"{folder} holds no pictures; {remedy}")
+    return found
 
 
 def _is_image(path: Path) -> bool:

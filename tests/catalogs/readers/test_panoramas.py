@@ -278,9 +278,10 @@ def test_unreadable_pictures_are_faults_unless_all_are(tmp_path: Path) -> None:
     picture(tmp_path / "f1.png")
     picture(tmp_path / "f2.webp")
     (tmp_path / "f3.png").write_bytes((tmp_path / "f1.png").read_bytes()[:-60])
-    photos, faults = photos_by_facade(tmp_path)
-    assert sorted(photos) == ["f1", "f2"]
-    assert [(fault.id, fault.kind) for fault in faults] == [("f3.png", "photo")]
+    paths, faults = image_files(tmp_path, "exemplar")
+    assert [path.name for path in paths] == ["f1.png", "f2.webp"]
+    assert [(fault.id, fault.kind) for fault in faults] == [("f3.png", "exemplar")]
+    assert sorted(photos_by_facade(tmp_path)) == ["f1", "f2", "f3"], "its facade fails, when it comes to it"
     (tmp_path / "f1.png").unlink()
     (tmp_path / "f2.webp").unlink()
     with pytest.raises(InputError, match=r"f3\.png is cut off"):
