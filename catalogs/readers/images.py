@@ -32,8 +32,8 @@ def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
 def photos_by_facade(folder: Path) -> dict[str, Path]:
     """Facade id -> photo; the id is the file's name without suffix.
 
-    A photo that is cut off is among them: it is its facade that fails, by name, when it comes to it. Raises InputError where two
-    files name one facade, or there is no picture.
+    A photo that is cut off is among them: it is its facade that fails when it comes to it. Raises InputError where two files
+    name one facade, or there is no picture.
     """
     photos: dict[str, Path] = {}
     for path in _pictures(folder):
