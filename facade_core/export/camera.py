@@ -14,6 +14,8 @@ from facade_core.street.scene import Scene
 FRAME = 1.04
 # Width of the panoramas by which a street's viewpoint is chosen.
 WIDE = 64
+# What is nearer is seen too large to count: a wall at the end of the street.
+NEAR_M = 8.0
 
 
 @dataclass(frozen=True)
@@ -83,8 +85,8 @@ def street_level(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int,
     rows, columns = slice(WIDE // 8, WIDE // 4), slice(WIDE * 3 // 8, WIDE * 5 // 8)
     best, found = -1.0, (viewpoints[0], 1.0)
     for viewpoint in viewpoints:
-        chart = scene.look(viewpoint, WIDE)[2]
-        value = np.where(chart >= 0, worth[chart], 0.0)
+        _, depth, chart = scene.look(viewpoint, WIDE)
+        value = np.where((chart >= 0) & (depth > NEAR_M), worth[chart], 0.0)
         for sense, shown in ((1.0, value), (-1.0, np.roll(value, WIDE // 2, axis=1))):
             if (score := float(shown[rows, columns].mean())) > best:
                 best, found = score, (viewpoint, sense)
