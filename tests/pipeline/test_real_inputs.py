@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 from typing import Any
+from urllib.parse import unquote
 
 import geopandas as gpd
 import numpy as np
@@ -59,7 +61,8 @@ def write_inputs(folder: Path) -> Path:
     }
     for row, y in enumerate((0, 24)):
         for column in range(2):
-            house(city, f"h{row}{column}", 16.0 * column, y, textured=row == column == 1)
+            id = "plot 12/4" if row == column == 1 else f"h{row}{column}"
+            house(city, id, 16.0 * column, y, textured=row == column == 1)
     house(city, "nowhere", 60, 0)
     city["vertices"][-1][0] = float("nan")
     (folder / "city.json").write_text(json.dumps(city))
@@ -110,7 +113,11 @@ def test_everything_else_is_published_and_the_reasons_are_in_the_catalogue(done:
     assert aside.reason.str.len().min() > 10
     assert {failure["unit"] for failure in summary["failures"]} == set(aside.id)
     assert "four-houses" in Path(summary["outputs"]["report"]).read_text()
-    assert "nowhere" in Path(summary["outputs"]["report"]).read_text()
+    report = Path(summary["outputs"]["report"])
+    assert "nowhere" in report.read_text()
+    pictures = re.findall(r'src="(images/[^"]+)"', report.read_text())
+    assert any("plot_12_4-0" in picture for picture in pictures), "an id with a slash is no folder"
+    assert all((report.parent / unquote(picture)).is_file() for picture in pictures)
 
 
 def test_own_textures_and_panoramas_are_photos_and_the_rest_is_synthesised(done: Any) -> None:
