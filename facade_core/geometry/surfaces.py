@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-import mapbox_earcut
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.errors import GeometryError
-from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts, Mesh, Pieces, frames
-from facade_core.geometry.cutting import SHORTEST_WALL_M, cells, cut_triangles, line_cuts
+from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces, frames
+from facade_core.geometry.cutting import SHORTEST_WALL_M, cut_triangles, line_cuts
 from facade_core.geometry.facets import Facets, facets, walled
+from facade_core.geometry.ground import FINER, add_ground, add_level, add_planar
 from facade_core.geometry.roofs import roof_shell
 from facade_core.geometry.terrain import Terrain
 from facade_core.types import Building, Street
@@ -23,9 +23,6 @@ COLLINEAR_M = 0.2
 # Ground reaches this far around buildings, and fills gaps between them up to twice the second figure.
 FORECOURT_M = 6.0
 COURTYARD_M = 22.0
-# Where the terrain leaves the best plane of a ground piece by more than this, all ground is cut finer, down to the last share.
-GROUND_OFF_M = 0.1
-FINER = (1, 2, 4)
 # A gap of this much between a building and the terrain below it is closed by a wall.
 SKIRT_M = 0.05
 # The lower edges of a shell's walls: on its outline and near its lowest point.
@@ -34,7 +31,7 @@ FOOT_M = 2.0
 # A shell with walls along less of its free outline is a canopy: the ground goes on under it.
 WALLED = 0.6
 
-_EAST, _SOUTH, _DOWN = np.array([1.0, 0.0, 0.0]), np.array([0.0, -1.0, 0.0]), np.array([0.0, 0.0, -1.0])
+_DOWN = np.array([0.0, 0.0, -1.0])
 
 
 def block_surfaces(
@@ -72,7 +69,7 @@ def block_surfaces(
         around = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
         open_ground = shapely.union_all([*near, around]).difference(built)
         parts = sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds)
-        _ground(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
+        add_ground(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
     if not len(pieces):
         why = f": {refused[0][0]}: {refused[0][1]}" if refused else "; check its area and input files"
         raise GeometryError(f"the block has neither buildings nor streets{why}")
@@ -140,7 +137,7 @@ def _extruded(
     edges = [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
     for a, b in edges:
         _wall(pieces, index, a, b, base, base + height, largest, grid)
-    _level(pieces, ROOF, index, outline, base + height, largest, grid)
+    add_level(pieces, ROOF, index, outline, base + height, largest, grid)
     for a, b in edges:
         length = float(np.hypot(*(b - a)))
         steps = line_cuts(a, b, length, grid / FINER[-1]) / max(length, SHORTEST_WALL_M)
@@ -163,40 +160,8 @@ def _wall(
     for left, right in zip(cuts[:-1], cuts[1:], strict=True):
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             origin = np.array([a[0], a[1], low + top]) + left * along
-            _planar(pieces, WALL, index, origin, along, _DOWN, shapely.box(0, 0, right - left, top - bottom))
+            add_planar(pieces, WALL, index, origin, along, _DOWN, shapely.box(0, 0, right - left, top - bottom))
     pieces.surfaces += 1
-
-
-def _level(pieces: Pieces, kind: int, index: int, polygon: Polygon, z: float, largest: float, grid: float) -> None:
-    """A horizontal surface facing up, cut on the grid when it is longer than `largest`; the chart's up is north."""
-    west, south, east, north = polygon.bounds
-    for part in cells(polygon, grid) if max(east - west, north - south) > largest else [polygon]:
-        if part.area < 1e-3:
-            continue
-        left, _, _, top = part.bounds
-        frame = shapely.transform(
-            part, lambda xy, left=left, top=top: np.column_stack([xy[:, 0] - left, top - xy[:, 1]])
-        )
-        _planar(pieces, kind, index, np.array([left, top, z]), _EAST, _SOUTH, frame)
-    pieces.surfaces += 1
-
-
-def _planar(
-    pieces: Pieces, kind: int, index: int, origin: np.ndarray, axis_u: np.ndarray, axis_v: np.ndarray, polygon: Polygon
-) -> None:
-    """One chart of the current surface; polygon is in its frame, in metres, touching x = 0 and y = 0."""
-    rings = [np.asarray(ring.coords)[:-1] for ring in (polygon.exterior, *polygon.interiors)]
-    flat = np.concatenate(rings)
-    corners = mapbox_earcut.triangulate_float64(flat, np.cumsum([len(r) for r in rings]).astype(np.uint32))
-    triangles = corners.astype(np.int64).reshape(-1, 3)
-    a, b, c = (flat[triangles[:, k]] for k in range(3))
-    area = (b[:, 0] - a[:, 0]) * (c[:, 1] - a[:, 1]) - (b[:, 1] - a[:, 1]) * (c[:, 0] - a[:, 0])
-    # y runs down: counter-clockwise seen from outside is a negative area here
-    triangles[area > 0] = triangles[area > 0][:, ::-1]
-    one = [np.array([value]) for value in (kind, pieces.surfaces, index, origin, axis_u, axis_v, flat.max(axis=0))]
-    vertices = origin + flat[:, :1] * axis_u + flat[:, 1:] * axis_v
-    zeros = np.zeros(len(triangles), np.int64)
-    pieces.add_charts(tuple(one), (vertices, triangles, zeros, np.zeros(len(flat), np.int64)))
 
 
 def _facets(pieces: Pieces, index: int, found: Facets, largest: float, grid: float) -> None:
@@ -282,47 +247,3 @@ def _shell_skirt(
         normal=normal / np.linalg.norm(normal, axis=1, keepdims=True),
     )
     _facets(pieces, index, skirt, largest, grid)
-
-
-def _ground(pieces: Pieces, polygons: Sequence[Polygon], terrain: Terrain, grid: float) -> None:
-    """Ground cut on the grid: level ground as it is, uneven ground draped over the terrain."""
-    if terrain.level:
-        for polygon in polygons:
-            _level(pieces, GROUND, -1, polygon, float(terrain.heights[0, 0]), 0.0, grid)
-        return
-    for share in FINER:
-        draped = [[_drape(part, terrain) for part in cells(p, grid / share) if part.area >= 1e-3] for p in polygons]
-        if all(off <= GROUND_OFF_M for parts in draped for *_, off in parts):
-            break
-    for parts in filter(None, draped):
-        vertices, triangles, normal, _ = zip(*parts, strict=True)
-        before = np.cumsum([0, *map(len, vertices)])
-        chart = np.arange(len(parts))
-        pieces.add(
-            np.full(len(parts), GROUND),
-            np.zeros(len(parts), np.int64),
-            -1,
-            *frames(np.array(normal)),
-            np.concatenate(vertices),
-            np.concatenate([t + start for t, start in zip(triangles, before[:-1], strict=True)]),
-            np.repeat(chart, list(map(len, triangles))),
-        )
-
-
-def _drape(part: Polygon, terrain: Terrain) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
-    """A piece of ground on the terrain: vertices (v, 3), triangles (t, 3), its best plane's normal, and how far the terrain
-    leaves that plane, metres."""
-    cut = shapely.get_parts(shapely.constrained_delaunay_triangles(part))
-    corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3].reshape(-1, 2)
-    points, index = np.unique(corners, axis=0, return_inverse=True)
-    west, south, east, north = part.bounds
-    x, y = np.meshgrid(np.linspace(west, east, 9), np.linspace(south, north, 9))
-    samples = np.column_stack([x.ravel(), y.ravel()])
-    samples = np.concatenate([points, samples[shapely.contains_xy(part, samples)]])
-    heights = terrain.height(samples)
-    system = np.column_stack([samples - points[0], np.ones(len(samples))])
-    plane = np.linalg.lstsq(system, heights, rcond=None)[0]
-    off = float(np.abs(system @ plane - heights).max())
-    normal = np.array([-plane[0], -plane[1], 1.0])
-    vertices = np.column_stack([points, heights[: len(points)]])
-    return vertices, index.reshape(-1, 3), normal / np.linalg.norm(normal), off
