@@ -167,8 +167,8 @@ def test_a_broken_photo_and_one_of_no_facade_are_set_aside(tmp_path: Path) -> No
     assert "w999-0" in Path(summary["outputs"]["report"]).read_text()
     assert summary["facades_failed"] == 1
     failed = query(tmp_path / "out", where="status = 'failed'")
-    assert failed["id"].tolist() == [photo.stem]
-    assert photo.name in failed["reason"].item()
+    assert list(zip(failed["kind"], failed["id"], strict=True)) == [("facade", photo.stem), ("photo", "w999-0.png")]
+    assert photo.name in failed["reason"][0]
     assert Path(summary["outputs"]["glb"][0]).is_file()
 
 
