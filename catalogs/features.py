@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import re
+from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -163,6 +164,16 @@ def file_stem(identifier: str) -> str:
 def natural_order(identifier: str) -> tuple[tuple[str, int], ...]:
     """Sort key that puts w9 before w10."""
     return tuple((text, int(number or -1)) for text, number in re.findall(r"(\D*)(\d*)", identifier))
+
+
+def numbered(identifier: str, seen: Counter[str], remarks: list[Remark]) -> str:
+    """An id of a building that has not been `seen` yet: a second one of a kind is numbered, with a remark."""
+    seen[identifier] += 1
+    if seen[identifier] == 1:
+        return identifier
+    unique = f"{identifier}-{seen[identifier]}"
+    remarks.append(Remark(unique, "buildings numbered since another has their id", None))
+    return unique
 
 
 def by_reason(remarks: Iterable[Remark]) -> dict[str, list[str]]:

@@ -10,9 +10,9 @@ from facade_core.errors import InputError
 
 BLOCKS = Path(__file__).parent / "blocks"
 _DELFSHAVEN = "https://3d.bk.tudelft.nl/opendata/cityjson/3dcities/v2.0/"
-_AMSTERDAM = (
-    "https://raw.githubusercontent.com/Amsterdam/panorama-textures/3f5e0d336adf723bab773e0e0ee6f3c2bf548c77/src/input/"
-)
+_AMSTERDAM = "https://raw.githubusercontent.com/Amsterdam/panorama-textures/{commit}/src/input/"
+_PANORAMAS = _AMSTERDAM.format(commit="3f5e0d336adf723bab773e0e0ee6f3c2bf548c77")
+_MODEL = _AMSTERDAM.format(commit="7109cbe3bab3fec8ddeab1ed9b610b0eb04fbeb9")
 _PLATEAU = (
     "https://raw.githubusercontent.com/Synesthesias/libplateau/a0b1ba01e14598bf0871b419b86ccb5b2d460064/data/udx/bldg/"
 )
@@ -57,11 +57,10 @@ _AMSTERDAM_SOURCE = Source(
     files=(
         SourceFile(
             "city/amsterdam/0363100012143961.obj",
-            _AMSTERDAM.replace("3f5e0d336adf723bab773e0e0ee6f3c2bf548c77", "7109cbe3bab3fec8ddeab1ed9b610b0eb04fbeb9")
-            + "0363100012143961.obj",
+            f"{_MODEL}0363100012143961.obj",
             "7548ecb568e5777e4bfa5e3c8394fa15919fa03ad7110f2d1030edded2c80cc9",
         ),
-        *(SourceFile(f"city/amsterdam/panoramas/{n}", _AMSTERDAM + n, h) for n, h in _AMSTERDAM_PICTURES.items()),
+        *(SourceFile(f"city/amsterdam/panoramas/{n}", _PANORAMAS + n, h) for n, h in _AMSTERDAM_PICTURES.items()),
     ),
     facts=(("city/amsterdam/poses_and_walls.json", "amsterdam_poses_and_walls.json"),),
 )

@@ -217,9 +217,10 @@ def _facades(
     chart = np.flatnonzero(candidate & (best >= FACADE_SEEN))
     building = charts.building[chart]
     wall_number = np.zeros(len(charts), np.int64)
-    for index in range(len(buildings)):
-        walls = np.flatnonzero((charts.kind == WALL) & (charts.building == index))
-        wall_number[walls] = np.arange(len(walls))
+    walls = np.flatnonzero(charts.kind == WALL)
+    walls = walls[np.argsort(charts.building[walls], kind="stable")]
+    owners = charts.building[walls]
+    wall_number[walls] = np.arange(len(walls)) - np.searchsorted(owners, owners)
     width, height = charts.size[chart].T
     levels = np.array([buildings[b].levels or 0 for b in building], np.int64)
     floors = np.where(levels > 0, levels, np.maximum(1, np.round(height / storey))).astype(np.int32)

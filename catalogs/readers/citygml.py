@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.features import Fault, Model, Models, Remark
+from catalogs.features import Fault, Model, Models, Remark, numbered
 from catalogs.readers.axes import Axes, axes_of
 from catalogs.readers.citygml_appearance import Appearance, add_texture, remarks_on, texture_of
 from catalogs.readers.citygml_surfaces import chosen_surfaces, rings_of, units_of
@@ -56,7 +56,7 @@ def read_citygml(path: Path, lod: str | None = None) -> Models:
     faults: list[Fault] = []
     frame = None
     for number, building in enumerate(elements(path, ("Building",)), 1):
-        id = _unique(id_of(building) or f"{path.stem}-{number}", reading)
+        id = numbered(id_of(building) or f"{path.stem}-{number}", reading.ids, reading.remarks)
         try:
             axes, model = _model(building, id, None if lod is None else int(lod[0]), reading)
             frame = frame or axes
@@ -88,15 +88,6 @@ def _survey(path: Path) -> _Reading:
         raise InputError(f"{path} is XML but not CityGML: it has no CityModel; give a CityGML 1.0, 2.0 or 3.0 file")
     reading.remarks += remarks_on(reading.appearance)
     return reading
-
-
-def _unique(id: str, reading: _Reading) -> str:
-    reading.ids[id] += 1
-    if reading.ids[id] == 1:
-        return id
-    numbered = f"{id}-{reading.ids[id]}"
-    reading.remarks.append(Remark(numbered, "buildings numbered since another has their id", None))
-    return numbered
 
 
 def _model(building: Element, id: str, asked: int | None, reading: _Reading) -> tuple[Axes, Model]:

@@ -10,22 +10,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from catalogs.readers.citygml_xml import id_of, local_name, numbers_of
+from catalogs.readers.faces import SEMANTIC_OF
 from facade_core.errors import GeometryError
 
 if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
-_SEMANTICS = {
-    "RoofSurface": "roof",
-    "OuterFloorSurface": "roof",
-    "WallSurface": "wall",
-    "GroundSurface": "ground",
-    "OuterCeilingSurface": "ceiling",
-    "Window": "window",
-    "WindowSurface": "window",
-    "Door": "door",
-    "DoorSurface": "door",
-} | dict.fromkeys(("ClosureSurface", "InteriorWallSurface", "CeilingSurface", "FloorSurface"), "inside")
 _BOUNDARIES = frozenset(("boundedBy", "boundary", "opening", "fillingSurface"))
 _UNITS = {
     "consistsOfBuildingPart": "part",
@@ -103,7 +93,7 @@ def _geometries(building: Element, ids: Mapping[str, Element]) -> tuple[list[str
             if match := _LOD.fullmatch(name):
                 geometries.append(_Geometry(member, unit, int(match[1]), semantic))
             elif name in _BOUNDARIES:
-                features += [(s, unit, _SEMANTICS.get(local_name(s), "unknown")) for s in _targets(member, ids)]
+                features += [(s, unit, SEMANTIC_OF.get(local_name(s), "unknown")) for s in _targets(member, ids)]
             elif name in _UNITS:
                 for part in _targets(member, ids):
                     kinds.append(_UNITS[name])

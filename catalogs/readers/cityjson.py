@@ -14,7 +14,7 @@ from urllib.parse import unquote
 import numpy as np
 import shapely
 
-from catalogs.features import Fault, Model, Models, Remark
+from catalogs.features import Fault, Model, Models, Remark, numbered
 from catalogs.readers.axes import Axes, axes_of
 from catalogs.readers.cityjson_parts import Lod, families, lod_name, lod_of, pieces_of
 from catalogs.readers.cityjson_surfaces import Appearance, faces_of, instance_points
@@ -142,7 +142,7 @@ def _read(document: Mapping[str, Any], reading: _Reading) -> None:
         else:
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: it is no CityObject; export it anew"))
     for root, ids in families(objects):
-        id = _unique(root, reading)
+        id = numbered(root, reading.ids, reading.remarks)
         try:
             pieces, other = pieces_of(ids, objects, templates, reading.asked)
             faces = [face for geometries in pieces for face in _once([placed(g) for g in _best_first(geometries)])]
@@ -266,15 +266,6 @@ def _picture(folder: Path, image: str) -> Path | None:
         except OSError:  # a name that no file can have
             continue
     return None
-
-
-def _unique(id: str, reading: _Reading) -> str:
-    reading.ids[id] += 1
-    if reading.ids[id] == 1:
-        return id
-    numbered = f"{id}-{reading.ids[id]}"
-    reading.remarks.append(Remark(numbered, "buildings numbered since another has their id", None))
-    return numbered
 
 
 def _place(things: Sequence[Mapping[str, Any]], points: np.ndarray) -> shapely.Polygon | None:

@@ -10,20 +10,11 @@ from typing import Any
 import numpy as np
 
 from catalogs.readers.cityjson_values import list_of, mapping_of, points_of, within_reach
-from catalogs.readers.faces import FARTHEST, Face
+from catalogs.readers.faces import FARTHEST, SEMANTIC_OF, Face
 from facade_core.errors import GeometryError
 
 # How many levels of nesting lie between a geometry and its surfaces.
 DEPTHS = {"MultiSurface": 0, "CompositeSurface": 0, "Solid": 1, "MultiSolid": 2, "CompositeSolid": 2}
-SEMANTIC = {
-    "RoofSurface": "roof",
-    "OuterFloorSurface": "roof",
-    "WallSurface": "wall",
-    "GroundSurface": "ground",
-    "OuterCeilingSurface": "ceiling",
-    "Window": "window",
-    "Door": "door",
-} | dict.fromkeys(("ClosureSurface", "InteriorWallSurface", "CeilingSurface", "FloorSurface"), "inside")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -129,7 +120,7 @@ def _corners(rings: Sequence[list[int]], points: np.ndarray) -> np.ndarray:
 
 def _classes(surfaces: Any) -> list[str]:
     kinds = [mapping_of(surface).get("type") for surface in list_of(surfaces)]
-    return [SEMANTIC.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
+    return [SEMANTIC_OF.get(kind, "unknown") if isinstance(kind, str) else "unknown" for kind in kinds]
 
 
 def _texture_values(geometry: Mapping[str, Any], theme: str | None) -> Any:

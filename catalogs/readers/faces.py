@@ -15,6 +15,20 @@ FARTHEST = 1e9  # no coordinate of a real frame is larger
 _SLIVER = 1e-9  # m2; twice the area of a triangle at least
 
 
+# What the surfaces of CityGML (2.0 and 3.0) and CityJSON are; those inside a building are not read.
+SEMANTIC_OF = {
+    "RoofSurface": "roof",
+    "OuterFloorSurface": "roof",
+    "WallSurface": "wall",
+    "GroundSurface": "ground",
+    "OuterCeilingSurface": "ceiling",
+    "Window": "window",
+    "WindowSurface": "window",
+    "Door": "door",
+    "DoorSurface": "door",
+} | dict.fromkeys(("ClosureSurface", "InteriorWallSurface", "CeilingSurface", "FloorSurface"), "inside")
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Face:
     """A planar face: rings, the outer one first, each (n, 3) float64 without the closing point.
