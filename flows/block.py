@@ -2,84 +2,145 @@
 
 from __future__ import annotations
 
+from collections import deque
 from pathlib import Path
 from typing import Any
 
-from prefect import flow
-from prefect.futures import wait
+from prefect import flow, get_run_logger
+from prefect.futures import PrefectFuture, wait
+from prefect.runtime import flow_run
+from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block import Block, read_block
+from catalogs.yaml_files import read_yaml
+from facade_core.errors import FacadeError
+from flows.artifacts import tell_outcome, tell_progress
+from flows.lock import locked
 from tasks.compute import Compute, connect
-from tasks.exemplars import prepare_exemplars
-from tasks.facades import choose, process_facades
+from tasks.demo import NAME, write_demo
+from tasks.exemplars import exemplars_due
+from tasks.facades import choose, facades_due
+from tasks.fan_out import AT_ONCE, Stage, batches, process_batch
 from tasks.imagery import imagery_of
 from tasks.ingest import Outline, ingest_block
 from tasks.outcome import Outcome
 from tasks.progress import begin_stage
 from tasks.publish import publish_block
 from tasks.run import Run, run_of
+from tasks.standing import nothing_due
 from tasks.streets import texture_street
-from tasks.textures import keep_textures
+from tasks.textures import textures_due
+from tasks.units.memory import street_memory
 
-# Facades in one Prefect task: its overhead is milliseconds, and what a killed task repeats is its unfinished buildings.
-BATCH = 24
+# Tasks on their way at once; they only wait for workers, of which a cluster may have many.
+THREADS = 64
+
+
+def flow_run_name() -> str:
+    """The block and the date for which the run was scheduled: what the UI lists runs by."""
+    block_file = flow_run.parameters.get("block_file")
+    name = NAME
+    if block_file is not None:
+        try:
+            name = str(read_yaml(Path(block_file)).get("name"))
+        except FacadeError:  # the run itself will say what is wrong with the file
+            name = Path(block_file).stem
+    return f"{name} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
 
 
 @flow(
     name="city-block",
-    flow_run_name="{block_file.stem}",
-    task_runner=ThreadPoolTaskRunner(max_workers=8),  # type: ignore[arg-type]
+    description="Texture a city block: facades, streets, atlas, model and catalogue. Resumes by itself.",
+    flow_run_name=flow_run_name,
+    task_runner=ThreadPoolTaskRunner(max_workers=THREADS),  # type: ignore[arg-type]
 )
-def city_block(block_file: Path, out: Path, workers: int = 2, dask: str | None = None) -> dict[str, Any]:
-    """Texture the block of `block_file` into `out`; resumes by itself. Returns the run's summary."""
-    block = read_block(block_file)
-    run = run_of(block, out)
-    with connect(workers, dask) as compute:
+def city_block(
+    block_file: Path | None = None, out: Path | None = None, workers: int = 2, dask: str | None = None
+) -> dict[str, Any] | State:
+    """Texture the block of `block_file` into `out`; resumes by itself. Returns the run's summary.
+
+    Args:
+        block_file: the block; the embedded demo where there is none.
+        out: folder for the results; out/NAME of the block file where there is none.
+        workers: local processes.
+        dask: address of a Dask scheduler to use instead, such as tcp://127.0.0.1:8786.
+    """
+    out = out or Path("out") / (block_file.stem if block_file else "demo")
+    with locked(out):
+        block = read_block((block_file or write_demo(out / "input")).resolve())
+        run = run_of(block, out)
+        summary = nothing_due(run)
+        if summary is None:
+            with tell_progress(block.name):
+                summary = _texture(run, block, workers, dask)
+        tell_outcome(run, summary)
+    if summary["failures"]:
+        # not Failed: everything else is done and published, and a retry would change nothing
+        return Completed(name="UnitsFailed", message=f"{len(summary['failures'])} units failed", data=summary)
+    return summary
+
+
+def _texture(run: Run, block: Block, workers: int, dask: str | None) -> dict[str, Any]:
+    with connect(workers, dask, run.out) as compute:
         outline = ingest_block(run, block)
-        textures = keep_textures(run, outline.textured, block.textures, compute)
-        facades = _facades(run, block, outline, compute)
-        streets = _streets(run, outline, compute)
+        outcome = _process(run, textures_due(run, outline.textured, block.textures), compute)
+        outcome += _process(run, exemplars_due(run, block.exemplars), compute)
+        outcome += _facades(run, block, outline, compute)
+        outcome += _streets(run, outline, compute)
         published = publish_block(run)
-    aside = Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
-    outcome = textures + facades + streets + aside
+    outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     return published | {
-        "out": str(out),
+        "out": run.out,
         "units_skipped": outcome.skipped + (1 if outline.skipped else 0),
         "units_done": outcome.done + (0 if outline.skipped else 1),
         "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed],
     }
 
 
+def _process(run: Run, stage: Stage, compute: Compute) -> Outcome:
+    """All batches of a stage, AT_ONCE on their way at a time."""
+    if not stage.total:
+        return Outcome()
+    begin_stage(stage.name, stage.total, stage.skipped)
+    outcome = Outcome(skipped=stage.skipped)
+    due = list(batches(stage.work, compute))
+    submitted: deque[PrefectFuture[Outcome]] = deque()
+    for number, batch in enumerate(due, 1):
+        if len(submitted) == AT_ONCE:
+            outcome += submitted.popleft().result()
+        task = process_batch.with_options(name=stage.name)
+        submitted.append(task.submit(run, stage.name, f"{number} of {len(due)}", stage.function, batch, compute))
+    for future in submitted:
+        outcome += future.result()
+    _log(stage.name, outcome)
+    return outcome
+
+
 def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outcome:
-    exemplars = prepare_exemplars(run, block.exemplars, compute)
     chosen = choose(run, block.photos) if run.walls == "exemplar" else {}
     panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in outline.panoramas]
     imagery = imagery_of(outline.facades, block.photos, panoramas, outline.own, chosen)
-    batches: list[list[tuple[int, ...]]] = [[]]
-    for building in outline.buildings:
-        if sum(map(len, batches[-1])) >= BATCH:
-            batches.append([])
-        batches[-1].append(building)
-    begin_stage("facades", len(outline.facades))
-    futures = [
-        process_facades.submit(
-            run, f"{i + 1} of {len(batches)}", batch, outline.facades, imagery, block.textures, compute
-        )
-        for i, batch in enumerate(batches)
-        if batch
-    ]
-    return sum((future.result() for future in futures), exemplars)
+    due = facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
+    return _process(run, due, compute)
 
 
 def _streets(run: Run, outline: Outline, compute: Compute) -> Outcome:
     begin_stage("viewpoints", sum(outline.viewpoints))
     outcome = Outcome()
     for wave in outline.waves:
-        futures = [
-            texture_street.submit(run, street, compute, compute.workers[i % len(compute.workers)])
-            for i, street in enumerate(wave)
-        ]
+        futures = []
+        for street in wave:
+            memory = street_memory(*outline.windows[street])
+            futures.append(texture_street.submit(run, street, outline.streets[street], memory, compute))
         wait(futures)  # the next wave reads what this one wrote
         outcome = sum((future.result() for future in futures), outcome)
+    _log("streets", outcome)
     return outcome
+
+
+def _log(stage: str, outcome: Outcome) -> None:
+    log = get_run_logger()
+    log.info("%s: %d done, %d done before, %d failed", stage, outcome.done, outcome.skipped, len(outcome.failed))
+    for unit, reason in outcome.failed:
+        log.warning("%s: %s failed: %s", stage, unit, reason)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import click
 
@@ -235,7 +235,7 @@ def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: b
             with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect"):
                 from flows.block import city_block
 
-                summary = city_block(block_file.resolve(), out, workers=workers, dask=dask)
+                summary = cast(dict[str, Any], city_block(block_file.resolve(), out, workers=workers, dask=dask))
     summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:
         click.echo(json.dumps(summary))

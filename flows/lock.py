@@ -9,13 +9,20 @@ from pathlib import Path
 
 from facade_core.errors import InputError
 
+# Folders that this process holds: the command line locks before it starts a server, and the flow locks for itself.
+_held: set[Path] = set()
+
 
 @contextmanager
 def locked(out: Path) -> Iterator[None]:
-    """Make the folder `out` and hold it; the lock goes with the process, however it ends.
+    """Make the folder `out` and hold it; the lock goes with the process, however it ends. It may be nested.
 
     Raises InputError when the folder cannot be written, or another run is at work in it.
     """
+    out = out.resolve()
+    if out in _held:
+        yield
+        return
     try:
         out.mkdir(parents=True, exist_ok=True)
         handle = (out / ".lock").open("w")
@@ -28,4 +35,8 @@ def locked(out: Path) -> Iterator[None]:
             raise InputError(
                 f"{out}: another run is at work in it; wait for it, or name another folder with --out"
             ) from error
-        yield
+        _held.add(out)
+        try:
+            yield
+        finally:
+            _held.discard(out)

@@ -1,4 +1,4 @@
-"""Facade stages over batches of buildings."""
+"""Which facades are due, and which exemplar each takes."""
 
 from __future__ import annotations
 
@@ -12,14 +12,13 @@ from facade_core.atlas.journal import unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.style import choose_exemplars
 from tasks.commits import journal
-from tasks.compute import Compute
-from tasks.fan_out import Work, fan_out
+from tasks.fan_out import Stage, Work
 from tasks.imagery import Imagery
-from tasks.outcome import Outcome, is_done
+from tasks.outcome import is_done
 from tasks.plan import read_facades
-from tasks.progress import advance
 from tasks.run import Run
 from tasks.units.facade import facade_unit
+from tasks.units.memory import facade_memory
 
 
 @task(name="choose exemplars", cache_policy=NO_CACHE)
@@ -44,26 +43,24 @@ def choose(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
     return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in zip(bare, chosen.tolist(), strict=True)}
 
 
-@task(name="facades", task_run_name="facades {batch}", cache_policy=NO_CACHE)
-def process_facades(
+def facades_due(
     run: Run,
-    batch: str,
     buildings: Sequence[Sequence[int]],
     names: Sequence[str],
+    texels: Sequence[int],
     imagery: Sequence[Imagery],
     textures: Sequence[Path],
-    compute: Compute,
-) -> Outcome:
-    """One batch of buildings, each a unit for one worker: its facades may share chunks. One commit per building."""
+) -> Stage:
+    """The facades that the journal does not hold yet. Those of a building go to one worker: they may share chunks."""
     held = journal(run.store, "facades")
-    outcome = Outcome()
+    skipped = 0
     work = []
     for facades in buildings:
         keys = {f: unit_key(run.key, "facade", names[f]) for f in facades}
         due = [f for f in facades if not is_done(held[f], keys[f])]
-        outcome += Outcome(skipped=len(facades) - len(due))
-        advance("facades", len(facades) - len(due))
+        skipped += len(facades) - len(due)
         if due:
             arguments = (due, keys, {f: imagery[f] for f in due}, textures)
-            work.append(Work({f: (names[f], keys[f]) for f in due}, arguments))
-    return outcome + fan_out(run, "facades", facade_unit, work, compute)
+            memory = max(facade_memory(texels[f], imagery[f]) for f in due)
+            work.append(Work({f: (names[f], keys[f]) for f in due}, arguments, memory))
+    return Stage("facades", facade_unit, work, skipped=skipped)

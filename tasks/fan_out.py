@@ -1,44 +1,98 @@
-"""Units of a stage fanned out to workers, each committed with its journal records as it completes."""
+"""Units of a stage in batches: fanned out to workers, each committed with its journal records as it completes."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Mapping
-from dataclasses import dataclass
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from facade_core.errors import FacadeError
 from tasks.commits import begin, finish
-from tasks.compute import Compute
+from tasks.compute import Compute, lost
 from tasks.outcome import Outcome, failure
 from tasks.progress import advance
 from tasks.run import Run
 
+# Batches on their way at once: while the last units of one are awaited, the next one's keep the workers busy.
+AT_ONCE = 2
+# Units in a batch at most: what is lost with a coordinator or repeated for a worker stays small.
+LARGEST = 24
+
 
 @dataclass(frozen=True)
 class Work:
-    """What one worker does in one go: (name, key) of the units by index, and the arguments of the function that does them."""
+    """What one worker does in one go.
+
+    units: (name, key) of its units by index; arguments of the function that does them; memory: bytes it takes at most,
+    beside the libraries and the run's plan.
+    """
 
     units: Mapping[int, tuple[str, str]]
     arguments: tuple
+    memory: int
 
 
-def fan_out(run: Run, stage: str, function: Callable[..., Any], work: Iterable[Work], compute: Compute) -> Outcome:
-    """Call function(run, fork, *arguments) for every piece of work; it returns the fork and its units' records.
+@dataclass(frozen=True)
+class Stage:
+    """The units of a stage that are due, and how many of them the journal holds already.
 
-    What raises as a whole leaves a failed record for each of its units, and nothing else.
+    function(run, fork, *arguments) does one piece of work; it returns the fork and its units' records.
+    """
+
+    name: str
+    function: Callable[..., Any]
+    work: Sequence[Work] = ()
+    skipped: int = 0
+    total: int = field(init=False)
+
+    def __post_init__(self) -> None:
+        object.__setattr__(self, "total", self.skipped + sum(len(piece.units) for piece in self.work))
+
+
+def batches(work: Iterable[Work], compute: Compute) -> Iterator[list[Work]]:
+    """Work in order, in batches of which AT_ONCE fit the workers' memory together; what is larger has one of its own."""
+    batch: list[Work] = []
+    memory = units = 0
+    for piece in work:
+        memory, units = memory + piece.memory, units + len(piece.units)
+        if batch and (memory > compute.memory // AT_ONCE or units > LARGEST):
+            yield batch
+            batch, memory, units = [], piece.memory, len(piece.units)
+        batch.append(piece)
+    if batch:
+        yield batch
+
+
+@task(name="units", task_run_name="{stage} {number}", cache_policy=NO_CACHE)
+def process_batch(
+    run: Run, stage: str, number: str, function: Callable[..., Any], batch: Sequence[Work], compute: Compute
+) -> Outcome:
+    """Do a batch; each piece is committed, and its result released, as it completes.
+
+    What raises as a whole leaves a failed record for each of its units, and nothing else. Raises FacadeError when the
+    cluster goes away: what was committed stays.
     """
     started: dict[Any, tuple[Work, Any]] = {}
-    for piece in work:
+    for piece in batch:
         session, fork = begin(run.store)
         started[compute.submit(function, run, fork, *piece.arguments)] = (piece, session)
     outcome = Outcome()
-    for future in compute.completed(started):
-        piece, session = started[future]
+    for future in compute.completed(list(started)):
+        piece, session = started.pop(future)
         try:
             fork, records = future.result()
-        except Exception as error:
+        except BaseException as error:
+            if lost(error):
+                raise FacadeError(f"{stage}: the Dask cluster went away; run again to go on from here") from error
+            if not isinstance(error, Exception):
+                raise
             session, fork = begin(run.store)
             records = {index: failure(name, key, error) for index, (name, key) in piece.units.items()}
         finish(session, fork, stage, records, f"{stage} {', '.join(name for name, _ in piece.units.values())}")
+        del future, fork  # with the last reference its result leaves the cluster
         made = Outcome().add(records.values())
         advance(stage, made.finished, len(made.failed))
         outcome += made

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from pathlib import Path
 
+import numpy as np
 import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
@@ -23,20 +24,32 @@ from tasks.run import Run
 
 
 @dataclass(frozen=True)
+class Textured:
+    """A building with textures of its own, by index: texels of its textured charts, and the pictures that they use."""
+
+    building: int
+    texels: int
+    pictures: tuple[int, ...]
+
+
+@dataclass(frozen=True)
 class Outline:
     """What the flow needs of a plan to order the work: units by index, no arrays.
 
-    buildings: the facades of each building that has some; textured: the buildings with textures of their own, in order;
-    panoramas: those that show each facade, best first, as (index, pose); own: whether each facade has a texture of its own;
-    waves: the streets of each wave; viewpoints: how many each street has; set_aside: input that cannot be used, as (kind,
-    unit, reason).
+    texels: of each facade; buildings: the facades of each building that has some; textured: the buildings with textures of
+    their own, in order; panoramas: those that show each facade, best first, as (index, pose); own: whether each facade has a
+    texture of its own; streets: names; waves: the streets of each wave; viewpoints: how many each street has; windows: texels
+    that each street sees, and those of them that it writes; set_aside: input that cannot be used, as (kind, unit, reason).
     """
 
     facades: tuple[str, ...]
+    texels: tuple[int, ...]
     buildings: tuple[tuple[int, ...], ...]
+    streets: tuple[str, ...]
     waves: tuple[tuple[int, ...], ...]
     viewpoints: tuple[int, ...]
-    textured: tuple[int, ...]
+    windows: tuple[tuple[int, int], ...]
+    textured: tuple[Textured, ...]
     panoramas: tuple[tuple[tuple[int, Pose], ...], ...]
     own: tuple[bool, ...]
     set_aside: tuple[tuple[str, str, str], ...]
@@ -90,24 +103,54 @@ def _notes(block: Block, plan: Plan) -> list[str]:
 
 def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
     building = plan.facades.building.tolist()
-    per_street = [0] * len(plan.wave)
-    for viewpoint in plan.viewpoints:
-        per_street[viewpoint.street] += 1
+    facades: dict[int, list[int]] = {}
+    for facade, one in enumerate(building):
+        facades.setdefault(one, []).append(facade)
+    street_of = np.array([v.street for v in plan.viewpoints], np.int64)
+    per_street = np.bincount(street_of, minlength=len(plan.wave)).tolist()
+    texels = plan.scene.placement.width.astype(np.int64) * plan.scene.placement.height
     return Outline(
         facades=plan.facades.id,
-        buildings=tuple(tuple(i for i, b in enumerate(building) if b == one) for one in sorted(set(building))),
+        texels=tuple(texels[plan.facades.chart].tolist()),
+        buildings=tuple(tuple(facades[one]) for one in sorted(facades)),
+        streets=tuple(street.name or street.id for street in plan.streets),
         waves=tuple(
             tuple(s for s in range(len(plan.wave)) if plan.wave[s] == wave and per_street[s])
             for wave in range(int(plan.wave.max(initial=-1)) + 1)
         ),
         viewpoints=tuple(per_street),
-        textured=plan.textured_buildings(),
+        windows=_windows(plan, street_of, texels),
+        textured=_textured(plan, texels),
         panoramas=tuple(
             tuple((p, plan.poses[p]) for p in plan.sightings.of(i).tolist()) for i in range(len(plan.facades))
         ),
         own=tuple(plan.textured[plan.facades.chart].tolist()),
         set_aside=set_aside,
         skipped=skipped,
+    )
+
+
+def _windows(plan: Plan, street_of: np.ndarray, texels: np.ndarray) -> tuple[tuple[int, int], ...]:
+    """Per street the texels of the charts it sees, and of those it writes."""
+    seen = np.unique(np.column_stack([street_of[plan.views[:, 0]], plan.views[:, 1]]), axis=0)
+    streets, charts = seen.T
+    written = texels * plan.writable
+    read, write = (
+        np.bincount(streets, weights=counted[charts], minlength=len(plan.wave)) for counted in (texels, written)
+    )
+    return tuple((int(r), int(w)) for r, w in zip(read, write, strict=True))
+
+
+def _textured(plan: Plan, texels: np.ndarray) -> tuple[Textured, ...]:
+    mesh, charts = plan.scene.mesh, plan.scene.charts
+    building = charts.building[mesh.chart]
+    return tuple(
+        Textured(
+            one,
+            int(texels[plan.textured & (charts.building == one)].sum()),
+            tuple(np.unique(mesh.texture[(building == one) & (mesh.texture >= 0)]).tolist()),
+        )
+        for one in plan.textured_buildings()
     )
 
 

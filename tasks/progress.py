@@ -22,10 +22,10 @@ def listen(listener: Listener) -> Callable[[], None]:
     return lambda: _listeners.remove(listener)
 
 
-def begin_stage(stage: str, total: int) -> None:
-    """A stage of `total` units starts."""
+def begin_stage(stage: str, total: int, finished: int = 0) -> None:
+    """A stage of `total` units starts, of which so many were finished by an earlier run."""
     with _lock:
-        _total[stage], _finished[stage], _failed[stage] = total, 0, 0
+        _total[stage], _finished[stage], _failed[stage] = total, finished, 0
         _tell(stage)
 
 

@@ -14,7 +14,10 @@ VERSION = "0.1.0"
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a block. `key` is the ingest key: digest of the block's inputs and settings and of the code."""
+    """One run of a block into the absolute folder `out`.
+
+    `key` is the ingest key: digest of the block's inputs and settings and of the code.
+    """
 
     out: str
     block: str
@@ -49,7 +52,7 @@ def run_of(block: Block, out: Path) -> Run:
     key = hashlib.sha256(f"{block.digest}/{code_version()}".encode()).hexdigest()
     texture = block.texture
     return Run(
-        out=str(out),
+        out=str(out.resolve()),  # workers may have been started elsewhere
         block=block.name,
         key=key,
         crs=block.crs.to_string(),

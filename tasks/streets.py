@@ -14,8 +14,9 @@ from catalogs.features import file_stem
 from facade_core.atlas.journal import latest_chunks, read_journal, seed_records, unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import FacadeError
 from tasks.commits import begin, finish
-from tasks.compute import Compute
+from tasks.compute import Compute, lost
 from tasks.outcome import Outcome, failure, is_done
 from tasks.plan import read_plan
 from tasks.progress import advance
@@ -23,9 +24,17 @@ from tasks.run import Run
 from tasks.units.viewpoint import street_unit, viewpoint_unit
 
 
-@task(name="street", task_run_name="street {street}", cache_policy=NO_CACHE)
-def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
-    """Every viewpoint not yet journalled, one commit each, then the street's texels in one commit, tagged."""
+@task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)
+def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> Outcome:
+    """Every viewpoint not yet journalled, one commit each, then the street's texels in one commit, tagged.
+
+    One worker keeps the street's state of `memory` bytes; where it is lost, another rebuilds that from the panoramas.
+    """
+    with compute.lease(memory) as worker:
+        return _texture(run, street, compute, worker)
+
+
+def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
     session = open_repository(run.store).readonly_session(BRANCH)
     plan = read_plan(session, run.texels_per_metre)
     group: StoreGroup = zarr.open_group(session.store, mode="r")
@@ -65,7 +74,11 @@ def texture_street(run: Run, street: int, compute: Compute, worker: str) -> Outc
             advance("viewpoints", 1)
         session, fork = begin(run.store)
         fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
-    except Exception as error:
+    except BaseException as error:
+        if lost(error):
+            raise FacadeError(f"street {name}: the Dask cluster went away; run again to go on from here") from error
+        if not isinstance(error, Exception):
+            raise
         session, fork = begin(run.store)
         record = failure(name, street_key, error) | {"wave": wave, "chunks": {}}
         record["reason"] = f"viewpoint {step}: {record['reason']}"

@@ -1,36 +1,36 @@
-"""Bring the textures that buildings carry into the atlas, a building at a time."""
+"""The textures that buildings carry, into the atlas, a building at a time."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
 
-from prefect import task
-from prefect.cache_policies import NO_CACHE
-
 from facade_core.atlas.journal import unit_key
 from facade_core.atlas.store import BRANCH, open_repository, open_table
 from tasks.commits import journal
-from tasks.compute import Compute
-from tasks.fan_out import Work, fan_out
-from tasks.outcome import Outcome, is_done
-from tasks.progress import advance, begin_stage
+from tasks.fan_out import Stage, Work
+from tasks.ingest import Textured
+from tasks.outcome import is_done
 from tasks.run import Run
+from tasks.units.memory import texture_memory
 from tasks.units.texture import texture_unit
 
 
-@task(name="own textures", cache_policy=NO_CACHE)
-def keep_textures(run: Run, buildings: Sequence[int], textures: Sequence[Path], compute: Compute) -> Outcome:
-    """Write the textured charts of `buildings` that the journal does not hold yet; one commit per building."""
+def textures_due(run: Run, buildings: Sequence[Textured], textures: Sequence[Path]) -> Stage:
+    """The buildings with textures of their own that the journal does not hold yet."""
     if not buildings:
-        return Outcome()
+        return Stage("textures", texture_unit)
     held = journal(run.store, "textures")
     ids = open_table(open_repository(run.store).readonly_session(BRANCH), "buildings").id.values
-    names = [str(ids[building]) for building in buildings]
+    names = [str(ids[one.building]) for one in buildings]
     keys = [unit_key(run.key, "texture", name) for name in names]
     due = [i for i, key in enumerate(keys) if not is_done(held[i], key)]
-    outcome = Outcome(skipped=len(buildings) - len(due))
-    begin_stage("textures", len(buildings))
-    advance("textures", outcome.skipped)
-    work = [Work({i: (names[i], keys[i])}, (i, buildings[i], names[i], keys[i], textures)) for i in due]
-    return outcome + fan_out(run, "textures", texture_unit, work, compute)
+    work = [
+        Work(
+            {i: (names[i], keys[i])},
+            (i, buildings[i].building, names[i], keys[i], textures),
+            texture_memory(buildings[i].texels, [textures[picture] for picture in buildings[i].pictures]),
+        )
+        for i in due
+    ]
+    return Stage("textures", texture_unit, work, skipped=len(buildings) - len(due))

@@ -1,0 +1,98 @@
+"""What the Prefect UI shows of a run: progress while it goes on; its units, failures and links when it is done."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any, cast
+from uuid import UUID
+
+from prefect.artifacts import (
+    create_link_artifact,
+    create_markdown_artifact,
+    create_progress_artifact,
+    create_table_artifact,
+    update_progress_artifact,
+)
+
+from facade_core.atlas.journal import STAGES
+from tasks.commits import journal
+from tasks.progress import listen
+from tasks.run import Run
+
+# Seconds between two updates of the progress shown.
+REFRESH_S = 2.0
+# Rows of the units' table at most, failed ones first; the catalogue has them all.
+ROWS = 1000
+# Every run goes through these, in equal shares of its progress: how many units one has is known when it begins.
+EXPECTED = {"ingest", "exemplars", "facades", "viewpoints", "publish"}
+
+
+@contextmanager
+def tell_progress(block: str) -> Iterator[None]:
+    """Keep an artifact at the share of the work that is finished, until the block ends."""
+    finished: dict[str, tuple[int, int]] = {}
+    over = Event()
+    key = f"{_slug(block)}-progress"
+    artifact = cast(UUID, create_progress_artifact(0.0, key=key, description="share of the work that is finished"))
+
+    def percent() -> float:
+        shares = [done / total if total else 1.0 for done, total in list(finished.values())]
+        return round(100 * sum(shares) / len(EXPECTED | finished.keys()), 1)
+
+    def refresh() -> None:
+        told = 0.0
+        while not over.wait(REFRESH_S):
+            if (now := percent()) != told:
+                update_progress_artifact(artifact, now)
+                told = now
+
+    stop = listen(lambda stage, done, total, failed: finished.update({stage: (done, total)}))
+    thread = Thread(target=refresh, name="progress-artifact", daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        over.set()
+        stop()
+        thread.join()
+    update_progress_artifact(artifact, 100.0)
+
+
+def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
+    """Artifacts of a finished run: the table of units, the failures with their reasons, links to what was published."""
+    slug = _slug(run.block)
+    units = [
+        {
+            "stage": stage,
+            "unit": record["unit"],
+            "status": record["status"],
+            "seconds": round(sum(record.get("seconds", {}).values()), 2),
+            "worker": record.get("worker", ""),
+        }
+        for stage in STAGES
+        for record in journal(run.store, stage)
+        if record
+    ]
+    units.sort(key=lambda row: row["status"] != "failed")
+    shown = f"{len(units)} units" if len(units) <= ROWS else f"{ROWS} of {len(units)} units, failed ones first"
+    done = f"{summary['units_done']} done in this run, {summary['units_skipped']} before, {len(summary['failures'])} failed"
+    create_table_artifact(units[:ROWS], key=f"{slug}-units", description=f"{shown}; {done}")
+    create_table_artifact(
+        summary["failures"], key=f"{slug}-failures", description="units that failed or were set aside, and why"
+    )
+    outputs = summary["outputs"]
+    report = Path(outputs["report"]).resolve()
+    create_link_artifact(report.as_uri(), link_text=f"report of {run.block}", key=f"{slug}-report")
+    links = [("report", report), *(("model", Path(path)) for path in outputs["glb"]), ("items", Path(outputs["items"]))]
+    lines = [f"- [{name}]({path.resolve().as_uri()}): `{path.resolve()}`" for name, path in links]
+    find = f"`streetloom query {run.out}` answers questions about the facades."
+    create_markdown_artifact("\n".join([f"# {run.block}", "", *lines, "", find]), key=f"{slug}-outputs")
+
+
+def _slug(name: str) -> str:
+    """A name as Prefect wants keys of artifacts: lower case letters, digits and dashes."""
+    return re.sub(r"[^a-z0-9]+", "-", name.lower()).strip("-") or "block"

@@ -1,0 +1,54 @@
+"""What a unit takes of a worker's memory at most, in bytes, beside the libraries and the run's plan.
+
+Declared from sizes that the coordinator knows before the unit starts; batches are sized by it, and a test measures that the
+parser and the rest stay below it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from pathlib import Path
+
+from tasks.imagery import Imagery
+from tasks.units.images import image_size
+
+# What libraries take once, whatever the size.
+LEAST = 40_000_000
+# Stages of a facade hold votes, features and copies of each texel (measured: 140 to 165).
+FACADE_TEXEL = 190
+# A texture's colour, cover and places in the atlas.
+TEXTURE_TEXEL = 40
+# A picture is decoded, converted and given a mask.
+PICTURE_PIXEL = 12
+# The window of a street: seed, colour and provenance of a texel it reads; with the blend state of one it writes.
+READ_TEXEL, WRITTEN_TEXEL = 16, 80
+
+
+def exemplar_memory(path: Path) -> int:
+    return LEAST + _pixels([path]) * (FACADE_TEXEL + PICTURE_PIXEL)
+
+
+def facade_memory(texels: int, imagery: Imagery) -> int:
+    pictures = [imagery.photo] if imagery.photo else [path for path, _ in imagery.panoramas]
+    return LEAST + texels * FACADE_TEXEL + _pixels(pictures) * PICTURE_PIXEL
+
+
+def texture_memory(texels: int, pictures: Iterable[Path]) -> int:
+    return LEAST + texels * TEXTURE_TEXEL + _pixels(pictures) * PICTURE_PIXEL
+
+
+def street_memory(read: int, written: int) -> int:
+    """Of a street that sees so many texels and writes so many of them."""
+    return LEAST + read * READ_TEXEL + written * WRITTEN_TEXEL
+
+
+def _pixels(pictures: Iterable[Path]) -> int:
+    """Pixels of pictures, by their headers; a broken one takes none, and fails by name when its unit reads it."""
+    total = 0
+    for path in pictures:
+        try:
+            rows, columns = image_size(path)
+        except Exception:  # a decoder meets broken files with errors of every kind
+            continue
+        total += rows * columns
+    return total
