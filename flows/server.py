@@ -46,7 +46,8 @@ def server(home: Path) -> Iterator[None]:
     when the server does not answer in time.
     """
     os.environ.update(QUIET)
-    os.environ.setdefault("PREFECT_LOGGING_LEVEL", "ERROR")
+    # what a run raises comes back to the command line, which says it in one line
+    os.environ.setdefault("PREFECT_LOGGING_LEVEL", "CRITICAL")
     if os.environ.get("PREFECT_API_URL"):
         yield
         return

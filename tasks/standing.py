@@ -11,7 +11,7 @@ import zarr
 from facade_core.atlas.journal import STAGES, read_journal
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import StoreError
+from facade_core.errors import InputError, StoreError
 from tasks.run import Run
 
 
@@ -38,12 +38,14 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
     """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
 
     A unit's key stands on the run's key, and a change of that empties the journal: so one comparison covers them all.
+    Raises InputError when the store is another block's, which a run would overwrite.
     """
     if not run.store.is_dir():
         return None
     try:
         session = open_repository(run.store).readonly_session(BRANCH)
         group: StoreGroup = zarr.open_group(session.store, mode="r")
+        _check_block(run, group)
         if group.attrs.get("key") != run.key or current_snapshot(Path(run.out)) != session.snapshot_id:
             return None
         records = [record for stage in STAGES for record in read_journal(group, stage)]
@@ -54,3 +56,12 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
     summary = published_summary(Path(run.out), session.snapshot_id)
     set_aside = [{"unit": unit, "reason": reason} for _, unit, reason in group.attrs["set_aside"]]
     return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}
+
+
+def _check_block(run: Run, group: StoreGroup) -> None:
+    held = group.attrs.get("block", run.block)
+    if held != run.block:
+        raise InputError(
+            f"{run.out}: holds block {held}; give block {run.block} a folder of its own beside it with --out, and "
+            f"`streetloom query {Path(run.out).parent}` finds both"
+        )
