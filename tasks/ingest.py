@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
@@ -73,7 +74,13 @@ def ingest_block(run: Run, block: Block) -> Outline:
         set_aside += [("building", unit, reason) for unit, reason in plan.refused]
         set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
-            block=run.block, key=run.key, crs=run.crs, seed=run.seed, notes=_notes(block, plan), set_aside=set_aside
+            block=run.block,
+            key=run.key,
+            crs=run.crs,
+            seed=run.seed,
+            notes=_notes(block, plan),
+            set_aside=set_aside,
+            ingested=time.time(),
         )
         write_plan(session, plan, block.buildings, run.crs)
         create_arrays(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Any
@@ -39,4 +40,10 @@ def is_done(record: dict[str, Any] | None, key: str) -> bool:
 def failure(unit: str, key: str, error: Exception) -> dict[str, Any]:
     """The journal record of a unit that failed as a whole; one line, whatever was raised."""
     reason = str(error) if isinstance(error, FacadeError) else f"{type(error).__name__}: {error}"
-    return {"unit": unit, "key": key, "status": "failed", "reason": " ".join(reason.split())}
+    return {
+        "unit": unit,
+        "key": key,
+        "status": "failed",
+        "reason": " ".join(reason.split()),
+        "started": time.time(),
+    }

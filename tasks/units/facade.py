@@ -53,7 +53,7 @@ def facade_unit(
         try:
             made, source = _make(run, plan, group, facade, imagery[facade], textures)
         except Exception as error:
-            records[facade] = record | failure(name, keys[facade], error)
+            records[facade] = failure(name, keys[facade], error) | record
             continue
         record |= {"status": "done", "source": source}
         if made is not None:
