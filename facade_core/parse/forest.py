@@ -1,10 +1,8 @@
-"""The trained forests: two tree ensembles in one ONNX file, checked against the .json beside it."""
+"""The forest segmenter: votes of two forests on a grid, averaged in superpixels (tiles paper, sections 3.1 and 4.1)."""
 
 from __future__ import annotations
 
 import functools
-import hashlib
-import json
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -14,6 +12,7 @@ import numpy as np
 from facade_core.errors import ModelError
 from facade_core.labels import CLASSES
 from facade_core.parse import features
+from facade_core.parse.model_file import open_session, read_record, stamp
 
 SHIPPED = Path(__file__).parent / "models" / "forest.onnx"
 
@@ -23,6 +22,10 @@ FIRST, SECOND = "first", "second"
 # Constant, so that sums over trees are formed in the same order on every machine.
 _INTRA_OP_THREADS = 1
 _WIDTHS = {FIRST: features.APPEARANCE_WIDTH, SECOND: features.CONTEXT_WIDTH}
+# Some 1000 to 2000 segments in a facade of usual size. Compact ones: loose ones cut corners off windows.
+_SEGMENT_AREA = 100
+_COMPACTNESS = 20
+_SLIC_ROUNDS = 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +33,17 @@ class Forests:
     """Both forests in one inference session."""
 
     session: Any
+    # About the size of the facades trained on: parsed at a quarter of their size as they are, the held-out ones keep
+    # 68 % of their pixels right; enlarged first, 85 %.
+    working_area = (150_000, 250_000)
+
+    def segment(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(H, W, 3) uint8 -> confidence (H, W, 7) float32, and hidden (H, W) float32: nothing is thought hidden."""
+        seen = features.appearance(image)
+        first = self.vote(FIRST, seen)
+        second = self.vote(SECOND, features.context(first, seen))
+        confidence = _average_in_segments(image, _cells_to_pixels(second, *image.shape[:2]))
+        return confidence, np.zeros(image.shape[:2], np.float32)
 
     def vote(self, name: str, rows: np.ndarray) -> np.ndarray:
         """Votes of one forest, averaged over its trees: (h, w, n) float32 -> (h, w, 7) float32."""
@@ -45,46 +59,40 @@ def load(path: str | Path | None = None) -> Forests:
     Raises ModelError for a missing file, a checksum that differs from the .json's and a model of other features.
     """
     path = SHIPPED if path is None else Path(path)
-    record_path = path.with_suffix(".json")
-    for file in (path, record_path):
-        if not file.is_file():
-            raise ModelError(f"{file}: no such file; a parser model is an .onnx file with its .json beside it")
-    changed = tuple((file.stat().st_mtime_ns, file.stat().st_size) for file in (path, record_path))
-    return _load(path.resolve(), record_path.resolve(), changed)
+    return _load(path.resolve(), stamp(path))
 
 
 @functools.lru_cache(maxsize=2)
-def _load(path: Path, record_path: Path, _changed: tuple[tuple[int, int], ...]) -> Forests:
-    content = path.read_bytes()
-    record = _read_record(record_path)
-    if record.get("sha256") != hashlib.sha256(content).hexdigest():
-        raise ModelError(f"{path}: checksum differs from {record_path.name}; fetch both files again or train anew")
-    if record.get("classes") != list(CLASSES) or record.get("feature_version") != features.FEATURE_VERSION:
+def _load(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Forests:
+    record = read_record(path)
+    if record.get("feature_version") != features.FEATURE_VERSION:
         raise ModelError(f"{path}: made for other classes or features; train it anew with this version")
-    session = _session(path, content)
+    session = open_session(path, record, threads=_INTRA_OP_THREADS)
     widths = {node.name: node.shape[1] for node in session.get_inputs()}
     if widths != {f"{name}_rows": width for name, width in _WIDTHS.items()}:
         raise ModelError(f"{path}: takes {widths}, not this version's features; train it anew with this version")
     return Forests(session)
 
 
-def _read_record(path: Path) -> dict[str, Any]:
-    try:
-        record = json.loads(path.read_text(encoding="utf-8"))
-    except ValueError as error:
-        raise ModelError(f"{path}: not valid JSON ({error}); fetch it again or train the model anew") from error
-    if not isinstance(record, dict):
-        raise ModelError(f"{path}: not a JSON object; fetch it again or train the model anew")
-    return record
+def _cells_to_pixels(votes: np.ndarray, height: int, width: int) -> np.ndarray:
+    import cv2
+
+    size = (votes.shape[1] * features.CELL, votes.shape[0] * features.CELL)
+    return cv2.resize(votes, size, interpolation=cv2.INTER_LINEAR)[:height, :width]
 
 
-def _session(path: Path, content: bytes) -> Any:
-    import onnxruntime
+def _average_in_segments(image: np.ndarray, votes: np.ndarray) -> np.ndarray:
+    """Each pixel's own votes and its segment's mean, in equal parts.
 
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads = _INTRA_OP_THREADS
-    options.inter_op_num_threads = 1
-    try:
-        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
-    except Exception as error:  # the runtime has no public root for its errors
-        raise ModelError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
+    The segment's mean alone, as in the paper, loses 1.5 % of the ECP pixels at this segment size and 6.5 % at 180
+    pixels a segment with loose segments: railings that one sees a window through tear the segments.
+    """
+    from skimage.segmentation import slic
+
+    count = max(1, round(image.shape[0] * image.shape[1] / _SEGMENT_AREA))
+    segments = slic(image, n_segments=count, compactness=_COMPACTNESS, max_num_iter=_SLIC_ROUNDS, start_label=0)
+    segments = segments.reshape(-1)
+    flat = votes.reshape(-1, len(CLASSES))
+    sums = np.stack([np.bincount(segments, column) for column in flat.T], axis=1)
+    means = sums / sums.sum(1, keepdims=True)
+    return ((flat + means[segments]) / 2).reshape(votes.shape).astype(np.float32)

@@ -1,70 +1,86 @@
-"""Parsing of a rectified facade: forest votes on a grid, averaged in superpixels (tiles paper, sections 3.1, 4.1)."""
+"""Parsing of a rectified facade by a segmenter: to the size it works at, and back."""
 
 from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import Protocol
 
 import numpy as np
 from scipy import ndimage
 
 from facade_core.errors import ImageError
 from facade_core.labels import CLASSES
-from facade_core.parse import features
+from facade_core.parse import forest, network
 from facade_core.parse.checks import check_image
-from facade_core.parse.forest import FIRST, SECOND, Forests, load
+from facade_core.parse.model_file import read_record, stamp
 from facade_core.types import Parsing
 
-# Before anything else the image is scaled to an area within these bounds, if that takes no more than _MOST_GROWTH and
-# keeps both sides short. The lower one is about the size of the facades trained on: parsed at a quarter of their size
-# as they are, the held-out ones keep 68 % of their pixels right; enlarged first, 85 %.
-_WORKING_AREA = (150_000, 250_000)
+# Before anything else the image is scaled to an area that the segmenter is used to, if that takes no more than
+# _MOST_GROWTH and keeps both sides short; so time and memory do not grow with the image.
 _MOST_GROWTH = 4.0
 _WORKING_SIDE = 2048
-# Some 1000 to 2000 segments in a facade of usual size. Compact ones: loose ones cut corners off windows.
-_SEGMENT_AREA = 100
-_COMPACTNESS = 20
-_SLIC_ROUNDS = 5
 # Rows of the full image written at once, so that memory beyond the result is bounded.
 _BAND = 128
+
+
+class Segmenter(Protocol):
+    """What parses an image at working size: a forest or a network."""
+
+    @property
+    def working_area(self) -> tuple[int, int]:
+        """Least and most pixels of an image that it is meant for."""
+
+    def segment(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(H, W, 3) uint8 RGB -> confidence (H, W, 7) float32, rows sum to 1, and (H, W) float32, the probability that
+        something in front hides the facade."""
+
+
+def load_segmenter(model: str | Path | None = None) -> Segmenter:
+    """The segmenter of an .onnx file with its .json beside it; the shipped one without a model. Raises ModelError."""
+    if model is None:
+        return forest.load()
+    stamp(Path(model))
+    kind = network if "network_version" in read_record(Path(model)) else forest
+    return kind.load(model)
 
 
 def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     """Label each pixel of a rectified facade with one of the seven classes.
 
     image: (H, W, 3) uint8 RGB, or (H, W, 4) RGBA where alpha < 128 hides a pixel. model: another .onnx file with its
-    .json beside it. A first forest votes from appearance, a second one from appearance and the first one's votes
-    around; the second one's votes are smoothed by their averages in superpixels and the class of most votes wins.
+    .json beside it, a forest or a network. The class of most confidence wins.
 
-    confidence sums to 1 in each pixel. occluded marks hidden pixels; they take the confidence, and so the label, of
-    the nearest visible place, and their colours are not looked at. Without an alpha channel nothing is occluded.
+    confidence sums to 1 in each pixel. occluded marks pixels that alpha hides or where the segmenter sees a tree, a
+    car or the like in front of the facade. What alpha hides takes the confidence, and so the label, of the nearest
+    visible place, and its colours are not looked at; behind a tree the label is the segmenter's guess.
     Time and memory are bounded whatever the image's size, but for the returned arrays themselves.
 
     Raises ImageError for an image of another kind or without a visible pixel, ModelError for an unusable model.
     """
     check_image(image)
-    forests = load(model)
+    segmenter = load_segmenter(model)
     height, width = image.shape[:2]
     occluded = image[..., 3] < 128 if image.shape[2] == 4 else np.zeros((height, width), bool)
     if occluded.all():
         raise ImageError("image: alpha hides every pixel; pass the image without its alpha channel, or a visible one")
-    working, nearest = _to_working_size(image[..., :3], occluded)
-    confidence = _confidence(working, forests)
+    working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
+    confidence, hidden = segmenter.segment(working)
     if nearest is not None:
-        confidence = confidence[nearest]
+        confidence, hidden = confidence[nearest], hidden[nearest]
     labels, confidence = _to_full_size(confidence, height, width)
-    return Parsing(labels, confidence, occluded)
+    return Parsing(labels, confidence, occluded | _enlarge(hidden > 0.5, height, width))
 
 
 def _to_working_size(
-    image: np.ndarray, occluded: np.ndarray
+    image: np.ndarray, occluded: np.ndarray, area_bounds: tuple[int, int]
 ) -> tuple[np.ndarray, tuple[np.ndarray, np.ndarray] | None]:
     """The image at working size, hidden places filled from the nearest visible ones, and where each is filled from."""
     import cv2
 
     height, width = occluded.shape
     area = height * width
-    scale = math.sqrt(min(max(area, _WORKING_AREA[0]), _WORKING_AREA[1]) / area)
+    scale = math.sqrt(min(max(area, area_bounds[0]), area_bounds[1]) / area)
     scale = min(scale, _MOST_GROWTH, _WORKING_SIDE / max(height, width))
     size = (max(1, round(width * scale)), max(1, round(height * scale)))
     mode = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
@@ -75,38 +91,6 @@ def _to_working_size(
     # A working pixel that hidden ones have a share in has their colour mixed in: only the purest count as visible.
     rows, columns = ndimage.distance_transform_edt(hidden > hidden.min(), return_distances=False, return_indices=True)
     return working[rows, columns], (rows, columns)
-
-
-def _confidence(image: np.ndarray, forests: Forests) -> np.ndarray:
-    """Votes at working size: (H, W, 3) uint8 -> (H, W, 7) float32."""
-    seen = features.appearance(image)
-    first = forests.vote(FIRST, seen)
-    second = forests.vote(SECOND, features.context(first, seen))
-    return _average_in_segments(image, _cells_to_pixels(second, *image.shape[:2]))
-
-
-def _cells_to_pixels(votes: np.ndarray, height: int, width: int) -> np.ndarray:
-    import cv2
-
-    size = (votes.shape[1] * features.CELL, votes.shape[0] * features.CELL)
-    return cv2.resize(votes, size, interpolation=cv2.INTER_LINEAR)[:height, :width]
-
-
-def _average_in_segments(image: np.ndarray, votes: np.ndarray) -> np.ndarray:
-    """Each pixel's own votes and its segment's mean, in equal parts.
-
-    The segment's mean alone, as in the paper, loses 1.5 % of the ECP pixels at this segment size and 6.5 % at 180
-    pixels a segment with loose segments: railings that one sees a window through tear the segments.
-    """
-    from skimage.segmentation import slic
-
-    count = max(1, round(image.shape[0] * image.shape[1] / _SEGMENT_AREA))
-    segments = slic(image, n_segments=count, compactness=_COMPACTNESS, max_num_iter=_SLIC_ROUNDS, start_label=0)
-    segments = segments.reshape(-1)
-    flat = votes.reshape(-1, len(CLASSES))
-    sums = np.stack([np.bincount(segments, column) for column in flat.T], axis=1)
-    means = sums / sums.sum(1, keepdims=True)
-    return ((flat + means[segments]) / 2).reshape(votes.shape).astype(np.float32)
 
 
 def _to_full_size(confidence: np.ndarray, height: int, width: int) -> tuple[np.ndarray, np.ndarray]:
@@ -126,6 +110,12 @@ def _to_full_size(confidence: np.ndarray, height: int, width: int) -> tuple[np.n
             full[band] = rows[:, left] * (1 - across[:, None]) + rows[:, right] * across[:, None]
         labels[band] = full[band].argmax(2)
     return labels, full
+
+
+def _enlarge(mask: np.ndarray, height: int, width: int) -> np.ndarray:
+    import cv2
+
+    return cv2.resize(mask.astype(np.uint8), (width, height), interpolation=cv2.INTER_NEAREST) == 1
 
 
 def _neighbours(length: int, source: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -6,8 +6,6 @@ votes on facades that the voting forest was not trained on, as it will meet them
 
 from __future__ import annotations
 
-import hashlib
-import json
 from collections.abc import Callable, Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -18,6 +16,7 @@ from facade_core.errors import ImageError
 from facade_core.labels import CLASSES, UNKNOWN
 from facade_core.parse import features
 from facade_core.parse.forest import FIRST, SECOND, load
+from facade_core.parse.model_file import write_model
 
 if TYPE_CHECKING:
     from sklearn.ensemble import RandomForestClassifier
@@ -80,18 +79,13 @@ def save(
 
     training_set names the facades trained on; figures are the scores measured on facades that were not.
     """
-    path = Path(path)
-    path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_bytes(model)
     record = {
-        "sha256": hashlib.sha256(model).hexdigest(),
-        "classes": list(CLASSES),
         "feature_version": features.FEATURE_VERSION,
         "seed": seed,
         "training_set": list(training_set),
         "figures": figures or {},
     }
-    path.with_suffix(".json").write_text(json.dumps(record, indent=1) + "\n")
+    write_model(model, Path(path), record)
     load(path)
 
 

@@ -1,0 +1,95 @@
+"""The network segmenter: an encoder-decoder in onnxruntime, averaged over a mirrored view and several scales."""
+
+from __future__ import annotations
+
+import functools
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.errors import ModelError
+from facade_core.labels import CLASSES
+from facade_core.parse.model_file import open_session, read_record, stamp
+
+SHIPPED = Path(__file__).parent / "models" / "network.onnx"
+# Raised whenever the meaning of the inputs or outputs changes.
+NETWORK_VERSION = 1
+
+# Image sides are multiples of COARSEST; position is given, and logits are returned, at these strides.
+COARSEST, PLACE_STRIDE, LOGIT_STRIDE = 32, 8, 2
+
+# Constant, so that results do not depend on the machine's number of cores.
+_INTRA_OP_THREADS = 2
+# Sides of the views that are averaged, in shares of the working size.
+_SCALES = (0.8, 1.0, 1.25)
+_WHOLE = np.array([-1.0, -1.0, 1.0, 1.0])
+
+
+@dataclass(frozen=True, slots=True)
+class Network:
+    """A trained network in one inference session."""
+
+    session: Any
+    working_area = (150_000, 250_000)
+
+    def segment(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """(H, W, 3) uint8 -> confidence (H, W, 7) float32, rows sum to 1, and hidden (H, W) float32: the probability
+        that something stands in front of the facade. Both are means over mirrored and scaled views."""
+        height, width = image.shape[:2]
+        classes, hidden = np.zeros((height, width, len(CLASSES)), np.float32), np.zeros((height, width), np.float32)
+        views = [(scale, mirrored) for scale in _SCALES for mirrored in (False, True)]
+        for scale, mirrored in views:
+            seen, front = self._view(image, scale, mirrored)
+            classes += seen
+            hidden += front
+        return classes / classes.sum(2, keepdims=True), hidden / len(views)
+
+    def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+        import cv2
+
+        height, width = image.shape[:2]
+        size = tuple(COARSEST * max(1, round(side * scale / COARSEST)) for side in (width, height))
+        mode = cv2.INTER_AREA if size[0] * size[1] < width * height else cv2.INTER_LINEAR
+        view = cv2.resize(image[:, ::-1].copy() if mirrored else image, size, interpolation=mode)
+        feed = {
+            "image": np.ascontiguousarray(view.transpose(2, 0, 1)[None], np.float32),
+            "place": place_planes(size[1], size[0], _WHOLE)[None],
+        }
+        logits = self.session.run(None, feed)[0][0].transpose(1, 2, 0)
+        if mirrored:
+            logits = logits[:, ::-1]
+        logits = cv2.resize(np.ascontiguousarray(logits), (width, height), interpolation=cv2.INTER_LINEAR)
+        classes = logits[..., : len(CLASSES)]
+        classes = np.exp(classes - classes.max(2, keepdims=True))
+        return classes / classes.sum(2, keepdims=True), 1 / (1 + np.exp(-logits[..., len(CLASSES)]))
+
+
+def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:
+    """Position of the cells of an image that spans corners (left, top, right, bottom): (2, H / 8, W / 8) float32."""
+    left, top, right, bottom = corners
+    across = left + (np.arange(width // PLACE_STRIDE) + 0.5) * PLACE_STRIDE * (right - left) / width
+    down = top + (np.arange(height // PLACE_STRIDE) + 0.5) * PLACE_STRIDE * (bottom - top) / height
+    return np.stack(np.broadcast_arrays(across[None, :], down[:, None])).astype(np.float32)
+
+
+def load(path: str | Path | None = None) -> Network:
+    """Load a network from an .onnx file with its .json beside it; the shipped one without a path.
+
+    Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
+    """
+    path = SHIPPED if path is None else Path(path)
+    return _load(path.resolve(), stamp(path))
+
+
+@functools.lru_cache(maxsize=2)
+def _load(path: Path, _stamp: tuple[tuple[int, int], ...]) -> Network:
+    record = read_record(path)
+    if record.get("network_version") != NETWORK_VERSION:
+        raise ModelError(f"{path}: made for another version of the network; train it anew with this version")
+    session = open_session(path, record, threads=_INTRA_OP_THREADS)
+    names = [node.name for node in (*session.get_inputs(), *session.get_outputs())]
+    if names != ["image", "place", "logits"]:
+        raise ModelError(f"{path}: has {names}, not this version's inputs and outputs; train it anew")
+    return Network(session)
