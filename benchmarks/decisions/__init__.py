@@ -19,6 +19,7 @@ DECISIONS = {
     "ownership": "0003-chunks-have-one-owner",
     "commits": "0004-panoramas-are-the-truth",
     "nodes": "0005-facade-maps-share-the-atlas",
+    "unseen": "0006-unseen-texels-are-filled-when-published",
     "setup": "0009-setup",
     "weights": "0010-eq-1",
     "runtime": "0014-runtime-without-torch",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import tempfile
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -16,6 +17,7 @@ from catalogs.query import query
 WHERE = "floors >= 6 and occluded > 0.4"
 EAST, NORTH = 385_700.0, 6_671_700.0  # central Helsinki, EPSG:32635
 SIDE_M = 2000.0
+NOW = datetime(2024, 1, 1, tzinfo=UTC)
 
 
 def measure(quick: bool, data: Path | None) -> dict[str, Any]:
@@ -67,11 +69,17 @@ def _rows(count: int) -> list[dict[str, Any]]:
     rng = np.random.default_rng(0)
     x, y = EAST + rng.uniform(0, SIDE_M, count), NORTH + rng.uniform(0, SIDE_M, count)
     floors, hidden = rng.integers(1, 9, count), rng.uniform(0, 0.5, count)
-    known = {"kind": "facade", "block": "b", "status": "done", "code_version": "1", "config_digest": "ab"}
-    return [
-        dict.fromkeys(ROW_KEYS)
-        | known
-        | {
+    same = {
+        "kind": "facade",
+        "block": "b",
+        "status": "done",
+        "code_version": "1",
+        "config_digest": "ab",
+        "updated": NOW,
+    }
+    rows = []
+    for i in range(count):
+        own = {
             "id": f"w{i // 4}-f{i % 4}",
             "building": f"w{i // 4}",
             "geometry": LineString([(x[i], y[i]), (x[i] + 15, y[i])]),
@@ -80,8 +88,8 @@ def _rows(count: int) -> list[dict[str, Any]]:
             "height_m": 3.2 * int(floors[i]),
             "occluded": float(hidden[i]),
         }
-        for i in range(count)
-    ]
+        rows.append({key: (same | own).get(key) for key in ROW_KEYS})
+    return rows
 
 
 def _write_json(folder: Path, items: Any) -> None:

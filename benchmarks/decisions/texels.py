@@ -25,7 +25,7 @@ def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     import cv2
 
     repeats, size = (1, 256) if quick else (7, SIZE)
-    scene, viewpoint = _street(3 if quick else 8)
+    scene, viewpoint = street_scene(3 if quick else 8)
     charts = scene.charts
     wall = int(np.argmax(charts.size[:, 0] * charts.size[:, 1]))
     width, height = (int(v) for v in charts.texels(DENSITY)[wall])
@@ -61,7 +61,7 @@ def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     }
 
 
-def _street(houses: int) -> tuple[Scene, Viewpoint]:
+def street_scene(houses: int) -> tuple[Scene, Viewpoint]:
     """A street between two rows of houses, and the viewpoint in its middle."""
     rows = [(side, i) for side in (0, 1) for i in range(houses)]
     buildings = [
