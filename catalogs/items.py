@@ -9,6 +9,7 @@ import json
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import datetime
 from numbers import Integral, Real
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -21,11 +22,12 @@ from facade_core.errors import InputError
 
 if TYPE_CHECKING:
     import pyarrow as pa
+    from shapely import LineString
 
 
 @dataclass(frozen=True, slots=True)
 class Column:
-    """A column of the catalogue. type is pyarrow's name for it; required columns hold a value in every row."""
+    """A column of the catalogue. type is pyarrow's way to show it; required columns hold a value in every row."""
 
     name: str
     type: str
@@ -76,6 +78,7 @@ COLUMNS = (
     Column("status", "string", "", "done or failed", required=True),
     Column("reason", "string", "", "why the unit failed"),
     Column("seconds", "double", "seconds", "time spent on the facade"),
+    Column("updated", "timestamp[us, UTC]", "", "when the unit was made", required=True),
     Column("code_version", "string", "", "code that made the row", required=True),
     Column("config_digest", "string", "", "digest of the inputs and settings", required=True),
 )
@@ -84,14 +87,21 @@ BBOX = ("xmin", "ymin", "xmax", "ymax")
 ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
 STATUSES = ("done", "failed")
 KINDS = ("facade", "building", "street", "panorama", "photo", "exemplar")
-_PYTHON_TYPES: dict[str, type] = {"string": str, "binary": bytes, "int32": Integral, "int64": Integral, "double": Real}
+_PYTHON_TYPES: dict[str, type] = {
+    "string": str,
+    "binary": bytes,
+    "int32": Integral,
+    "int64": Integral,
+    "double": Real,
+    "timestamp[us, UTC]": datetime,
+}
 
 
 def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -> None:
     """Write the catalogue as GeoParquet, ordered by id, in one step: a reader sees the old file or the new one.
 
-    A row holds ROW_KEYS; `geometry` of a facade is a shapely LineString in `crs` (any user input of pyproj), None stands for
-    unknown.
+    A row holds ROW_KEYS; `geometry` of a facade is a shapely LineString in `crs` (any user input of pyproj), `updated` a time
+    with its zone; None stands for unknown, and so does a foot line with a corner that is not a number.
     Raises InputError naming the facade and the column for an unknown or missing key, a wrong type, or a second row of one id.
     """
     import pyarrow as pa
@@ -137,13 +147,24 @@ def _check(row: Mapping[str, Any], path: Path) -> None:
         raise InputError(f"{facade}: failed without a reason; say why")
 
 
-def _columns(rows: Sequence[Mapping[str, Any]], crs: Any) -> dict[str, Sequence[Any]]:
+def feet_in(feet: Sequence[LineString | None], crs: Any, target: Any) -> np.ndarray:
+    """Foot lines (N,) in `crs` as such in `target`, without heights; None where a corner is or becomes no finite number."""
     import shapely
     from pyproj import Transformer
 
-    to_lonlat = Transformer.from_crs(crs, LONLAT, always_xy=True)
-    feet = shapely.force_2d(np.array([row["geometry"] for row in rows], dtype=object))
-    feet = shapely.transform(feet, to_lonlat.transform, interleaved=False)
+    lines = np.empty(len(feet), dtype=object)
+    lines[:] = feet
+    lines = shapely.force_2d(lines)
+    lines = shapely.transform(lines, Transformer.from_crs(crs, target, always_xy=True).transform, interleaved=False)
+    ends, line = shapely.get_coordinates(lines, return_index=True)
+    lines[line[~np.isfinite(ends).all(axis=1)]] = None
+    return lines
+
+
+def _columns(rows: Sequence[Mapping[str, Any]], crs: Any) -> dict[str, Sequence[Any]]:
+    import shapely
+
+    feet = feet_in([row["geometry"] for row in rows], crs, LONLAT)
     values: dict[str, Sequence[Any]] = {key: [row[key] for row in rows] for key in ROW_KEYS}
     values["geometry"] = [None if foot is None else shapely.to_wkb(foot) for foot in feet]
     return values | dict(zip(BBOX, shapely.bounds(feet).reshape(-1, 4).T.tolist(), strict=True))
@@ -154,9 +175,19 @@ def _array(column: Column, values: Sequence[Any], rows: Sequence[Mapping[str, An
 
     values = [None if value is None or value != value else value for value in values]  # NaN is unknown too
     for row, value in zip(rows, values, strict=True):
-        if value is not None and not isinstance(value, _PYTHON_TYPES[column.type]):  # Arrow would cut 3.5 to 3
+        # Arrow would cut 3.5 to 3, and take a time without a zone for one in UTC
+        if value is not None and (
+            not isinstance(value, _PYTHON_TYPES[column.type]) or (isinstance(value, datetime) and not value.tzinfo)
+        ):
             raise InputError(f"{path.name}: facade {row['id']}: {column.name} is {value!r}; give {column.type}")
-    return pa.array(values, pa.type_for_alias(column.type))
+    return pa.array(values, arrow_type(column))
+
+
+def arrow_type(column: Column) -> pa.DataType:
+    """The Arrow type of a column."""
+    import pyarrow as pa
+
+    return pa.timestamp("us", "UTC") if column.name == "updated" else pa.type_for_alias(column.type)
 
 
 def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:
@@ -172,7 +203,7 @@ def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:
     fields = [
         pa.field(
             column.name,
-            pa.type_for_alias(column.type),
+            arrow_type(column),
             nullable=not column.required,
             metadata={"unit": column.unit, "meaning": column.meaning},
         )

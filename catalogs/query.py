@@ -6,12 +6,15 @@ import json
 import math
 import re
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.items import BBOX
-from catalogs.where import refusal, select_where
+from catalogs.features import natural_order
+from catalogs.items import BBOX, COLUMNS, arrow_type
+from catalogs.where import parse_since, refusal, select_where
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,23 +44,38 @@ _SETTINGS: dict[str, str | bool | int | float | list[str]] = {
 }
 
 
-def query(out: Path | str, *, where: str | None = None, bbox: Sequence[float] | None = None) -> pd.DataFrame:
-    """Facades of the published block in folder `out`, ordered as in the catalogue; columns as in catalogs.items.COLUMNS.
+@dataclass(frozen=True, slots=True)
+class Run:
+    """A run's folder and its name: relative to the folder of runs that was asked for, else the folder's own."""
 
-    where: a boolean SQL expression over the columns. bbox: (west, south, east, north) in degrees; facades that touch it.
-    Integer columns are nullable integers, geometry is WKB. Raises InputError in one line with the remedy.
+    folder: Path
+    name: str
+
+
+def query(
+    out: Path | str,
+    *,
+    where: str | None = None,
+    bbox: Sequence[float] | None = None,
+    since: str | None = None,
+    note: Callable[[str], None] | None = None,
+) -> pd.DataFrame:
+    """Units published by the run in folder `out`, or by all runs in the folder of runs `out`, ordered as in their catalogues.
+
+    Columns as in catalogs.items.COLUMNS, then `run`: the run's folder relative to `out`, or its own name where `out` is the
+    run. where: a boolean SQL expression over the columns. bbox: (west, south, east, north) in degrees; facades that touch it.
+    since: see catalogs.where.parse_since; units updated then or later. note is told of each run that is left out, in one line.
+    Integer columns are nullable integers, times are in UTC, geometry is WKB. Raises InputError in one line with the remedy.
     """
     import duckdb
 
-    box = _checked_box(bbox)
-    published = _read(items_path(out))
+    box, start = _checked_box(bbox), None if since is None else parse_since(since)
+    published = _published(Path(out), box, start, note)
     with duckdb.connect(":memory:", config=_SETTINGS) as connection:
         connection.register("published", published)
-        select = "CREATE TEMP TABLE items AS SELECT * FROM published"
-        if box:
-            select += " WHERE xmax >= ? AND ymax >= ? AND xmin <= ? AND ymin <= ?"
-        connection.execute(select, box)
+        connection.execute("CREATE TEMP TABLE items AS SELECT * FROM published")
         connection.unregister("published")
+        connection.execute("SET TimeZone = 'UTC'")
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         if where is None:
@@ -70,22 +88,51 @@ def query(out: Path | str, *, where: str | None = None, bbox: Sequence[float] | 
             raise refusal(where, problem, "compare each column with a value of its type") from error
 
 
-def items_path(out: Path | str) -> Path:
-    """The catalogue that `out`/current points at; InputError where nothing is published."""
-    out = Path(out)
-    if not out.is_dir():
-        raise InputError(f"{out}: no such folder; `streetloom run BLOCK.yaml --out {out}` makes it")
-    pointer = out / "current"
-    if not pointer.is_file():
+def runs_in(folder: Path) -> tuple[list[Run], list[str]]:
+    """The runs that have published, and a line about each that has not: `folder` itself, else those at most two levels down.
+
+    A run is known by its `current`, or by its store before it has published, and is not searched for others. Raises
+    InputError where `folder` holds no run that has published.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; `streetloom run BLOCK.yaml --out {folder}` makes it")
+    if (folder / "current").is_file():
+        return [Run(folder, folder.resolve().name)], []
+    runs, left_out = [], []
+    waiting = [folder]
+    while waiting:
+        parent = waiting.pop()
+        try:
+            for child in sorted(path for path in parent.iterdir() if path.is_dir() and not path.name.startswith(".")):
+                name = child.relative_to(folder).as_posix()
+                if (child / "current").is_file():
+                    runs.append(Run(child, name))
+                elif (child / "store").is_dir():
+                    left_out.append(f"{name} is left out: nothing is published there yet")
+                elif parent == folder:
+                    waiting.append(child)
+        except OSError as error:
+            left_out.append(f"{parent} is left out: {error.strerror}")
+    if not runs:
         raise InputError(
-            f"{out}: nothing is published there; `streetloom run BLOCK.yaml --out {out}` finishes and publishes"
+            f"{folder}: nothing is published there; `streetloom run BLOCK.yaml --out {folder}` finishes and publishes"
         )
-    snapshot = pointer.read_text(encoding="utf-8", errors="replace").strip()
+    runs.sort(key=lambda run: natural_order(run.name))
+    return runs, sorted(left_out, key=natural_order)
+
+
+def items_path(out: Path | str) -> Path:
+    """The catalogue that `current` of the run in folder `out` points at; InputError where it points at none."""
+    pointer = Path(out) / "current"
+    try:
+        snapshot = pointer.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError as error:
+        raise InputError(f"{pointer} cannot be read: {error.strerror}; `streetloom run` writes it") from error
     if not re.fullmatch(r"[A-Za-z0-9_-]+", snapshot):
         raise InputError(
             f"{pointer} does not hold a snapshot id; `streetloom run BLOCK.yaml --out {out}` publishes again"
         )
-    path = out / "published" / snapshot / "items.parquet"
+    path = pointer.parent / "published" / snapshot / "items.parquet"
     if not path.is_file():
         raise InputError(f"{path} is missing; `streetloom run BLOCK.yaml --out {out}` publishes again")
     return path
@@ -113,14 +160,64 @@ def _checked_box(bbox: Sequence[float] | None) -> list[float]:
     return box
 
 
-def _read(path: Path) -> pa.Table:
+def _published(out: Path, box: Sequence[float], start: datetime | None, note: Callable[[str], None] | None) -> pa.Table:
+    """What the runs in `out` published, united by the columns' names; of several, those that cannot be read are left out."""
     import pyarrow as pa
+
+    runs, left_out = runs_in(out)
+    united = pa.schema(
+        [*(pa.field(c.name, arrow_type(c)) for c in COLUMNS), pa.field("run", pa.string())]
+    ).empty_table()
+    read = 0
+    for run in runs:
+        try:
+            united = _unite(united, _read(items_path(run.folder), box, start), run)
+            read += 1
+        except InputError as error:
+            if len(runs) == 1:
+                raise
+            left_out.append(f"{run.name} is left out: {error}")
+    if not read:
+        raise InputError(f"{out}: no run can be read; {left_out[-1]}")
+    for line in left_out:
+        if note:
+            note(line)
+    return united
+
+
+def _read(path: Path, box: Sequence[float], start: datetime | None) -> pa.Table:
+    """Rows of one file within the box and since the start. Arrow reads it: DuckDB takes [ and * in a path for patterns."""
+    import pyarrow as pa
+    import pyarrow.compute as pc
     import pyarrow.parquet as pq
 
     try:
-        return pq.read_table(path)
+        wanted = pc.scalar(True)
+        if start is not None:
+            known = "updated" in pq.read_schema(path).names
+            wanted = pc.field("updated") >= pc.scalar(start) if known else pc.scalar(False)
+        if box:
+            west, south, east, north = box
+            wanted &= (pc.field("xmax") >= west) & (pc.field("ymax") >= south)
+            wanted &= (pc.field("xmin") <= east) & (pc.field("ymin") <= north)
+        # without partitioning: a folder named a=b is no column
+        return pq.read_table(path, filters=wanted, partitioning=None)
     except (pa.ArrowException, OSError) as error:
         raise InputError(f"{path} cannot be read as Parquet; `streetloom run` publishes again") from error
+
+
+def _unite(united: pa.Table, table: pa.Table, run: Run) -> pa.Table:
+    import pyarrow as pa
+
+    if "run" in table.column_names:
+        table = table.drop_columns("run")
+    table = table.append_column("run", pa.repeat(run.name, len(table)))
+    try:
+        return pa.concat_tables([united, table], promote_options="permissive")
+    except pa.ArrowException as error:
+        raise InputError(
+            f"{run.folder}: its columns differ in type from those of other runs; `streetloom run` publishes again"
+        ) from error
 
 
 def _frame(found: pa.Table) -> pd.DataFrame:
@@ -140,7 +237,9 @@ def _records(items: pd.DataFrame) -> list[dict[str, Any]]:
 def _plain(value: Any) -> Any:
     import pandas as pd
 
-    return None if pd.isna(value) or (isinstance(value, float) and math.isinf(value)) else value
+    if pd.isna(value) or (isinstance(value, float) and math.isinf(value)):
+        return None
+    return value.isoformat().replace("+00:00", "Z") if isinstance(value, datetime) else value
 
 
 def _collection(items: pd.DataFrame) -> dict[str, Any]:
@@ -164,13 +263,15 @@ def _table(items: pd.DataFrame) -> str:
     if items.empty:
         return "no facade matches"
     head = [name for name in _TABLE if name in items]
+    if "run" in items and items["run"].nunique() > 1:
+        head.insert(0, "run")
     if "kind" in items and (items["kind"] != "facade").any():
-        head.insert(1, "kind")
+        head.insert(head.index("id") + 1, "kind")
     if "reason" in items and items["reason"].notna().any():
         head.append("reason")
     rows = [[_cell(name, row[name]) for name in head] for row in _records(items)]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    text = {"id", "kind", "street", "status", "reason"}
+    text = {"run", "id", "kind", "street", "status", "reason"}
 
     def line(cells: Sequence[str]) -> str:
         parts = zip(head, cells, widths, strict=True)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import difflib
 import json
+import re
 from collections.abc import Sequence
+from datetime import UTC, datetime, timedelta
 from typing import TYPE_CHECKING, Any
 
 from facade_core.errors import InputError
@@ -54,6 +56,24 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
         )
     _check(condition, where, columns)
     return query
+
+
+def parse_since(text: str, now: datetime | None = None) -> datetime:
+    """The instant that `text` says: an ISO date or date-time, in UTC unless it has an offset, or an age such as 36h or 7d.
+
+    Ages count back from `now` in minutes (m), hours (h), days (d) or weeks (w). Raises InputError in one line with the remedy.
+    """
+    try:
+        if age := re.fullmatch(r"(\d+)([mhdw])", text.strip()):
+            unit = {"m": "minutes", "h": "hours", "d": "days", "w": "weeks"}[age[2]]
+            return (now or datetime.now(UTC)) - timedelta(**{unit: int(age[1])})
+        instant = datetime.fromisoformat(text.strip())
+        return (instant if instant.tzinfo else instant.replace(tzinfo=UTC)).astimezone(UTC)
+    except (ValueError, OverflowError) as error:
+        raise InputError(
+            f"--since {text!r}: not a time; give a date such as 2026-11-21 or 2026-11-21T18:00+02:00, "
+            "or an age such as 36h or 7d"
+        ) from error
 
 
 def _tree(connection: duckdb.DuckDBPyConnection, query: str) -> dict[str, Any]:

@@ -141,22 +141,42 @@ def fetch(name: str | None, out: Path) -> None:
 
 
 @main.command()
-@click.argument("out", type=EXISTING_FOLDER)
-@click.option("--where", metavar="SQL", help="A condition on the columns of items.parquet.")
+@click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
+@click.option("--where", metavar="SQL", help="A condition on the columns of items.parquet, and on run.")
 @click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--since", metavar="WHEN", help="Made since a date (2026-11-21), a time (UTC) or an age (36h, 7d).")
 @click.option("--format", "style", type=click.Choice(["table", "json", "geojson"]), default="table", show_default=True)
-def query(out: Path, where: str | None, bbox: tuple[float, ...] | None, style: str) -> None:
-    """Find facades in what a run published.
+def query(folder: Path, where: str | None, bbox: tuple[float, ...] | None, since: str | None, style: str) -> None:
+    """Find facades in what a run published, or in what all runs in a folder did.
 
     \b
     Examples:
       streetloom query out/demo --where "floors >= 5 and occluded > 0.1"
+      streetloom query out --since 7d --where "status = 'failed' and run <> 'demo'"
       streetloom query out/demo --bbox 24.94 60.16 24.95 60.17 --format geojson
     """
     from catalogs.query import format_items
     from catalogs.query import query as find
 
-    click.echo(format_items(find(out, where=where, bbox=bbox or None), style))
+    click.echo(format_items(find(folder, where=where, bbox=bbox or None, since=since, note=_note), style))
+
+
+@main.command()
+@click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
+def catalog(folder: Path) -> None:
+    """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder (or of one run).
+
+    \b
+    Example:
+      streetloom catalog out
+    """
+    from catalogs.stac_catalog import write_catalog
+
+    click.echo(write_catalog(folder, note=_note))
+
+
+def _note(line: str) -> None:
+    click.echo(f"streetloom: {line}", err=True)
 
 
 @main.group()

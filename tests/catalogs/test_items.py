@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -9,7 +10,7 @@ import geopandas as gpd
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from shapely import LineString
+from shapely import LineString, from_wkt
 
 import catalogs
 from catalogs.items import COLUMNS, ROW_KEYS, write_items
@@ -31,6 +32,7 @@ def row(number: int, **changes: Any) -> dict[str, Any]:
         "window_to_wall": np.float32(0.25),
         "layout_score": float("nan"),
         "status": "done",
+        "updated": datetime(2026, 11, 21, 12, 30, tzinfo=UTC),
         "code_version": "1",
         "config_digest": "ab",
     }
@@ -52,6 +54,7 @@ def test_round_trip(tmp_path: Path) -> None:
     assert items.window_to_wall.tolist() == [0.25, 0.25]
     assert items.layout_score.isna().all(), "NaN is unknown"
     assert items.reason.tolist()[0] == "too dark"
+    assert items.updated.tolist() == [datetime(2026, 11, 21, 12, 30, tzinfo=UTC)] * 2
     assert pq.read_table(path)["layout_score"].null_count == 2
     assert [p.name for p in tmp_path.iterdir()] == ["items.parquet"], "nothing is left behind"
 
@@ -75,6 +78,11 @@ def test_no_facades_is_an_empty_catalogue(tmp_path: Path) -> None:
         ({"floors": 3.5}, "floors is 3.5; give int32"),
         ({"street": 5}, "street is 5; give string"),
         ({"block": None}, "column block is None"),
+        (
+            {"updated": datetime(2026, 11, 21)},
+            "updated is datetime.datetime(2026, 11, 21, 0, 0); give timestamp[us, UTC]",
+        ),
+        ({"updated": "2026-11-21"}, "updated is '2026-11-21'; give timestamp[us, UTC]"),
         ({"geometry": None}, "geometry is no LineString"),
         ({"kind": "wall"}, "kind is 'wall'; give one of facade, building"),
         ({"kind": "building"}, "a building has a row only when it is set aside"),
@@ -103,6 +111,15 @@ def test_a_unit_set_aside_has_a_row_without_a_place(tmp_path: Path) -> None:
     assert items.geometry.isna().tolist() == [False, True, True]
     assert items.xmin.isna().tolist() == [False, True, True]
     assert items.crs == "OGC:CRS84"
+
+
+def test_a_foot_line_with_a_corner_that_is_no_number_has_no_place(tmp_path: Path) -> None:
+    path = tmp_path / "items.parquet"
+    broken = [from_wkt("LINESTRING (nan 0, 385700 6671700)"), LineString([(1e300, 0), (385_700, 6_671_700)])]
+    write_items(path, [row(1), *(row(i + 2, geometry=foot) for i, foot in enumerate(broken))], "EPSG:32635")
+    items = gpd.read_parquet(path)
+    assert items.geometry.isna().tolist() == [False, True, True]
+    assert items.xmin.isna().tolist() == [False, True, True]
 
 
 def test_missing_columns_and_twins_are_refused(tmp_path: Path) -> None:

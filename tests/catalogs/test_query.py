@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+import shutil
+from datetime import UTC, datetime
 from pathlib import Path
 
 import geopandas as gpd
+import pyarrow as pa
+import pyarrow.parquet as pq
 import pytest
 import shapely
+from click.testing import CliRunner
 from shapely import LineString
 
-from catalogs.items import ROW_KEYS, write_items
+from catalogs.items import COLUMNS, ROW_KEYS, write_items
 from catalogs.query import format_items, query
+from catalogs.where import parse_since
 from facade_core.errors import InputError
+from flows.cli import main
 
 
 @pytest.fixture(scope="module")
@@ -35,6 +42,7 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
             "layout_score": float("-inf") if index == 0 else -1.0,
             "status": "failed" if index == 5 else "done",
             "reason": "too dark" if index == 5 else None,
+            "updated": datetime(2026, 11, 1 + index, 12, 30, tzinfo=UTC),
             "code_version": "1",
             "config_digest": "ab",
         }
@@ -177,3 +185,119 @@ def test_only_current_is_read(out: Path, tmp_path: Path) -> None:
     (tmp_path / "current").write_text("OLD")
     (tmp_path / "published" / "OLD").symlink_to(out / "published" / "OLD")
     assert list(query(tmp_path).id) == ["f0"]
+
+
+def test_since(out: Path) -> None:
+    """Facade i was made on the day 1 + i of November at 12:30 UTC."""
+    for since, ids in (
+        ("2026-11-11", (10, 11)),
+        ("2026-11-11T12:30", (10, 11)),
+        ("2026-11-11T12:30:01Z", (11,)),
+        ("2026-11-11T14:30+02:00", (10, 11)),
+        ("2026-11-11T14:31+02:00", (11,)),
+        ("20000w", range(12)),
+        ("0m", ()),
+    ):
+        assert list(query(out, since=since).id) == [f"f{i}" for i in ids], since
+    assert list(query(out, since="2026-11-05", where="floors = 6", bbox=(0, 0, 90, 90)).id) == ["f7", "f11"]
+    assert list(query(out, where="updated < '2026-11-02 12:31' AND updated >= '2026-11-02'").id) == ["f1"]
+    now = datetime(2026, 11, 21, 6, tzinfo=UTC)
+    assert parse_since("36h", now) == datetime(2026, 11, 19, 18, tzinfo=UTC)
+    assert parse_since("7d", now) == datetime(2026, 11, 14, 6, tzinfo=UTC)
+
+
+@pytest.mark.parametrize(
+    "since", ["", "yesterday", "7", "-7d", "7y", "2026-13-01", "99999999999w", "0001-01-01T00:00+14:00"]
+)
+def test_a_wrong_time_is_refused_in_one_line(out: Path, since: str) -> None:
+    with pytest.raises(InputError, match=r"^--since .*: not a time; give a date") as error:
+        query(out, since=since)
+    assert "\n" not in str(error.value)
+
+
+def test_times_are_in_utc_everywhere(out: Path) -> None:
+    assert str(query(out).updated.dtype) == "datetime64[us, UTC]"
+    assert json.loads(format_items(query(out, where="id = 'f3'"), "json"))[0]["updated"] == "2026-11-04T12:30:00Z"
+    (feature,) = json.loads(format_items(query(out, where="id = 'f3'"), "geojson"))["features"]
+    assert feature["properties"]["updated"] == "2026-11-04T12:30:00Z"
+
+
+@pytest.fixture
+def runs(out: Path, tmp_path: Path) -> Path:
+    """Two runs of one block, an older one without `updated` and with a column of its own, one idle, two broken."""
+    for name in ("night=1", "city/night [2]"):
+        shutil.copytree(out, tmp_path / name)
+    table = pq.read_table(out / "published" / "OLD" / "items.parquet").drop_columns(["updated", "floors"])
+    table = table.append_column("floors", pa.array([5], pa.int64())).append_column("era", pa.array(["1900"]))
+    old = tmp_path / "old"
+    (old / "published" / "S").mkdir(parents=True)
+    pq.write_table(table, old / "published" / "S" / "items.parquet")
+    (old / "current").write_text("S")
+    (tmp_path / "idle" / "store").mkdir(parents=True)
+    for name, current in (("gone", "NOWHERE"), ("odd", "../../etc")):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "current").write_text(current)
+    (tmp_path / "a" / "b" / "c").mkdir(parents=True)
+    shutil.copy(out / "current", tmp_path / "a" / "b" / "c")
+    shutil.copytree(out, tmp_path / "old" / "inner")
+    (tmp_path / "file.txt").write_text("")
+    return tmp_path
+
+
+def test_runs_are_united_by_the_names_of_columns(runs: Path) -> None:
+    notes: list[str] = []
+    found = query(runs, note=notes.append)
+    assert found.run.value_counts().to_dict() == {"night=1": 12, "city/night [2]": 12, "old": 1}
+    assert list(found.columns)[: len(COLUMNS) + 1] == [*(column.name for column in COLUMNS), "run"]
+    assert found[found.run == "old"][["floors", "era"]].values.tolist() == [[5, "1900"]]
+    assert found[found.run == "old"].updated.isna().all()
+    assert found[found.run != "old"].era.isna().all()
+    assert "night" not in found, "a folder's name is no column"
+    assert sorted(note.split()[0] for note in notes) == ["gone", "idle", "odd"]
+    assert all("\n" not in note and " is left out: " in note for note in notes)
+
+
+def test_run_is_a_column_to_ask_for(runs: Path, out: Path) -> None:
+    assert set(query(runs, where="run = 'old' OR (run LIKE 'city/%' AND id = 'f3')").run) == {"old", "city/night [2]"}
+    assert len(query(runs, since="2026-11-12")) == 2, "what has no time was not made since"
+    assert len(query(runs, bbox=(0, 0, 90, 90), where="id = 'f0'")) == 3
+    assert set(query(out).run) == {out.name}
+    assert set(query(runs / "old").run) == {"old"}, "a run's own folder is not searched"
+    lines = format_items(query(runs, where="id = 'f0'")).splitlines()
+    assert [line.split()[0] for line in (lines[0], *lines[2:5])] == ["run", "city/night", "night=1", "old"]
+    assert "run" not in format_items(query(out)).splitlines()[0].split()
+
+
+def test_a_run_whose_columns_differ_in_type_is_left_out(runs: Path) -> None:
+    path = runs / "old" / "published" / "S" / "items.parquet"
+    table = pq.read_table(path).drop_columns("floors")
+    pq.write_table(table.append_column("floors", pa.array(["five"])), path)
+    notes: list[str] = []
+    assert set(query(runs, note=notes.append).run) == {"night=1", "city/night [2]"}
+    assert any(note.startswith("old is left out: ") and "differ in type" in note for note in notes)
+    path.write_bytes(b"PAR1 no")
+    query(runs, note=notes.append)
+    assert "cannot be read as Parquet" in notes[-1]
+
+
+def test_no_run_that_can_be_read(tmp_path: Path) -> None:
+    (tmp_path / "a" / "store").mkdir(parents=True)
+    with pytest.raises(InputError, match="nothing is published there"):
+        query(tmp_path)
+    for name in ("b", "c"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "current").write_text("GONE")
+    with pytest.raises(InputError, match=r"no run can be read; c is left out: .*items.parquet is missing"):
+        query(tmp_path)
+
+
+def test_the_command(runs: Path) -> None:
+    asked = ["query", str(runs), "--since", "2026-11-12", "--where", "floors = 6", "--format", "json"]
+    done = CliRunner().invoke(main, asked)
+    assert done.exit_code == 0
+    assert [(row["run"], row["id"]) for row in json.loads(done.stdout)] == [
+        ("city/night [2]", "f11"),
+        ("night=1", "f11"),
+    ]
+    assert "streetloom: idle is left out: nothing is published there yet" in done.stderr.splitlines()
+    assert CliRunner().invoke(main, ["query", str(runs), "--since", "soon"]).exit_code == 2

@@ -1,0 +1,80 @@
+"""The files of a published block as STAC assets: media type, roles, size and checksum."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from catalogs.features import file_stem
+
+if TYPE_CHECKING:
+    from pystac import Asset
+
+_MEDIA_TYPES = {".webp": "image/webp", ".jpg": "image/jpeg", ".png": "image/png"}
+# Files of a block: path in its folder, key, title, media type, roles.
+_FILES = (
+    ("items.parquet", "items", "one row per facade and per unit set aside", "application/vnd.apache.parquet", ["data"]),
+    ("block.glb", "model", "textured model of the block", "model/gltf-binary", ["data", "visual"]),
+    ("report/index.html", "report", "report", "text/html", ["overview"]),
+)
+_IMAGES = "report/images"
+
+
+def block_assets(folder: Path, up: str) -> dict[str, Asset]:
+    """Table, model and report of the block published in `folder`, as far as they exist; `up` leads there from the STAC file."""
+    return {
+        key: _file(folder, path, up, title=title, media_type=media_type, roles=roles)
+        for path, key, title, media_type, roles in _FILES
+        if (folder / path).is_file()
+    }
+
+
+def store_asset(up: str, fields: Mapping[str, Any] | None = None) -> Asset:
+    """The run's Icechunk store, two folders above the published block, with the fields given."""
+    from pystac import Asset
+
+    title, media_type = "Icechunk store: atlas, panoramas and journal", "application/vnd.zarr; version=3"
+    return Asset(f"{up}../../store", title, media_type=media_type, roles=["data"], extra_fields=dict(fields or {}))
+
+
+def picture_assets(folder: Path, pictures: Iterable[tuple[str, str]], up: str) -> dict[str, Asset]:
+    """Pictures (key, file's name) of the report; the one that shows the whole is the thumbnail."""
+    assets = {}
+    for key, name in pictures:
+        roles = ["thumbnail", "overview"] if key in ("result", "above") else ["overview"]
+        media_type = _MEDIA_TYPES[Path(name).suffix]
+        assets[key] = _file(folder, f"{_IMAGES}/{name}", up, title=key, media_type=media_type, roles=roles)
+    return assets
+
+
+def pictures_by_unit(folder: Path, units: Iterable[str]) -> dict[str | None, list[tuple[str, str]]]:
+    """The report's pictures (key, file's name) of each unit, and under None those of the block, in order of their names.
+
+    A unit's picture is named after it and a stage, `w1-f2-level-0.webp`: the longest unit that fits has it.
+    """
+    stems = {file_stem(unit): unit for unit in units}
+    found: dict[str | None, list[tuple[str, str]]] = {}
+    for path in sorted((folder / _IMAGES).glob("*")):
+        if path.suffix not in _MEDIA_TYPES:
+            continue
+        parts = path.stem.split("-")
+        for cut in range(len(parts) - 1, 0, -1):
+            if (unit := stems.get("-".join(parts[:cut]))) is not None:
+                found.setdefault(unit, []).append(("-".join(parts[cut:]), path.name))
+                break
+        else:
+            found.setdefault(None, []).append((path.stem, path.name))
+    return found
+
+
+def _file(folder: Path, path: str, up: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
+    from pystac import Asset
+
+    with (folder / path).open("rb") as file:
+        digest = hashlib.file_digest(file, "sha256")
+        size = file.tell()
+    # a multihash: the code of sha2-256, the length in bytes, the digest
+    fields = {"file:size": size, "file:checksum": f"1220{digest.hexdigest()}"}
+    return Asset(up + path, title, media_type=media_type, roles=roles, extra_fields=fields)

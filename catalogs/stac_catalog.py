@@ -1,0 +1,79 @@
+"""catalog.json of a run, which leads to what is published there, and of a folder of runs, which leads to theirs."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from catalogs.query import Run, items_path, runs_in
+from catalogs.stac import COLLECTION, STAC, to_json
+from facade_core.errors import InputError
+
+CATALOG = "catalog.json"
+
+
+def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = None) -> Path:
+    """Write folder/catalog.json, of a run or of a folder of runs, in one step: a reader sees the old file or the new one.
+
+    A run's has one child, the Collection that `current` leads to. A folder's has one child per run in it, at most two levels
+    down: the run's own catalog.json, which is written where it is missing. note is told of each run that is left out, in one
+    line. Raises InputError where nothing is published.
+    """
+    folder = Path(folder)
+    runs, left_out = runs_in(folder)
+    if runs and runs[0].folder == folder:
+        _write_run(runs[0])
+        return folder / CATALOG
+    children = []
+    for run in runs:
+        try:
+            if not (run.folder / CATALOG).is_file():
+                _write_run(run)
+            children.append((f"./{run.name}/{CATALOG}", run.name))
+        except (InputError, OSError) as error:
+            left_out.append(f"{run.name} is left out: {error}")
+    for line in left_out:
+        if note:
+            note(line)
+    if not children:
+        raise InputError(f"{folder}: nothing is published there; `streetloom run BLOCK.yaml` publishes")
+    _write(folder, f"Runs of Streetloom in {_name(folder)}", children)
+    return folder / CATALOG
+
+
+def _write_run(run: Run) -> None:
+    """Until `current` stays: of two that write at once, the last sees the newest snapshot."""
+    snapshot = None
+    while snapshot != (snapshot := items_path(run.folder).parent):
+        collection = snapshot / STAC / COLLECTION
+        if not collection.is_file():
+            raise InputError(f"{collection} is missing; `streetloom run BLOCK.yaml --out {run.folder}` publishes again")
+        name = _name(run.folder)
+        _write(
+            run.folder,
+            f"What Streetloom published in {name}",
+            [(f"./{collection.relative_to(run.folder).as_posix()}", name)],
+        )
+
+
+def _write(folder: Path, description: str, children: Sequence[tuple[str, str]]) -> None:
+    import pystac
+
+    catalog = pystac.Catalog(_name(folder), description, title=_name(folder))
+    catalog.clear_links()
+    catalog.add_link(pystac.Link("root", f"./{CATALOG}", "application/json"))
+    catalog.add_links([pystac.Link("child", href, "application/json", title) for href, title in children])
+    handle, temporary = tempfile.mkstemp(prefix=f".{CATALOG}.", suffix=".tmp", dir=folder)
+    try:
+        with os.fdopen(handle, "w", encoding="utf-8") as file:
+            file.write(to_json(catalog))
+        os.chmod(temporary, 0o644)  # mkstemp keeps others out; what is published is for all
+        os.replace(temporary, folder / CATALOG)
+    finally:
+        Path(temporary).unlink(missing_ok=True)
+
+
+def _name(folder: Path) -> str:
+    return folder.resolve().name or "runs"

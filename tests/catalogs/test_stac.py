@@ -1,0 +1,347 @@
+"""STAC: every file fits its schemas, every link leads somewhere, and several runs make one catalogue."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import threading
+from collections.abc import Iterator
+from datetime import UTC, datetime
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import jsonschema
+import pystac
+import pytest
+import shapely
+from click.testing import CliRunner
+from referencing import Registry, Resource
+from referencing.jsonschema import DRAFT7
+from shapely import LineString
+
+import catalogs
+from catalogs.features import file_stem
+from catalogs.items import ROW_KEYS, write_items
+from catalogs.query import query
+from catalogs.stac import CITY3D, FILE, PROCESSING, PROJECTION, ZARR, write_stac
+from catalogs.stac_catalog import write_catalog
+from facade_core.errors import InputError
+from flows.cli import main
+
+CORE = Path(pystac.__file__).parent / "validation" / "jsonschemas"
+assert catalogs.__file__
+VENDORED = Path(catalogs.__file__).parent / "schemas"
+KINDS = {
+    "Feature": "item-spec/json-schema/item",
+    "Collection": "collection-spec/json-schema/collection",
+    "Catalog": "catalog-spec/json-schema/catalog",
+}
+
+
+def row(identifier: str, number: int = 0, **changes: Any) -> dict[str, Any]:
+    """A facade 15 m wide in central Helsinki, every further one 20 m east."""
+    x = 385_700 + 20 * number
+    known = {
+        "id": identifier,
+        "kind": "facade",
+        "block": "demo",
+        "building": identifier.partition("-f")[0],
+        "geometry": LineString([(x, 6_671_700, 3), (x + 15, 6_671_704.25, 3)]),
+        "street": "Itäinen Teatterikuja",
+        "height_m": 19.25,
+        "floors": 6,
+        "photo": 0.75,
+        "inpainted": 0.25,
+        "source": "dam-3.jpg",
+        "layout_score": float("-inf"),
+        "status": "done",
+        "updated": datetime(2026, 11, 1 + number, 12, 30, tzinfo=UTC),
+        "code_version": "0.1.0+ab",
+        "config_digest": "cd",
+    }
+    return dict.fromkeys(ROW_KEYS) | known | changes
+
+
+def aside(identifier: str, kind: str = "building") -> dict[str, Any]:
+    return row(identifier, 20, kind=kind, building=None, geometry=None, status="failed", reason="a corner is no number")
+
+
+def publish(out: Path, rows: list[dict[str, Any]], snapshot: str = "SNAP", block: str = "demo") -> Path:
+    """What a run leaves in `out`: table, model, report with pictures of every facade, STAC, `current` and catalog.json."""
+    folder = out / "published" / snapshot
+    (folder / "report" / "images").mkdir(parents=True)
+    (out / "store").mkdir(exist_ok=True)
+    write_items(folder / "items.parquet", rows, "EPSG:32635")
+    (folder / "block.glb").write_bytes(b"glTF")
+    (folder / "report" / "index.html").write_text("<html></html>")
+    for name in ("above.jpg", "panorama-0.jpg"):
+        (folder / "report" / "images" / name).write_bytes(b"jpg")
+    for one in rows:
+        for stage in ("result", "level-0"):
+            (folder / "report" / "images" / f"{file_stem(one['id'])}-{stage}.webp").write_bytes(b"webp")
+    write_stac(folder, rows=rows, block=block, crs="EPSG:32635", code_version="0.1.0+ab", buildings=3)
+    (out / "current").write_text(snapshot + "\n")
+    write_catalog(out)
+    return folder
+
+
+@cache
+def registry() -> Registry[Any]:
+    """Schemas by address; the core's `$id`s are not all as they are referred to."""
+    spec = CORE / "stac-spec" / "v1.1.0"
+    found = {f"https://geojson.org/schema/{p.name}": p for p in (CORE / "geojson").glob("*.json")}
+    for path in spec.glob("*.json"):
+        folder = next((f for f in ("catalog", "collection") if path.stem == f), "item")
+        found[f"https://schemas.stacspec.org/v1.1.0/{folder}-spec/json-schema/{path.name}"] = path
+    for path in VENDORED.glob("*/*/schema.json"):
+        extension, version = path.parts[-3:-1]
+        base = "cityjson.github.io/stac-city3d" if extension == "city3d" else f"stac-extensions.github.io/{extension}"
+        found[f"https://{base}/{version}/schema.json"] = path
+
+    def without_id(path: Path) -> Any:
+        return {key: value for key, value in json.loads(path.read_text()).items() if key != "$id"}
+
+    loaded = [(address, Resource(without_id(path), DRAFT7)) for address, path in found.items()]
+    return Registry().with_resources(
+        [*loaded, ("http://json-schema.org/draft-07/schema", Resource(DRAFT7_META, DRAFT7))]
+    )
+
+
+DRAFT7_META = jsonschema.Draft7Validator.META_SCHEMA
+
+
+def problems(value: dict[str, Any]) -> list[str]:
+    """What the core and the declared extensions have to say against a STAC object."""
+    core = f"https://schemas.stacspec.org/v1.1.0/{KINDS[value['type']]}.json"
+    found = []
+    for address in (core, *value.get("stac_extensions", ())):
+        validator = jsonschema.Draft7Validator({"$ref": address}, registry=registry())
+        found += [f"{address}: {error.json_path}: {error.message}"[:400] for error in validator.iter_errors(value)]
+    return found
+
+
+def stac_files(folder: Path) -> Iterator[tuple[Path, dict[str, Any]]]:
+    for path in sorted(folder.rglob("*.json")):
+        yield path, json.loads(path.read_text(encoding="utf-8"))
+
+
+ROWS = [
+    row("w9-f1", 0),
+    row("w10-f2", 1, status="failed", reason="too dark", photo=None, inpainted=None, source=None),
+    row("NL.IMBAG/0599-f3", 2, building="NL.IMBAG/0599"),
+    row("Größe 7-f1", 3, building="Größe 7"),
+    row(
+        "w11-f1", 4, geometry=shapely.from_wkt("LINESTRING (nan 0, 385700 6671700)"), status="failed", reason="no place"
+    ),
+    aside("w12"),
+    aside("w9-f1", "photo"),
+]
+
+
+@pytest.fixture(scope="module")
+def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("runs") / "helsinki"
+    publish(folder, ROWS)
+    return folder
+
+
+def test_every_file_fits_the_core_and_its_extensions(out: Path) -> None:
+    files = list(stac_files(out))
+    assert sorted(value["type"] for _, value in files) == ["Catalog", "Collection"] + ["Feature"] * 5
+    for path, value in files:
+        assert problems(value) == [], path
+    declared = {extension for _, value in files for extension in value.get("stac_extensions", ())}
+    assert declared == {PROJECTION, FILE, PROCESSING, CITY3D, ZARR}
+
+
+@pytest.mark.parametrize(
+    ("name", "change"),
+    [
+        ("collection.json", {"extent": None}),
+        ("collection.json", {"license": 5}),
+        ("items/w9/w9-f1.json", {"properties": {}}),
+        ("items/w9/w9-f1.json", {"bbox": [1]}),
+        ("items/w9/w9-f1.json", {"properties": {"datetime": "2026-01-01T00:00:00Z", "proj:code": 32635}}),
+        ("items/w9/w9-f1.json", {"properties": {"datetime": "2026-01-01T00:00:00Z", "processing:level": 4}}),
+        ("items/w9/w9-f1.json", {"assets": {"x": {"href": "x", "file:checksum": "no"}}}),
+        ("model.json", {"properties": {"datetime": "2026-01-01T00:00:00Z", "city3d:version": "two"}}),
+        ("model.json", {"assets": {"x": {"href": "x", "zarr:zarr_format": 4}}}),
+    ],
+)
+def test_the_schemas_do_check(out: Path, name: str, change: dict[str, Any]) -> None:
+    value = json.loads((out / "published" / "SNAP" / "stac" / name).read_text(encoding="utf-8"))
+    assert problems(value) == []
+    assert problems(value | change)
+
+
+def test_every_link_and_asset_leads_to_a_file(out: Path) -> None:
+    for path, value in stac_files(out):
+        assert len(value["links"]) == len({(link["rel"], link["href"]) for link in value["links"]})
+        for link in value["links"]:
+            assert (path.parent / link["href"]).is_file(), (path, link)
+        for asset in value.get("assets", {}).values():
+            target = path.parent / asset["href"]
+            assert target.exists(), (path, asset)
+            if target.is_file():
+                assert asset["file:size"] == target.stat().st_size
+                assert asset["file:checksum"] == "1220" + hashlib.sha256(target.read_bytes()).hexdigest()
+            else:
+                assert target.name == "store"
+
+
+def test_pystac_walks_it(out: Path) -> None:
+    root = pystac.Catalog.from_file(str(out / "catalog.json"))
+    (collection,) = root.get_children()
+    assert isinstance(collection, pystac.Collection)
+    assert collection.get_root() is root
+    items = {item.id: item for item in root.get_items(recursive=True)}
+    assert list(items) == ["demo-model", "Größe 7-f1", "NL.IMBAG/0599-f3", "w9-f1", "w10-f2"]
+    assert all(item.get_collection() is collection for item in items.values())
+    assert collection.extent.spatial.bboxes[0] == list(
+        shapely.unary_union([shapely.geometry.shape(i.geometry) for i in items.values()]).bounds
+    )
+    assert collection.extent.temporal.intervals == [
+        [datetime(2026, 11, 1, 12, 30, tzinfo=UTC), datetime(2026, 11, 21, 12, 30, tzinfo=UTC)]
+    ]
+    assert collection.summaries.get_list("streetloom:status") == ["done", "failed"]
+    assert set(collection.assets) == {"items", "model", "report", "store"}
+
+
+def test_an_item_says_what_its_row_does(out: Path) -> None:
+    stac = out / "published" / "SNAP" / "stac"
+    item = json.loads((stac / "items" / "w9" / "w9-f1.json").read_text(encoding="utf-8"))
+    found = query(out, where="id = 'w9-f1' AND kind = 'facade'").iloc[0]
+    assert item["bbox"] == pytest.approx([found.xmin, found.ymin, found.xmax, found.ymax], abs=1e-7)
+    said = item["properties"]
+    assert said["datetime"] == "2026-11-01T12:30:00Z"
+    assert (said["proj:code"], said["proj:bbox"]) == ("EPSG:32635", [385_700, 6_671_700, 385_715, 6_671_704.25])
+    assert said["proj:geometry"]["coordinates"][1] == [385_715, 6_671_704.25]
+    assert said["processing:software"] == {"streetloom": "0.1.0+ab"}
+    assert said["processing:lineage"] == "75% photo, 25% inpainted; from dam-3.jpg"
+    assert said["streetloom:floors"] == 6
+    assert said["streetloom:street"] == "Itäinen Teatterikuja"
+    assert not {"streetloom:layout_score", "streetloom:reason", "streetloom:geometry"} & set(said), (
+        "unknown is left out"
+    )
+    assert {key: (a["type"], a["roles"]) for key, a in item["assets"].items()} == {
+        "result": ("image/webp", ["thumbnail", "overview"]),
+        "level-0": ("image/webp", ["overview"]),
+    }
+    failed = json.loads((stac / "items" / "w10" / "w10-f2.json").read_text(encoding="utf-8"))["properties"]
+    assert (failed["streetloom:status"], failed["streetloom:reason"]) == ("failed", "too dark")
+    assert "processing:lineage" not in failed
+
+
+def test_the_model(out: Path) -> None:
+    model = json.loads((out / "published" / "SNAP" / "stac" / "model.json").read_text(encoding="utf-8"))
+    assert set(model["assets"]) >= {"model", "items", "report", "store", "above", "panorama-0"}
+    assert model["assets"]["model"]["type"] == "model/gltf-binary"
+    assert model["assets"]["store"]["zarr:zarr_format"] == 3
+    assert model["properties"]["city3d:city_objects"] == 3
+    assert model["properties"]["datetime"] == "2026-11-21T12:30:00Z", "the newest row's"
+
+
+def test_same_rows_same_bytes_in_any_order(out: Path, tmp_path: Path) -> None:
+    publish(tmp_path / "helsinki", ROWS[::-1])
+    for path, _ in stac_files(out):
+        other = tmp_path / "helsinki" / path.relative_to(out)
+        if path.name != "collection.json":
+            assert other.read_bytes() == path.read_bytes(), path
+    assert len(list(stac_files(tmp_path))) == len(list(stac_files(out)))
+
+
+@pytest.mark.parametrize("rows", [[], [aside("w1")]])
+def test_a_block_without_facades(tmp_path: Path, rows: list[dict[str, Any]]) -> None:
+    folder = publish(tmp_path, rows)
+    files = dict(stac_files(tmp_path))
+    assert [problem for value in files.values() for problem in problems(value)] == []
+    assert files[folder / "stac" / "collection.json"]["extent"]["spatial"]["bbox"] == [[-180, -90, 180, 90]]
+    assert (folder / "stac" / "model.json").is_file() == bool(rows), "without a time there is no Item"
+    if not rows:
+        made = datetime(2026, 11, 21, tzinfo=UTC)
+        write_stac(folder, rows=rows, block="demo", crs="EPSG:32635", code_version="1", buildings=0, updated=made)
+        model = json.loads((folder / "stac" / "model.json").read_text())
+        assert model["geometry"] is None
+        assert "bbox" not in model
+        assert problems(model) == []
+
+
+def test_a_new_snapshot_and_a_folder_of_runs(tmp_path: Path) -> None:
+    publish(tmp_path / "a", [row("w1-f1")], "ONE")
+    publish(tmp_path / "city" / "b", [row("w1-f1"), row("w1-f2", 1)])
+    (tmp_path / "new" / "store").mkdir(parents=True)
+    (tmp_path / "bad").mkdir()
+    (tmp_path / "bad" / "current").write_text("../../etc")
+    (tmp_path / "city" / "b" / "catalog.json").unlink()
+    done = CliRunner().invoke(main, ["catalog", str(tmp_path)])
+    assert done.exit_code == 0
+    assert sorted(line.split(" is left out")[0] for line in done.stderr.splitlines()) == [
+        "streetloom: bad",
+        "streetloom: new",
+    ]
+    value = json.loads((tmp_path / "catalog.json").read_text())
+    assert problems(value) == []
+    assert [link["href"] for link in value["links"] if link["rel"] == "child"] == [
+        "./a/catalog.json",
+        "./city/b/catalog.json",
+    ]
+
+    before = (tmp_path / "catalog.json").read_bytes()
+    publish(tmp_path / "a", [row("w1-f1"), row("w1-f2", 1), row("w1-f3", 2)], "TWO")
+    root = pystac.Catalog.from_file(str(tmp_path / "catalog.json"))
+    assert len([i for i in root.get_items(recursive=True) if not i.id.endswith("-model")]) == 5, (
+        "leads to the new snapshot"
+    )
+    write_catalog(tmp_path)
+    assert (tmp_path / "catalog.json").read_bytes() == before
+    assert not [p for p in tmp_path.rglob("*.tmp")]
+
+
+def test_nothing_to_catalogue_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nothing is published there"):
+        write_catalog(tmp_path)
+    publish(tmp_path / "a", [row("w1-f1")])
+    (tmp_path / "a" / "published" / "SNAP" / "stac" / "collection.json").unlink()
+    with pytest.raises(InputError, match=r"collection.json is missing; `streetloom run"):
+        write_catalog(tmp_path / "a")
+    (tmp_path / "a" / "catalog.json").unlink()
+    with pytest.raises(InputError, match="nothing is published there"):
+        write_catalog(tmp_path)
+    assert not (tmp_path / "catalog.json").exists()
+
+
+def test_two_that_publish_at_once(tmp_path: Path) -> None:
+    """Whatever the order of its writers, catalog.json is whole and leads to what `current` names."""
+    for snapshot in ("S0", "S1"):
+        publish(tmp_path, [row("w1-f1")], snapshot)
+    stop, torn = threading.Event(), []
+
+    def read() -> None:
+        while not stop.is_set():
+            try:
+                json.loads((tmp_path / "catalog.json").read_text())
+            except (OSError, ValueError) as error:
+                torn.append(error)
+
+    def write(snapshot: str) -> None:
+        for _ in range(20):
+            pointer = tmp_path / f".current.{snapshot}"
+            pointer.write_text(snapshot)
+            pointer.replace(tmp_path / "current")
+            write_catalog(tmp_path)
+
+    reader = threading.Thread(target=read)
+    writers = [threading.Thread(target=write, args=(snapshot,)) for snapshot in ("S0", "S1")]
+    for thread in (reader, *writers):
+        thread.start()
+    for thread in writers:
+        thread.join()
+    stop.set()
+    reader.join()
+    assert torn == []
+    (child,) = [
+        link["href"] for link in json.loads((tmp_path / "catalog.json").read_text())["links"] if link["rel"] == "child"
+    ]
+    assert child.split("/")[2] == (tmp_path / "current").read_text()
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["catalog.json", "current", "published", "store"]
