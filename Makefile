@@ -3,7 +3,7 @@ PYTHON ?= $(shell for p in python3.12 python3.11 python3; do $$p -c 'import sys;
 BIN := .venv/bin
 DEMO_FLAGS ?=
 
-.PHONY: demo test setup check bench constraints clean
+.PHONY: demo test setup train-setup check bench constraints clean
 
 demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -26,12 +26,18 @@ setup: .venv/ready
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --no-deps --no-build-isolation -e .
 	@touch $@
 
+train-setup: setup  ## What training the shipped networks needs (torch), into the same .venv: gigabytes
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/train.txt
+
 bench: setup  ## Every figure that the README quotes
 	$(BIN)/streetloom bench block --json
 
 constraints: setup  ## Pin anew what pyproject.toml asks for
-	$(BIN)/uv pip compile pyproject.toml --all-extras --universal --python-version 3.11 --generate-hashes \
-		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/constraints.txt
+	$(BIN)/uv pip compile pyproject.toml --extra dev --extra viewer --universal --python-version 3.11 \
+		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/constraints.txt
+	$(BIN)/uv pip compile pyproject.toml --extra dev --extra train --universal --python-version 3.11 \
+		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade \
+		-c deploy/constraints/constraints.txt -o deploy/constraints/train.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
 
