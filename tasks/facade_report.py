@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import base64
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -67,8 +68,9 @@ def item_rows(
     buildings: xr.Dataset,
     records: Sequence[dict[str, Any] | None],
     code_version: str,
+    ingested: datetime,
 ) -> list[dict[str, Any]]:
-    """One row per facade, in the order of the facades; a facade without a record counts as failed."""
+    """One row per facade, in the order of the facades; a facade without a record counts as failed when it was ingested."""
     from shapely import LineString
 
     facades, charts = plan.facades, plan.scene.charts
@@ -98,6 +100,7 @@ def item_rows(
                 "lattice_rows": len(lattice["rows"]) if lattice else None,
                 "lattice_columns": len(lattice["columns"]) if lattice else None,
                 "seconds": round(sum(record.get("seconds", {}).values()), 4),
+                "updated": made_at(record) or ingested,
                 "status": record["status"],
                 "reason": record.get("reason"),
                 "code_version": code_version,
@@ -107,9 +110,24 @@ def item_rows(
     return rows
 
 
-def set_aside_rows(run: Run, units: Sequence[tuple[str, str, str]], code_version: str) -> list[dict[str, Any]]:
+def made_at(record: Mapping[str, Any] | None) -> datetime | None:
+    """When the unit of a journal record was finished."""
+    if record is None or "started" not in record:
+        return None
+    return datetime.fromtimestamp(record["started"] + sum(record.get("seconds", {}).values()), UTC)
+
+
+def set_aside_rows(
+    run: Run, units: Sequence[tuple[str, str, str]], code_version: str, ingested: datetime
+) -> list[dict[str, Any]]:
     """One row per unit (kind, id, reason) that is no facade and could not be used."""
-    known = {"block": run.block, "status": "failed", "code_version": code_version, "config_digest": run.key}
+    known = {
+        "block": run.block,
+        "status": "failed",
+        "code_version": code_version,
+        "config_digest": run.key,
+        "updated": ingested,
+    }
     return [
         dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason} for kind, unit, reason in units
     ]

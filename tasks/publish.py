@@ -9,6 +9,7 @@ import shutil
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -19,13 +20,15 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.items import write_items
 from catalogs.report import write_report
-from facade_core.atlas.journal import atlas_digest, read_journal
+from catalogs.stac import write_stac
+from catalogs.stac_catalog import write_catalog
+from facade_core.atlas.journal import STAGES, atlas_digest, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
 from facade_core.ingest import Plan
 from facade_core.street.translate import Swatches
-from tasks.facade_report import facade_sheets, item_rows, set_aside_rows
+from tasks.facade_report import facade_sheets, item_rows, made_at, set_aside_rows
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run, code_version
@@ -58,6 +61,7 @@ def publish_block(run: Run) -> dict[str, Any]:
         pointer = out / ".current.tmp"
         pointer.write_text(snapshot + "\n")
         os.replace(pointer, out / "current")
+    write_catalog(out)
     advance("publish", 1)
     return published_summary(out, snapshot)
 
@@ -96,7 +100,8 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     facade_sheets(group, plan, records, images)
 
     buildings = open_table(session, "buildings").load()
-    rows = item_rows(run, plan, buildings, records, code_version())
+    ingested = datetime.fromtimestamp(group.attrs["ingested"], UTC)
+    rows = item_rows(run, plan, buildings, records, code_version(), ingested)
     exemplars = [r for r in read_journal(group, "exemplars") if r and r["status"] == "failed"]
     textures = [r for r in read_journal(group, "textures") if r and r["status"] == "failed"]
     broken = [
@@ -104,7 +109,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         *(("exemplar", r["unit"], r["reason"]) for r in exemplars),
         *(("building", r["unit"], r["reason"]) for r in textures),
     ]
-    aside = set_aside_rows(run, broken, code_version())
+    aside = set_aside_rows(run, broken, code_version(), ingested)
     write_items(folder / "items.parquet", rows + aside, run.crs)
     done = sum(r["status"] == "done" for r in rows)
     summary = {
@@ -125,6 +130,16 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         viewpoints=[r for r in viewpoints if r],
         panoramas=[(record["unit"], f"images/panorama-{v}.jpg") for v in shown if (record := viewpoints[v])],
         heights=Counter(map(str, buildings.height_source.values)),
+    )
+    made = [at for stage in STAGES for record in read_journal(group, stage) if (at := made_at(record))]
+    write_stac(
+        folder,
+        rows=rows + aside,
+        block=run.block,
+        crs=run.crs,
+        code_version=code_version(),
+        buildings=len(buildings.id),
+        updated=max(made, default=ingested),
     )
 
 
