@@ -190,21 +190,35 @@ def train() -> None:
 
 
 @train.command("parser")
-@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds facades/ecp.")
-@click.option("--out", type=FOLDER, required=True, help="Where forest.onnx, its card and checksum go.")
-@click.option("--seed", default=1, show_default=True, help="1 is the shipped model's.")
-def train_parser(data: Path, out: Path, seed: int) -> None:
-    """Train the facade parser (extra: train).
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds facades/ and streetphotos/.")
+@click.option("--out", type=FOLDER, required=True, help="Where the .onnx and its .json go, and where a run goes on.")
+@click.option("--seed", default=1, show_default=True, help="1 is the shipped models'.")
+@click.option("--segmenter", type=click.Choice(["network", "forest"]), default="forest", show_default=True)
+@click.option(
+    "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Go on from the network in OUT, to measure."
+)
+def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | None) -> None:
+    """Train the facade parser (extra: train; `make train-setup`). An interrupted run goes on where it was.
+
+    With --fold, the network in OUT learns the training part of a set whose licence allows no shipped weights, for the
+    benchmark of that set.
 
     \b
-    Example:
+    Examples:
       streetloom train parser --data ../shared/data --out parser/
+      streetloom train parser --data ../shared/data --out parser/ --fold artdeco
+      streetloom train parser --data ../shared/data --out parser/ --segmenter network
     """
     from flows.console import progress
-    from tasks.train import train_parser as train_it
+    from tasks.train import train_fold, train_forest, train_network
 
     with progress(quiet=False):
-        model = train_it(data, out, seed=seed)
+        if fold:
+            model = train_fold(data, out, fold, seed=seed)
+        elif segmenter == "forest":
+            model = train_forest(data, out, seed=seed)
+        else:
+            model = train_network(data, out, seed=seed)
     click.echo(model)
 
 

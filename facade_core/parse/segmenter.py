@@ -16,6 +16,9 @@ from facade_core.parse.checks import check_image
 from facade_core.parse.model_file import read_record, stamp
 from facade_core.types import Parsing
 
+# The model that parses where none is named.
+SHIPPED = forest.SHIPPED
+
 # Before anything else the image is scaled to an area that the segmenter is used to, if that takes no more than
 # _MOST_GROWTH and keeps both sides short; so time and memory do not grow with the image.
 _MOST_GROWTH = 4.0
@@ -38,11 +41,10 @@ class Segmenter(Protocol):
 
 def load_segmenter(model: str | Path | None = None) -> Segmenter:
     """The segmenter of an .onnx file with its .json beside it; the shipped one without a model. Raises ModelError."""
-    if model is None:
-        return forest.load()
-    stamp(Path(model))
-    kind = network if "network_version" in read_record(Path(model)) else forest
-    return kind.load(model)
+    path = SHIPPED if model is None else Path(model)
+    stamp(path)
+    kind = network if "network_version" in read_record(path) else forest
+    return kind.load(path)
 
 
 def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:

@@ -1,14 +1,15 @@
-"""Training of the parser network: seeded, resumable, and written as ONNX.
+"""Training of the parser network: seeded and resumable.
 
-Needs the `train` extra (torch, onnx). Step n of a run depends on the seed, on n and on the state before it only, so
+Needs the `train` extra (torch). Step n of a run depends on the seed, on n and on the state before it only, so
 that a run that was interrupted and resumed ends in the same weights as one that was not.
 """
 
 from __future__ import annotations
 
-import io
+import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -21,11 +22,12 @@ from facade_core.parse.network_views import ANY_CLASS, Labelled, View, cutouts, 
 
 Progress = Callable[[str, int, int], None]
 
-_THREADS = 2
+# A step is worked on in this many parts side by side, each by one thread: they wait for each other once a step only.
+_PARTS = 2
 _WEIGHT_DECAY = 0.01
 _ENCODER_SHARE = 0.15
 # Steps of the learning rate's rise and fall, at most this share of all steps.
-_RISE, _FALL = (100, 0.1), (500, 0.4)
+_RISE, _FALL = (100, 0.25), (500, 0.4)
 # The averaged weights follow the trained ones with this memory, in steps.
 _MEMORY = 250
 _OCCLUDER_WEIGHT = 0.3
@@ -55,16 +57,18 @@ def train(
     state: file that keeps the run's state; written every 100 steps, and read when it is there and of the same run.
     start: weights to go on from; ImageNet weights in the encoder without. progress is called with the name of the
     step, the units done and their number. Raises ImageError for photos that cannot be used, ModelError for a state
-    of another run.
+    of another run and where torch is missing.
     """
-    import torch
-
+    try:
+        import torch
+    except ImportError as error:
+        raise ModelError("training the network needs torch; install the extra `train` (make train-setup)") from error
     from facade_core.parse.network_architecture import ParserNetwork
 
     _check(sets, course)
     report = progress or (lambda step, done, total: None)
     torch.manual_seed(seed)
-    torch.set_num_threads(_THREADS)
+    torch.set_num_threads(1)
     network = ParserNetwork()
     if start is None:
         network.read_imagenet(_imagenet())
@@ -76,63 +80,50 @@ def train(
     identity = f"{seed} {course.rate} {dict(course.per_step)} {[len(s) for s in sets.values()]}"
     done = 0
     if state is not None and state.is_file():
-        saved = torch.load(state, weights_only=True)
-        if saved["identity"] != identity:
-            raise ModelError(f"{state}: state of another training run; remove it or name another file")
+        saved = _read_state(state)
+        longer = saved["steps"] != course.steps
+        if saved["identity"] != identity or (longer and saved["done"] > saved["steps"] - _fall(saved["steps"])):
+            raise ModelError(f"{state}: state of another training run; remove it or name another folder")
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
     pieces = cutouts([photo for photos in sets.values() for photo in photos])
-    network.train()
-    for step in range(done, course.steps):
-        report("network", step, course.steps)
-        views = _draw(sets, course, pieces, np.random.default_rng([seed, step]))
-        for group in optimiser.param_groups:
-            group["lr"] = group["highest"] * _rate(step, course.steps)
-        optimiser.zero_grad()
-        loss = _loss(network, views)
-        if not math.isfinite(loss.item()):
-            raise ModelError(f"training diverged at step {step}: lower the learning rate {course.rate}")
-        loss.backward()
-        optimiser.step()
-        _follow(average, network.state_dict(), min(1 - 1 / _MEMORY, (1 + step) / (10 + step)))
-        if state is not None and ((step + 1) % _SAVE_EVERY == 0 or step + 1 == course.steps):
-            _save_state(
-                state,
-                {
-                    "identity": identity,
-                    "network": network.state_dict(),
-                    "optimiser": optimiser.state_dict(),
-                    "average": average,
-                    "done": step + 1,
-                },
-            )
+    parts = [network.train(), *(_twin(network) for _ in range(_PARTS - 1))]
+    with ThreadPoolExecutor(_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
+        for step in range(done, course.steps):
+            report("network", step, course.steps)
+            for group in optimiser.param_groups:
+                group["lr"] = group["highest"] * _rate(step, course.steps)
+            drawn = [_draw(sets, course, pieces, (seed, step), part) for part in range(_PARTS)]
+            losses = list(pool.map(_backward, parts, drawn))
+            if not all(map(math.isfinite, losses)):
+                raise ModelError(f"training diverged at step {step}: lower the learning rate {course.rate}")
+            _gather(parts)
+            optimiser.step()
+            _follow(average, network.state_dict(), min(1 - 1 / _MEMORY, (1 + step) / (10 + step)))
+            if state is not None and ((step + 1) % _SAVE_EVERY == 0 or step + 1 == course.steps):
+                _save_state(
+                    state,
+                    {
+                        "identity": identity,
+                        "steps": course.steps,
+                        "network": network.state_dict(),
+                        "optimiser": optimiser.state_dict(),
+                        "average": average,
+                        "done": step + 1,
+                    },
+                )
     return average
 
 
-def to_onnx(weights: Mapping[str, Any]) -> bytes:
-    """The network with these weights as an ONNX file: inputs image (1, 3, H, W), place (1, 2, H / 8, W / 8), float32;
-    output logits (1, 8, H / 2, W / 2). H and W are multiples of 32."""
-    import torch
-
-    from facade_core.parse.network_architecture import ParserNetwork
-
-    network = ParserNetwork()
-    network.load_state_dict(weights)
-    network.eval()
-    content = io.BytesIO()
-    size = {2: "height", 3: "width"}
-    torch.onnx.export(
-        network,
-        (torch.zeros(1, 3, 64, 96), torch.zeros(1, 2, 8, 12)),
-        content,
-        input_names=["image", "place"],
-        output_names=["logits"],
-        dynamic_axes={"image": size, "place": {2: "h8", 3: "w8"}, "logits": {2: "h2", 3: "w2"}},
-        opset_version=17,
-        dynamo=False,
-    )
-    return content.getvalue()
+def finished(state: Path) -> dict[str, Any]:
+    """The averaged weights of a run that came to its end. Raises ModelError where there is none."""
+    if not state.is_file():
+        raise ModelError(f"{state}: no such file; train the network first, into the same folder")
+    saved = _read_state(state)
+    if saved["done"] < saved["steps"]:
+        raise ModelError(f"{state}: {saved['done']} of {saved['steps']} steps done; finish this training first")
+    return saved["average"]
 
 
 def _imagenet() -> dict[str, Any]:
@@ -156,13 +147,47 @@ def _check(sets: Mapping[str, Sequence[Labelled]], course: Course) -> None:
 
 
 def _draw(
-    sets: Mapping[str, Sequence[Labelled]], course: Course, pieces: Sequence[np.ndarray], rng: np.random.Generator
+    sets: Mapping[str, Sequence[Labelled]],
+    course: Course,
+    pieces: Sequence[np.ndarray],
+    seeds: tuple[int, int],
+    part: int,
 ) -> list[View]:
-    return [
-        view(sets[name][int(rng.integers(len(sets[name])))], pieces, rng)
-        for name, count in course.per_step.items()
-        for _ in range(count)
-    ]
+    """The views of one part of a step: every _PARTS-th of them."""
+    names = [name for name, count in course.per_step.items() for _ in range(count)]
+    views = []
+    for number in range(part, len(names), _PARTS):
+        rng, photos = np.random.default_rng([*seeds, number]), sets[names[number]]
+        views.append(view(photos[int(rng.integers(len(photos)))], pieces, rng))
+    return views
+
+
+def _twin(network: Any) -> Any:
+    """A copy that shares the weights but has gradients and running means of its own."""
+    twin = copy.deepcopy(network)
+    for own, shared in zip(twin.parameters(), network.parameters(), strict=True):
+        own.data = shared.data
+    return twin
+
+
+def _backward(network: Any, views: Sequence[View]) -> float:
+    network.zero_grad()
+    loss = _loss(network, views)
+    loss.backward()
+    return loss.item()
+
+
+def _gather(parts: Sequence[Any]) -> None:
+    """Mean gradients into the first part, mean running statistics into all."""
+    import torch
+
+    for same in zip(*(part.parameters() for part in parts), strict=True):
+        same[0].grad = sum(parameter.grad for parameter in same) / len(same)
+    for same in zip(*(part.buffers() for part in parts), strict=True):
+        if same[0].is_floating_point():
+            mean = torch.stack(same).mean(0)
+            for buffer in same:
+                buffer.copy_(mean)
 
 
 def _rate(step: int, steps: int) -> float:
@@ -170,9 +195,12 @@ def _rate(step: int, steps: int) -> float:
 
     What happens on the plateau does not depend on the number of steps, so a run can be made longer while it is there.
     """
-    rise = max(1, min(_RISE[0], round(_RISE[1] * steps)))
-    fall = max(1, min(_FALL[0], round(_FALL[1] * steps)))
-    return min(1.0, (step + 1) / rise, (steps - step) / fall)
+    rise = max(1, min(_RISE[0], int(_RISE[1] * steps)))
+    return min(1.0, (step + 1) / rise, (steps - step) / _fall(steps))
+
+
+def _fall(steps: int) -> int:
+    return max(1, min(_FALL[0], int(_FALL[1] * steps)))
 
 
 def _optimiser(network: Any, course: Course) -> Any:
@@ -216,6 +244,15 @@ def _follow(average: dict[str, Any], current: Mapping[str, Any], memory: float) 
             average[name].mul_(memory).add_(value, alpha=1 - memory)
         else:
             average[name].copy_(value)
+
+
+def _read_state(path: Path) -> dict[str, Any]:
+    import torch
+
+    try:
+        return torch.load(path, weights_only=True)
+    except Exception as error:  # a broken archive raises whatever its reader came upon
+        raise ModelError(f"{path}: not the state of a training run; remove it to start anew") from error
 
 
 def _save_state(path: Path, state: Mapping[str, Any]) -> None:

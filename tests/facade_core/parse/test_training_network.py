@@ -1,0 +1,195 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from facade_core.errors import ImageError, ModelError
+from facade_core.labels import CLASSES, SKY, UNKNOWN, WALL, WINDOW
+
+torch = pytest.importorskip("torch", reason="torch is absent: make train-setup")
+
+from facade_core.parse import network, network_export, parse, training_network
+from facade_core.parse.network_architecture import ParserNetwork
+from facade_core.parse.network_views import ANY_CLASS
+from facade_core.parse.training_network import Course
+
+COURSE = Course(steps=4, per_step={"facades": 2})
+
+
+@dataclass(frozen=True)
+class Photo:
+    image: np.ndarray
+    possible: np.ndarray
+    occluder: np.ndarray
+
+
+def photo(seed, classes=((WALL,), (WINDOW,), (SKY,))):
+    rng = np.random.default_rng(seed)
+    part = np.zeros((96, 80), np.intp)
+    part[30:60, 20:60], part[:20] = 1, 2
+    colours = np.array([[210, 190, 160], [50, 60, 90], [190, 215, 240]])
+    image = np.clip(colours[part] + rng.normal(0, 6, (96, 80, 3)), 0, 255).astype(np.uint8)
+    possible = np.array([sum(1 << n for n in some) for some in classes], np.uint8)[part]
+    occluder = np.zeros((96, 80), np.uint8)
+    occluder[70:90, 30:60] = 1
+    return Photo(image, possible, occluder)
+
+
+@pytest.fixture(scope="module")
+def start():
+    """Weights without ImageNet's: small random ones."""
+    torch.manual_seed(0)
+    return ParserNetwork().state_dict()
+
+
+def copy(weights):
+    return {name: value.clone() for name, value in weights.items()}
+
+
+def train(start, course=COURSE, **options):
+    return training_network.train({"facades": [photo(0), photo(1)]}, course, seed=5, start=copy(start), **options)
+
+
+@pytest.fixture(scope="module")
+def weights(start):
+    return train(start)
+
+
+def test_equal_seeds_give_equal_weights_and_steps_change_them(start, weights):
+    again = train(start)
+    assert all(torch.equal(weights[name], again[name]) for name in weights)
+    assert not torch.equal(weights["head.weight"], start["head.weight"])
+    assert not torch.equal(weights["stem.weight"], start["stem.weight"])
+
+
+def test_an_interrupted_run_ends_where_an_uninterrupted_one_does(start, weights, tmp_path, monkeypatch):
+    monkeypatch.setattr(training_network, "_SAVE_EVERY", 1)
+    state = tmp_path / "run" / "network.state"
+
+    def interrupt(name, done, total):
+        if done == 2:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(start, state=state, progress=interrupt)
+    with pytest.raises(ModelError, match="2 of 4 steps"):
+        training_network.finished(state)
+    told = []
+    resumed = train(start, state=state, progress=lambda *step: told.append(step))
+    assert told == [("network", 2, 4), ("network", 3, 4)]
+    assert all(torch.equal(weights[name], resumed[name]) for name in weights)
+    assert all(torch.equal(weights[name], value) for name, value in training_network.finished(state).items())
+
+
+def test_the_state_of_another_run_is_refused(start, tmp_path):
+    state = tmp_path / "network.state"
+    with pytest.raises(ModelError, match="no such file"):
+        training_network.finished(state)
+    train(start, state=state)
+    with pytest.raises(ModelError, match="another training run"):
+        train(start, Course(4, {"facades": 3}), state=state)
+    with pytest.raises(ModelError, match="another training run"):
+        train(start, Course(9, {"facades": 2}), state=state)  # the rate has fallen already
+    state.write_bytes(b"nothing")
+    with pytest.raises(ModelError, match="not the state"):
+        train(start, state=state)
+
+
+def test_a_plateau_does_not_depend_on_the_number_of_steps():
+    rates = [[training_network._rate(step, steps) for step in range(steps)] for steps in (1000, 2000)]
+    assert rates[0][:500] == rates[1][:500]
+    assert max(rates[0]) == 1
+    assert rates[0][-1] < 0.01
+
+
+def test_the_file_computes_what_the_network_does(weights, tmp_path):
+    path = tmp_path / "own.onnx"
+    network_export.save(weights, path, training_set=["facades/a"], seed=5)
+    image = np.random.default_rng(2).uniform(0, 255, (1, 3, 128, 96)).astype(np.float32)
+    place = network.place_planes(128, 96, np.array([-1, -1, 1, 1]))[None]
+    trained = ParserNetwork()
+    trained.load_state_dict(weights)
+    with torch.no_grad():
+        expected = trained.eval()(torch.from_numpy(image), torch.from_numpy(place)).numpy()
+    found = network.load(path).session.run(None, {"image": image, "place": place})[0]
+    assert found.shape == (1, len(CLASSES) + 1, 64, 48)
+    np.testing.assert_allclose(found, expected, atol=1e-3)
+    assert parse(photo(3).image, model=path).labels.shape == (96, 80)
+
+
+def test_it_learns(start):
+    """A few steps on one photo bring the loss down, though one class is told as one of two."""
+    shown = {"facades": [photo(0, ((WALL,), (WINDOW, WALL), (SKY,)))]}
+    course, losses = Course(12, {"facades": 2}, rate=5e-3), []
+    backward = training_network._backward
+
+    def noted(part, views):
+        losses.append(backward(part, views))
+        return losses[-1]
+
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(training_network, "_backward", noted)
+        training_network.train(shown, course, seed=1, start=copy(start))
+    assert np.mean(losses[-4:]) < 0.7 * np.mean(losses[:4])
+
+
+class Fixed:
+    """A network whose logits are given."""
+
+    def __init__(self, logits):
+        self.logits = torch.tensor(logits, dtype=torch.float32)[None, :, None, None].expand(1, 8, 4, 4)
+
+    def __call__(self, image, place):
+        return self.logits
+
+
+def loss(logits, possible, occluder):
+    from facade_core.parse.network_views import View
+
+    maps = [np.full((8, 8), value, np.uint8) for value in (possible, occluder)]
+    view = View(np.zeros((8, 8, 3), np.uint8), *maps, np.zeros((2, 1, 1), np.float32))
+    return training_network._loss(Fixed(logits), [view]).item()
+
+
+def test_the_loss_sums_over_the_classes_that_a_pixel_may_be():
+    logits = [1.0, 2.0, 0, 0, 0, 0, 0, 0]
+    share = np.exp(logits[:7]) / np.exp(logits[:7]).sum()
+    assert loss(logits, 0b1, UNKNOWN) == pytest.approx(-np.log(share[0]), abs=1e-5)
+    assert loss(logits, 0b11, UNKNOWN) == pytest.approx(-np.log(share[:2].sum()), abs=1e-5)
+    assert loss(logits, ANY_CLASS, UNKNOWN) == 0
+    assert loss([*logits[:7], 50], ANY_CLASS, 1) == pytest.approx(0, abs=1e-5)
+    assert loss([*logits[:7], 50], ANY_CLASS, 0) > 1
+
+
+def test_batch_normalisation_is_folded_in():
+    rng = np.random.default_rng(0)
+    trained = ParserNetwork()
+    convolution, norm = torch.nn.Conv2d(3, 32, 3, stride=2, padding=1, bias=False), torch.nn.BatchNorm2d(32, eps=1e-3)
+    for name in ("weight", "bias", "running_mean"):
+        getattr(norm, name).data = torch.tensor(rng.normal(1, 0.2, 32), dtype=torch.float32)
+    norm.running_var.data = torch.tensor(rng.uniform(0.5, 2, 32), dtype=torch.float32)
+    weights = {"_conv_stem.weight": convolution.weight, **{f"_bn0.{k}": v for k, v in norm.state_dict().items()}}
+    from facade_core.parse import network_architecture
+
+    network_architecture._fold(trained.stem, weights, "_conv_stem", "_bn0")
+    image = torch.rand(1, 3, 16, 16)
+    with torch.no_grad():
+        assert torch.allclose(trained.stem(image), norm.eval()(convolution(image)), atol=1e-5)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"image": np.zeros((96, 80, 4), np.uint8)}, "uint8 RGB"),
+        ({"possible": np.zeros((5, 5), np.uint8)}, "size"),
+    ],
+)
+def test_refuses_unusable_photos(start, change, message):
+    broken = Photo(**{name: change.get(name, getattr(photo(0), name)) for name in ("image", "possible", "occluder")})
+    with pytest.raises(ImageError, match=f"facades 0.*{message}"):
+        training_network.train({"facades": [broken]}, COURSE, seed=0, start=copy(start))
+
+
+def test_refuses_a_set_without_photos(start):
+    with pytest.raises(ImageError, match="set facades"):
+        training_network.train({"facades": []}, COURSE, seed=0, start=copy(start))
