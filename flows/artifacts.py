@@ -37,7 +37,7 @@ def tell_progress(block: str) -> Iterator[None]:
     finished: dict[str, tuple[int, int]] = {}
     over = Event()
     key = f"{_slug(block)}-progress"
-    artifact = cast(UUID, create_progress_artifact(0.0, key=key, description="share of the work that is finished"))
+    artifact = cast(UUID, create_progress_artifact(0.0, key=key, description="percent of the work that is finished"))
 
     def percent() -> float:
         shares = [done / total if total else 1.0 for done, total in list(finished.values())]
@@ -65,7 +65,9 @@ def tell_progress(block: str) -> Iterator[None]:
 def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     """Artifacts of a finished run: the table of units, the failures with their reasons, links to what was published."""
     slug = _slug(run.block)
-    units = [
+    # what ingest counts as, and what has no record in the journal since it was set aside before
+    units = [{"stage": "ingest", "unit": run.block, "status": "done", "seconds": None, "worker": ""}]
+    units += [
         {
             "stage": stage,
             "unit": record["unit"],
@@ -77,20 +79,42 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
         for record in journal(run.store, stage)
         if record
     ]
-    units.sort(key=lambda row: row["status"] != "failed")
-    shown = f"{len(units)} units" if len(units) <= ROWS else f"{ROWS} of {len(units)} units, failed ones first"
-    done = f"{summary['units_done']} done in this run, {summary['units_skipped']} before, {len(summary['failures'])} failed"
-    create_table_artifact(units[:ROWS], key=f"{slug}-units", description=f"{shown}; {done}")
-    create_table_artifact(
-        summary["failures"], key=f"{slug}-failures", description="units that failed or were set aside, and why"
-    )
+    failures = summary["failures"]
+    recorded = {row["unit"] for row in units if row["status"] == "failed"}
+    units += [
+        {"stage": "ingest", "unit": failure["unit"], "status": "set aside", "seconds": None, "worker": ""}
+        for failure in failures
+        if failure["unit"] not in recorded
+    ]
+    units.sort(key=lambda row: row["status"] == "done")
+    shown = f"{len(units)} units" if len(units) <= ROWS else f"{ROWS} of {len(units)} units, those not done first"
+    counts = f"{summary['units_done']} done in this run, {summary['units_skipped']} before, {len(failures)} failed"
+    create_table_artifact(units[:ROWS], key=f"{slug}-units", description=f"{shown}: {counts}")
+    why = f"{failed(summary)}, and why" if failures else "no unit failed or was set aside"
+    create_table_artifact(failures, key=f"{slug}-failures", description=why)
     outputs = summary["outputs"]
     report = Path(outputs["report"]).resolve()
-    create_link_artifact(report.as_uri(), link_text=f"report of {run.block}", key=f"{slug}-report")
+    # browsers do not follow links from a server's page to files, so every path is also there to be copied
+    create_link_artifact(
+        report.as_uri(),
+        link_text=f"report of {run.block}",
+        key=f"{slug}-report",
+        description=f"pictures and figures of every facade: open {report}",
+    )
     links = [("report", report), *(("model", Path(path)) for path in outputs["glb"]), ("items", Path(outputs["items"]))]
     lines = [f"- [{name}]({path.resolve().as_uri()}): `{path.resolve()}`" for name, path in links]
     find = f"`streetloom query {run.out}` answers questions about the facades."
-    create_markdown_artifact("\n".join([f"# {run.block}", "", *lines, "", find]), key=f"{slug}-outputs")
+    create_markdown_artifact(
+        "\n".join([f"# {run.block}", "", *lines, "", find]),
+        key=f"{slug}-outputs",
+        description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {run.out}",
+    )
+
+
+def failed(summary: dict[str, Any]) -> str:
+    """How many units failed or were set aside, in words."""
+    count = len(summary["failures"])
+    return f"{count} unit{'' if count == 1 else 's'} failed or set aside"
 
 
 def _slug(name: str) -> str:

@@ -14,8 +14,7 @@ from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block import Block, read_block
 from catalogs.yaml_files import read_yaml
-from facade_core.errors import FacadeError
-from flows.artifacts import tell_outcome, tell_progress
+from flows.artifacts import failed, tell_outcome, tell_progress
 from flows.lock import locked
 from tasks.compute import Compute, connect
 from tasks.demo import NAME, write_demo
@@ -43,8 +42,8 @@ def flow_run_name() -> str:
     name = NAME
     if block_file is not None:
         try:
-            name = str(read_yaml(Path(block_file)).get("name"))
-        except FacadeError:  # the run itself will say what is wrong with the file
+            name = read_yaml(Path(block_file))["name"]
+        except (ValueError, TypeError, KeyError):  # the run itself will say what is wrong with the file
             name = Path(block_file).stem
     return f"{name} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
 
@@ -77,7 +76,7 @@ def city_block(
         tell_outcome(run, summary)
     if summary["failures"]:
         # not Failed: everything else is done and published, and a retry would change nothing
-        return Completed(name="UnitsFailed", message=f"{len(summary['failures'])} units failed", data=summary)
+        return Completed(name="UnitsFailed", message=failed(summary), data=summary)
     return summary
 
 

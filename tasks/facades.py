@@ -21,7 +21,7 @@ from tasks.units.facade import facade_unit
 from tasks.units.memory import facade_memory
 
 
-@task(name="choose exemplars", cache_policy=NO_CACHE)
+@task(name="choose exemplars", task_run_name="choose exemplars", cache_policy=NO_CACHE)
 def choose(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade without a photo; none where no exemplar could be prepared.
 

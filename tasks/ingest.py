@@ -57,7 +57,7 @@ class Outline:
     skipped: bool
 
 
-@task(name="ingest", cache_policy=NO_CACHE)
+@task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
 def ingest_block(run: Run, block: Block) -> Outline:
     """Write the block's plan and empty arrays in one commit, unless the store holds them for the same inputs and code."""
     begin_stage("ingest", 1)

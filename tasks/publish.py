@@ -43,7 +43,7 @@ LOOKED_AT = 24
 T = TypeVar("T")
 
 
-@task(name="publish", cache_policy=NO_CACHE)
+@task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
 def publish_block(run: Run) -> dict[str, Any]:
     """Write published/<snapshot>/ from the newest snapshot and nothing else, unless `current` already points at it."""
     session = open_repository(run.store).readonly_session(BRANCH)
