@@ -6,7 +6,9 @@ import pytest
 from facade_core.errors import ImageError, ModelError
 from facade_core.labels import CLASSES, SKY, UNKNOWN, WALL, WINDOW
 
-torch = pytest.importorskip("torch", reason="torch is absent: make train-setup")
+pytest.importorskip("torch", reason="torch is absent: make train-setup")
+
+import torch
 
 from facade_core.parse import network, network_export, parse, training_network
 from facade_core.parse.network_architecture import ParserNetwork
