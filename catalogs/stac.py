@@ -21,7 +21,7 @@ from catalogs.stac_assets import block_assets, picture_assets, pictures_by_unit,
 if TYPE_CHECKING:
     from pyproj import CRS
     from pystac import Collection, Item, Link, STACObject
-    from shapely import LineString
+    from shapely import LineString, MultiLineString
     from shapely.geometry.base import BaseGeometry
 
 # Where a published block has its Collection.
@@ -118,7 +118,7 @@ def _model(
     block: str, feet: Sequence[_Foot], projection: Mapping[str, Any], code_version: str, buildings: int, made: datetime
 ) -> Item:
     lonlat, own = (shapely.MultiLineString([getattr(foot, frame) for foot in feet]) for frame in ("lonlat", "own"))
-    item = _item(f"{block}-model", block, made, code_version, lonlat.convex_hull, own.convex_hull, projection)
+    item = _item(f"{block}-model", block, made, code_version, _hull(lonlat), _hull(own), projection)
     item.stac_extensions += [CITY3D, ZARR]
     item.properties |= {
         "title": f"{block}: textured model",
@@ -130,6 +130,12 @@ def _model(
         "city3d:textures": True,
     }
     return item
+
+
+def _hull(lines: MultiLineString) -> BaseGeometry:
+    """What the lines lie in; a polygon as GeoJSON has it, anticlockwise."""
+    hull = lines.convex_hull
+    return shapely.geometry.polygon.orient(hull) if hull.geom_type == "Polygon" else hull
 
 
 def _item(
@@ -217,7 +223,7 @@ def _lineage(row: Mapping[str, Any]) -> str:
 
 
 def _projection(crs: CRS) -> dict[str, Any]:
-    authority = crs.to_authority()
+    authority = crs.to_authority(min_confidence=100)
     return {"proj:code": ":".join(authority)} if authority else {"proj:code": None, "proj:wkt2": crs.to_wkt()}
 
 
@@ -243,7 +249,7 @@ def _save(stac: Path, href: str, value: Item | Collection) -> Link:
     value.links = [*upwards, *value.links]
     path = stac / href
     path.parent.mkdir(parents=True, exist_ok=True)
-    path.write_text(to_json(value), encoding="utf-8")
+    path.write_text(to_json(value), encoding="utf-8", newline="")
     return pystac.Link("item", f"./{href}", "application/geo+json", value.id)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-import tempfile
+import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -18,8 +18,8 @@ def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = No
     """Write folder/catalog.json, of a run or of a folder of runs, in one step: a reader sees the old file or the new one.
 
     A run's has one child, the Collection that `current` leads to. A folder's has one child per run in it, at most two levels
-    down: the run's own catalog.json, which is written where it is missing. note is told of each run that is left out, in one
-    line. Raises InputError where nothing is published.
+    down: the run's own catalog.json, which is mended where it is missing or old. note is told of each run that is left out, in
+    one line. Raises InputError where nothing is published.
     """
     folder = Path(folder)
     runs, left_out = runs_in(folder)
@@ -29,8 +29,7 @@ def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = No
     children = []
     for run in runs:
         try:
-            if not (run.folder / CATALOG).is_file():
-                _write_run(run)
+            _write_run(run)
             children.append((f"./{run.name}/{CATALOG}", run.name))
         except (InputError, OSError) as error:
             left_out.append(f"{run.name} is left out: {error}")
@@ -65,14 +64,15 @@ def _write(folder: Path, description: str, children: Sequence[tuple[str, str]]) 
     catalog.clear_links()
     catalog.add_link(pystac.Link("root", f"./{CATALOG}", "application/json"))
     catalog.add_links([pystac.Link("child", href, "application/json", title) for href, title in children])
-    handle, temporary = tempfile.mkstemp(prefix=f".{CATALOG}.", suffix=".tmp", dir=folder)
+    path, text = folder / CATALOG, to_json(catalog)
+    if path.is_file() and path.read_bytes() == text.encode():
+        return  # a folder that cannot be written to may be catalogued all the same
+    temporary = folder / f".{CATALOG}.{uuid.uuid4().hex}.tmp"
     try:
-        with os.fdopen(handle, "w", encoding="utf-8") as file:
-            file.write(to_json(catalog))
-        os.chmod(temporary, 0o644)  # mkstemp keeps others out; what is published is for all
-        os.replace(temporary, folder / CATALOG)
+        temporary.write_text(text, encoding="utf-8", newline="")
+        os.replace(temporary, path)
     finally:
-        Path(temporary).unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def _name(folder: Path) -> str:

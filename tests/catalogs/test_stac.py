@@ -239,6 +239,7 @@ def test_the_model(out: Path) -> None:
     assert model["assets"]["model"]["type"] == "model/gltf-binary"
     assert model["assets"]["store"]["zarr:zarr_format"] == 3
     assert model["properties"]["city3d:city_objects"] == 3
+    assert shapely.geometry.shape(model["geometry"]).exterior.is_ccw
     assert model["properties"]["datetime"] == "2026-11-21T12:30:00Z", "the newest row's"
 
 
@@ -267,6 +268,17 @@ def test_a_block_without_facades(tmp_path: Path, rows: list[dict[str, Any]]) -> 
         assert problems(model) == []
 
 
+def test_a_frame_without_a_code(tmp_path: Path) -> None:
+    frame = "+proj=tmerc +lat_0=60.1 +lon_0=24.9 +x_0=385000 +y_0=6671000 +ellps=GRS80 +units=m"
+    write_stac(tmp_path, rows=[row("w1-f1")], block="demo", crs=frame, code_version="1", buildings=1)
+    item = json.loads((tmp_path / "stac" / "items" / "w1" / "w1-f1.json").read_text(encoding="utf-8"))
+    assert item["properties"]["proj:code"] is None
+    assert item["properties"]["proj:wkt2"].startswith("PROJCRS")
+    assert problems(item) == []
+    assert item["assets"] == {}
+    assert json.loads((tmp_path / "stac" / "model.json").read_text())["geometry"]["type"] == "LineString"
+
+
 def test_a_new_snapshot_and_a_folder_of_runs(tmp_path: Path) -> None:
     publish(tmp_path / "a", [row("w1-f1")], "ONE")
     publish(tmp_path / "city" / "b", [row("w1-f1"), row("w1-f2", 1)])
@@ -288,12 +300,15 @@ def test_a_new_snapshot_and_a_folder_of_runs(tmp_path: Path) -> None:
     ]
 
     before = (tmp_path / "catalog.json").read_bytes()
+    leads_to_one = (tmp_path / "a" / "catalog.json").read_bytes()
     publish(tmp_path / "a", [row("w1-f1"), row("w1-f2", 1), row("w1-f3", 2)], "TWO")
     root = pystac.Catalog.from_file(str(tmp_path / "catalog.json"))
     assert len([i for i in root.get_items(recursive=True) if not i.id.endswith("-model")]) == 5, (
         "leads to the new snapshot"
     )
+    (tmp_path / "a" / "catalog.json").write_bytes(leads_to_one)
     write_catalog(tmp_path)
+    assert "published/TWO/stac" in (tmp_path / "a" / "catalog.json").read_text(), "an old one is mended"
     assert (tmp_path / "catalog.json").read_bytes() == before
     assert not [p for p in tmp_path.rglob("*.tmp")]
 
@@ -345,3 +360,19 @@ def test_two_that_publish_at_once(tmp_path: Path) -> None:
     ]
     assert child.split("/")[2] == (tmp_path / "current").read_text()
     assert sorted(p.name for p in tmp_path.iterdir()) == ["catalog.json", "current", "published", "store"]
+
+
+def test_a_snapshot_published_meanwhile_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """`current` changes after it was read: the catalogue is written again."""
+    paths = [publish(tmp_path, [row("w1-f1")], snapshot) / "items.parquet" for snapshot in ("ONE", "TWO")]
+    answers = iter([*paths, paths[1]])
+    monkeypatch.setattr("catalogs.stac_catalog.items_path", lambda _: next(answers))
+    write_catalog(tmp_path)
+    assert "published/TWO/stac" in (tmp_path / "catalog.json").read_text()
+
+
+def test_a_picture_is_of_the_longest_unit_that_fits(tmp_path: Path) -> None:
+    publish(tmp_path, [row("w1"), row("w1-f1", 1)])
+    for unit, folder in (("w1", "w1"), ("w1-f1", "w1")):
+        path = tmp_path / "published" / "SNAP" / "stac" / "items" / folder / f"{unit}.json"
+        assert set(json.loads(path.read_text())["assets"]) == {"result", "level-0"}
