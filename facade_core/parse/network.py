@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy import special
 
 from facade_core.errors import ModelError
 from facade_core.labels import CLASSES
@@ -61,9 +62,7 @@ class Network:
         if mirrored:
             logits = logits[:, ::-1]
         logits = cv2.resize(np.ascontiguousarray(logits), (width, height), interpolation=cv2.INTER_LINEAR)
-        classes = logits[..., : len(CLASSES)]
-        classes = np.exp(classes - classes.max(2, keepdims=True))
-        return classes / classes.sum(2, keepdims=True), 1 / (1 + np.exp(-logits[..., len(CLASSES)]))
+        return special.softmax(logits[..., : len(CLASSES)], axis=2), special.expit(logits[..., len(CLASSES)])
 
 
 def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:

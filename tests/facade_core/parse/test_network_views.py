@@ -1,0 +1,78 @@
+from dataclasses import dataclass
+
+import numpy as np
+import pytest
+
+from facade_core.labels import UNKNOWN
+from facade_core.parse.network_views import ANY_CLASS, VIEW, cutouts, view
+
+
+@dataclass(frozen=True)
+class Photo:
+    image: np.ndarray
+    possible: np.ndarray
+    occluder: np.ndarray
+
+
+def gradient(height, width):
+    """A photo whose red and green tell the place, and whose upper half may be class 0, the lower one class 1 or 2."""
+    y, x = np.mgrid[0:height, 0:width]
+    image = np.dstack([y * 255 // max(1, height - 1), x * 255 // max(1, width - 1), np.full_like(y, 128)])
+    possible = np.where(y < height // 2, 0b1, 0b110).astype(np.uint8)
+    return Photo(image.astype(np.uint8), possible, np.zeros((height, width), np.uint8))
+
+
+@pytest.mark.parametrize("shape", [(541, 328), (1024, 1024), (60, 2000), (7, 3)])
+def test_views_have_one_size_and_keep_the_values(shape):
+    for seed in range(12):
+        shown = view(gradient(*shape), [], np.random.default_rng(seed))
+        assert shown.image.shape == (VIEW, VIEW, 3)
+        assert shown.possible.shape == shown.occluder.shape == (VIEW, VIEW)
+        assert shown.place.shape == (2, VIEW // 8, VIEW // 8)
+        assert set(np.unique(shown.possible)) <= {0b1, 0b110, ANY_CLASS}
+        assert ((shown.possible == ANY_CLASS) == (shown.occluder == UNKNOWN)).all()
+        assert (shown.possible != ANY_CLASS).any()
+
+
+def test_labels_follow_the_place_in_the_photo():
+    compared = 0
+    for seed in range(60):
+        shown = view(gradient(900, 700), [], np.random.default_rng(seed))
+        across, down = shown.place
+        assert (np.diff(across, axis=1) > 0).all()  # also in a mirrored view, which is one of a mirrored photo
+        if down[0, 0] < -0.9:
+            continue  # from the top of the photo, or standing for a whole one
+        clear = (np.abs(down) > 0.1) & (down < 1) & (np.abs(across) < 1)
+        assert (((shown.possible[4::8, 4::8] == 0b1) == (down < 0))[clear]).mean() > 0.98
+        compared += 1
+    assert compared > 10
+
+
+def test_equal_seeds_give_equal_views():
+    photo, piece = gradient(300, 200), np.full((40, 30, 4), 255, np.uint8)
+    first, second = (view(photo, [piece], np.random.default_rng(3)) for _ in range(2))
+    assert (first.image == second.image).all()
+    assert (first.place == second.place).all()
+
+
+def test_a_cut_out_hides_the_image_but_not_the_class():
+    photo = gradient(320, 320)
+    piece = np.dstack([np.full((50, 50, 3), 7, np.uint8), np.full((50, 50), 255, np.uint8)])
+    hidden = [view(photo, [piece], np.random.default_rng(seed)) for seed in range(40)]
+    hidden = [shown for shown in hidden if (shown.occluder == 1).any()]
+    assert len(hidden) > 4
+    for shown in hidden:
+        assert set(np.unique(shown.possible[shown.occluder == 1])) <= {0b1, 0b110, ANY_CLASS}
+        assert (shown.occluder == 1).mean() < 0.95
+    assert any((shown.possible[shown.occluder == 1] != ANY_CLASS).any() for shown in hidden)
+
+
+def test_cut_outs_are_the_things_in_front():
+    photo = gradient(200, 200)
+    photo.occluder[20:60, 30:50] = 1
+    photo.occluder[100:101, 100:102] = 1  # too small
+    photo.occluder[150:160, 150:180] = UNKNOWN
+    (piece,) = cutouts([photo])
+    assert piece.shape == (40, 20, 4)
+    assert (piece[..., 3] == 255).all()
+    assert (piece[..., :3] == photo.image[20:60, 30:50]).all()
