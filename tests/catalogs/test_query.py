@@ -302,3 +302,13 @@ def test_the_command(runs: Path) -> None:
     ]
     assert "streetloom: idle is left out: nothing is published there yet" in done.stderr.splitlines()
     assert CliRunner().invoke(main, ["query", str(runs), "--since", "soon"]).exit_code == 2
+
+
+def test_a_time_without_a_zone_is_in_utc_wherever_the_machine_is(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("TZ", "America/New_York")
+    time.tzset()
+    try:
+        assert parse_since("2026-11-11T12:30") == datetime(2026, 11, 11, 12, 30, tzinfo=UTC)
+    finally:
+        monkeypatch.undo()
+        time.tzset()
