@@ -238,10 +238,12 @@ def _draw(
     for polygon in polygons:
         try:
             corners = np.rint(np.array(polygon["segmentation"], np.float64).reshape(-1, 1, 2)).astype(np.int32)
-        except (KeyError, ValueError) as error:
-            raise InputError(f"{path}: polygon {polygon.get('id')} has no list of corners; fetch it again") from error
+            told = meaning[polygon["category_id"]]
+        except (KeyError, ValueError, TypeError) as error:
+            raise InputError(
+                f"{path}: polygon {polygon.get('id')} has no corners or category; fetch it again"
+            ) from error
         inside = cv2.fillPoly(np.zeros(size, np.uint8), [corners], 1) == 1
-        told = meaning[polygon["category_id"]]
         behind = inside & (occluder == 1) if told.occluder is False else np.zeros(size, bool)
         for layer, value in zip((labels, possible, occluder), told.values, strict=True):
             layer[inside] = value
