@@ -1,0 +1,51 @@
+import numpy as np
+import pytest
+
+from benchmarks.parsing import confusion, f1, matches, measure_occluders, scores, unseen
+from catalogs.datasets import LabelledFacade
+from facade_core.labels import UNKNOWN, WALL, WINDOW
+from facade_core.types import Element
+
+
+def test_scores_of_a_small_confusion():
+    truth = np.array([[WALL, WALL, WALL, WINDOW, UNKNOWN]], np.uint8)
+    parsed = np.array([[WALL, WALL, WINDOW, WINDOW, WINDOW]], np.uint8)
+    found = scores(confusion(truth, parsed))
+    assert found["pixel_accuracy"] == 0.75
+    assert found["mean_class_accuracy"] == pytest.approx((2 / 3 + 1) / 2, abs=1e-4)
+    assert found["iou"] == {"wall": pytest.approx(2 / 3, abs=1e-4), "window": 0.5}
+
+
+def test_elements_are_paired_one_to_one_at_half_overlap():
+    true = [Element("window", 0, 0, 10, 10), Element("window", 20, 0, 30, 10), Element("door", 0, 50, 5, 60)]
+    found = [
+        Element("window", 0, 0, 10, 11),
+        Element("window", 0, 1, 10, 10),  # a second one on the same window
+        Element("window", 26, 0, 36, 10),  # overlaps too little
+    ]
+    counts = matches(true, found)
+    assert [counts["window", which] for which in ("true", "found", "both")] == [2, 3, 1]
+    assert f1(counts, "window") == pytest.approx(2 / 5)
+    assert f1(counts, "door") == 0
+    assert f1(counts, "shop") is None
+
+
+def test_facades_trained_on_are_left_out():
+    from facade_core.parse.model_file import read_record
+    from facade_core.parse.segmenter import SHIPPED
+
+    trained_on = next(name for name in read_record(SHIPPED)["training_set"] if name.startswith("ecp/"))
+    empty = np.zeros((2, 2), np.uint8)
+    facades = [LabelledFacade(name, empty, empty, empty, empty) for name in (trained_on[4:], "new")]
+    assert [facade.name for facade in unseen(facades, "ecp", None)] == ["new"]
+    assert len(list(unseen(facades, "artdeco", None))) == 2
+
+
+def test_occluders_where_it_is_known():
+    image = np.random.default_rng(0).integers(0, 256, (64, 64, 3), dtype=np.uint8)
+    occluder = np.zeros((64, 64), np.uint8)
+    occluder[:16], occluder[16:32] = 1, UNKNOWN
+    photo = LabelledFacade("a", image, occluder, occluder, occluder)
+    found = measure_occluders([photo])
+    assert found["images"] == 1
+    assert 0 <= found["iou"] <= found["recall"] <= 1
