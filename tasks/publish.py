@@ -61,7 +61,7 @@ def publish_block(run: Run) -> dict[str, Any]:
         pointer = out / ".current.tmp"
         pointer.write_text(snapshot + "\n")
         os.replace(pointer, out / "current")
-    write_catalog(out)
+    write_catalog(out)  # also where a run ended between the two
     advance("publish", 1)
     return published_summary(out, snapshot)
 
