@@ -21,7 +21,7 @@ SIDE = 4  # chunks along a side of the array, which is one shard
 
 def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     """Share of writes kept when two processes write disjoint chunks side by side, and when two forks write one chunk."""
-    rounds = 3 if quick else 40
+    rounds = 10 if quick else 40
     with tempfile.TemporaryDirectory() as folder:
         return {
             "rounds": rounds,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import importlib
 import json
 import re
@@ -18,6 +19,7 @@ ROOT = Path(__file__).resolve().parents[2]
 RECORDS = ROOT / "deploy" / "adr"
 
 
+@functools.cache
 def quick(name: str) -> dict[str, Any]:
     return importlib.import_module(f"benchmarks.decisions.{name}").measure(True, None)
 
