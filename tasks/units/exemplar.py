@@ -21,11 +21,14 @@ LARGEST = 2000
 
 def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Prepare exemplar `index` and write its image and labels through the fork; returns the fork and the journal record."""
+    start = time.time()
     import cv2
 
-    start = time.time()
     image, hidden = read_image(path)
+    seconds = {"read": time.time() - start}
     prepared = prepare_exemplar(image, hidden, storey=run.storey, seed=unit_seed(run, path.stem, "exemplar"))
+    seconds |= prepared.facade.seconds
+    begun = time.time()
     factor = prepared.metres_per_pixel * run.texels_per_metre
     height, width = (max(8, round(side * factor)) for side in prepared.facade.labels.shape)
     shrink = min(1.0, LARGEST / max(height, width))
@@ -44,6 +47,7 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
     group.create_array(
         f"exemplars/{index}/labels", data=labels, chunks=labels.shape, dimension_names=("row", "column"), overwrite=True
     )
+    seconds["write"] = time.time() - begun
     record = {
         "unit": path.stem,
         "key": key,
@@ -56,7 +60,7 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
         "metres_per_pixel": prepared.metres_per_pixel,
         "worker": worker_name(),
         "started": start,
-        "seconds": {stage: round(s, 4) for stage, s in prepared.facade.seconds.items()},
+        "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }
     return fork, {index: record}
 

@@ -44,27 +44,37 @@ def facade_unit(
 
     A facade that cannot be made is set aside with its reason; the others of the building are written.
     """
+    start = time.time()
     plan = context(run).plan
     group: StoreGroup = zarr.open_group(fork.store)
+    prepared = time.time()
     records: dict[int, dict[str, Any]] = {}
     for facade in facades:
         name = plan.facades.id[facade]
-        record: dict[str, Any] = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": time.time()}
+        record: dict[str, Any] = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": start}
         try:
             made, source = _make(run, plan, group, facade, imagery[facade], textures)
         except Exception as error:
             records[facade] = failure(name, keys[facade], error) | record
+            start = prepared = time.time()
             continue
         record |= {"status": "done", "source": source}
+        stages = made.seconds if made is not None else {}
+        seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
         if made is not None:
+            begun = time.time()
             _write(group, plan, facade, made)
+            seconds["write"] = time.time() - begun
             record |= _summary(made)
-        records[facade] = record
+        records[facade] = record | {"seconds": {stage: round(s, 4) for stage, s in seconds.items()}}
+        start = prepared = time.time()
     for facade, record in records.items():
         if "lattice" in record:
+            begun = time.time()
             scene, chart = plan.scene, int(plan.facades.chart[facade])
             atlas = group["atlas"]
             record["chunks"] = chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, [chart])
+            record["seconds"]["digest"] = round(time.time() - begun, 4)
     return fork, records
 
 
@@ -172,5 +182,4 @@ def _summary(made: Facade) -> dict[str, Any]:
         "variation_levels": len(made.hierarchy.levels),
         "variation_bytes": int(made.hierarchy.nbytes),
         "layout_score": None if made.completion is None else round(float(made.completion.score), 4),
-        "seconds": {stage: round(s, 4) for stage, s in made.seconds.items()},
     }
