@@ -3,39 +3,34 @@
 from __future__ import annotations
 
 import logging
-import os
-import signal
-from collections import Counter
+import threading
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
-from threading import Condition, Lock
 from typing import TYPE_CHECKING, Any
 
 from facade_core.errors import InputError
+from tasks.cluster import UNITS_SHARE, Cluster, ClusterGone
+from tasks.workers import limit_threads, prepared, run_unit, standing
 
 if TYPE_CHECKING:
     from distributed import Client
 
-# Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.
-ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
-# Of the memory that workers have, what units may declare together; the rest is for libraries and a run's plan.
-UNITS_SHARE = 0.6
-# Seconds in which a scheduler must answer and show a worker.
-ANSWER_S = 30
+# Seconds in which a scheduler must answer, and in which it must show a worker: those may be on their way.
+GREETING_S, ANSWER_S = 10, 30
 
 
-@dataclass
+@dataclass(frozen=True, eq=False)
 class _Later:
-    """A unit that runs when its result is asked for: so its work is committed before the next one starts."""
+    """A unit that runs when its result is asked for."""
 
     function: Callable[..., Any]
     arguments: tuple
-    lock: Lock
+    lock: threading.RLock
 
     def result(self) -> Any:
         with self.lock:
-            return self.function(*self.arguments)
+            return run_unit(self.function, *self.arguments)
 
 
 class Serial:
@@ -47,77 +42,23 @@ class Serial:
         import psutil
 
         self.memory = int(psutil.virtual_memory().available * UNITS_SHARE)
-        self._lock = Lock()
-        self._streets = Lock()
+        self._lock = threading.RLock()
+        self._leases = threading.Lock()
 
-    def submit(self, function: Callable[..., Any], *args: Any, worker: str | None = None) -> _Later:
+    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> _Later:
         return _Later(function, args, self._lock)
 
-    def completed(self, futures: Iterable[Any]) -> Iterator[Any]:
-        yield from futures
+    def completed(self, started: Iterable[Any]) -> Iterator[Any]:
+        """The units in order. Until the next one is asked for no other starts: each is committed before the one after it."""
+        for unit in started:
+            with self._lock:
+                yield unit
 
     @contextmanager
     def lease(self, memory: int) -> Iterator[str]:
         """This process, for a sequence of units that share state."""
-        with self._streets:
+        with self._leases:
             yield "serial"
-
-
-class Cluster:
-    """Runs units on the workers of a Dask scheduler.
-
-    memory: bytes that units on all workers may declare together; threads: units that run at once.
-    """
-
-    def __init__(self, client: Client) -> None:
-        self._client = client
-        self._leased: Counter[str] = Counter()
-        self._freed = Condition()
-        self._held = 0
-        workers = self._workers()
-        # a worker without a limit says 0: it may take what its machine has
-        self.memory = int(sum(w["memory_limit"] or 2**33 for w in workers.values()) * UNITS_SHARE)
-        self.threads = sum(w["nthreads"] for w in workers.values())
-
-    def _workers(self) -> dict[str, Any]:
-        return self._client.scheduler_info(n_workers=-1)["workers"]
-
-    def submit(self, function: Callable[..., Any], *args: Any, worker: str | None = None) -> Any:
-        """Start a unit; `worker` is preferred, since it may hold state that another would have to rebuild."""
-        if worker is None:
-            return self._client.submit(function, *args, pure=False)
-        return self._client.submit(function, *args, workers=[worker], allow_other_workers=True, pure=False)
-
-    def completed(self, futures: Iterable[Any]) -> Iterator[Any]:
-        """The futures as they complete. A result leaves the cluster with the last reference to its future."""
-        from distributed import as_completed
-
-        yield from as_completed(list(futures))
-
-    @contextmanager
-    def lease(self, memory: int) -> Iterator[str]:
-        """The address of a worker for a sequence of units that share a state of `memory` bytes.
-
-        Waits until a worker has a thread free, and until the states on all workers fit their memory; one is always let in.
-        """
-        with self._freed:
-            while not (free := self._free(memory)):
-                self._freed.wait(timeout=5)  # a worker may have joined meanwhile
-            worker = min(free, key=lambda address: (self._leased[address], address))
-            self._leased[worker] += 1
-            self._held += memory
-        try:
-            yield worker
-        finally:
-            with self._freed:
-                self._leased[worker] -= 1
-                self._held -= memory
-                self._freed.notify_all()
-
-    def _free(self, memory: int) -> list[str]:
-        if self._held and self._held + memory > self.memory:
-            return []
-        return [address for address, worker in self._workers().items() if self._leased[address] < worker["nthreads"]]
 
 
 Compute = Serial | Cluster
@@ -125,11 +66,7 @@ Compute = Serial | Cluster
 
 def lost(error: BaseException) -> bool:
     """Whether an error says that the cluster is gone, not that a unit failed."""
-    from concurrent.futures import CancelledError
-
-    from distributed.comm import CommClosedError
-
-    return isinstance(error, CancelledError | CommClosedError)
+    return isinstance(error, ClusterGone)
 
 
 @contextmanager
@@ -137,36 +74,41 @@ def connect(workers: int, dask: str | None, folder: str) -> Iterator[Compute]:
     """Compute on the scheduler at address `dask`, else on `workers` local processes; one worker is this process itself.
 
     `folder` is where units write: every worker must see it. Raises InputError where the scheduler does not answer, has no
-    worker, or its workers do not see the folder.
+    worker, or its workers do not see the folder or have another version of the code.
     """
     if dask is None and workers <= 1:
-        _single_threaded()
+        limit_threads()
         yield Serial()
         return
     import dask as dask_module
     from distributed import Client, LocalCluster
 
-    with dask_module.config.set({"distributed.worker.daemon": True, "distributed.admin.tick.limit": "60s"}):
-        for name in ("distributed", "distributed.scheduler", "distributed.nanny", "distributed.core"):
-            logging.getLogger(name).setLevel(logging.ERROR)
+    # what a unit raises comes back to its task, which says it better
+    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    settings = {
+        "distributed.worker.daemon": True,
+        "distributed.admin.tick.limit": "60s",
+        "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
+        # a local cluster forgets a worker whose nanny takes longer to start it anew than this
+        "distributed.deploy.lost-worker-timeout": "1 day",
+    }
+    with dask_module.config.set(settings):
         if dask is not None:
             with _client(dask) as client:
                 _check_workers(client, dask, folder)
                 yield Cluster(client)
             return
-        os.environ.update({k: v for k, v in ONE_THREAD.items() if k not in os.environ})
         with (
             LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,  # what a unit raises comes back to its task, which says it better
+                silence_logs=logging.CRITICAL,
             ) as cluster,
             Client(cluster) as client,
         ):
-            client.run(_ignore_interrupts)
-            client.register_plugin(_prepared(), name="streetloom")
+            client.register_plugin(prepared(ours=True), name="streetloom")
             yield Cluster(client)
 
 
@@ -176,51 +118,59 @@ def _client(address: str) -> Iterator[Client]:
 
     remedy = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
     try:
+        _knock(address)
         client = Client(address, timeout=ANSWER_S)
-    except (OSError, ValueError, TypeError) as error:
+    except Exception as error:  # what does not speak Dask is met with errors of every kind
         raise InputError(f"--dask {address}: no scheduler answers there; {remedy}") from error
     with client:
         try:
             client.wait_for_workers(1, timeout=ANSWER_S)
-        except TimeoutError as error:
+        except (TimeoutError, OSError) as error:
             raise InputError(f"--dask {address}: the scheduler has no worker; {remedy}") from error
         yield client
 
 
+def _knock(address: str) -> None:
+    """Raise at once where nothing listens, and soon where something else does: a client that fails is long in ending."""
+    import asyncio
+    import socket
+
+    from distributed.comm import connect as greet
+    from distributed.comm.addressing import parse_address, parse_host_port
+
+    async def hello() -> None:
+        (await asyncio.wait_for(greet(address), GREETING_S)).abort()
+
+    scheme, place = parse_address(address)
+    if scheme not in ("tcp", "tls"):
+        raise ValueError(f"not a Dask address: {address!r}")
+    socket.create_connection(parse_host_port(place), timeout=GREETING_S).close()
+    asyncio.run(hello())
+
+
 def _check_workers(client: Client, address: str, folder: str) -> None:
+    import tempfile
+
+    from tasks.run import code_version
+
     try:
-        seen = client.run(os.path.isdir, folder)
-        client.register_plugin(_prepared(), name="streetloom")
+        client.register_plugin(prepared(ours=False), name="streetloom")
+        with tempfile.NamedTemporaryFile(
+            dir=folder, prefix=".seen-"
+        ) as token:  # elsewhere a folder may have the same name
+            answers = client.run(standing, token.name)
     except Exception as error:  # whatever a worker of another make answers with
         raise InputError(
             f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
         ) from error
-    if blind := sorted(worker for worker, there in seen.items() if not there):
-        raise InputError(
-            f"--dask {address}: worker {blind[0]} does not see {folder}; name a folder with --out that all workers share"
-        )
-
-
-def _prepared() -> Any:
-    """A plugin that prepares every worker, those that join later too."""
-    from distributed import WorkerPlugin
-
-    class SingleThreaded(WorkerPlugin):
-        def setup(self, worker: Any) -> None:
-            _single_threaded()
-
-    return SingleThreaded()
-
-
-def _ignore_interrupts() -> None:
-    # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-
-
-def _single_threaded() -> None:
-    import cv2
-    import scipy.linalg  # noqa: F401 the limit holds for libraries that are loaded
-    from threadpoolctl import threadpool_limits
-
-    cv2.setNumThreads(1)
-    threadpool_limits(1)
+    for worker, (sees, version) in sorted(answers.items()):
+        if not sees:
+            raise InputError(
+                f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
+                "name a folder with --out that all workers share"
+            )
+        if version != code_version():
+            raise InputError(
+                f"--dask {address}: worker {worker} has version {version} and this is {code_version()}; "
+                "start them in the same environment"
+            )

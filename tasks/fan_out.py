@@ -18,7 +18,7 @@ from tasks.run import Run
 
 # Batches on their way at once: while the last units of one are awaited, the next one's keep the workers busy.
 AT_ONCE = 2
-# Units in a batch at most: what is lost with a coordinator or repeated for a worker stays small.
+# Units in a batch at most, or one for each thread of a large cluster: what is repeated for a lost coordinator stays small.
 LARGEST = 24
 
 
@@ -54,11 +54,12 @@ class Stage:
 
 def batches(work: Iterable[Work], compute: Compute) -> Iterator[list[Work]]:
     """Work in order, in batches of which AT_ONCE fit the workers' memory together; what is larger has one of its own."""
+    most, largest = compute.memory // AT_ONCE, max(LARGEST, compute.threads)
     batch: list[Work] = []
     memory = units = 0
     for piece in work:
         memory, units = memory + piece.memory, units + len(piece.units)
-        if batch and (memory > compute.memory // AT_ONCE or units > LARGEST):
+        if batch and (memory > most or units > largest):
             yield batch
             batch, memory, units = [], piece.memory, len(piece.units)
         batch.append(piece)
@@ -78,12 +79,12 @@ def process_batch(
     started: dict[Any, tuple[Work, Any]] = {}
     for piece in batch:
         session, fork = begin(run.store)
-        started[compute.submit(function, run, fork, *piece.arguments)] = (piece, session)
+        started[compute.submit(function, run, fork, *piece.arguments, memory=piece.memory)] = (piece, session)
     outcome = Outcome()
-    for future in compute.completed(list(started)):
-        piece, session = started.pop(future)
+    for unit in compute.completed(list(started)):
+        piece, session = started.pop(unit)
         try:
-            fork, records = future.result()
+            fork, records = unit.result()
         except BaseException as error:
             if lost(error):
                 raise FacadeError(f"{stage}: the Dask cluster went away; run again to go on from here") from error
@@ -92,7 +93,7 @@ def process_batch(
             session, fork = begin(run.store)
             records = {index: failure(name, key, error) for index, (name, key) in piece.units.items()}
         finish(session, fork, stage, records, f"{stage} {', '.join(name for name, _ in piece.units.values())}")
-        del future, fork  # with the last reference its result leaves the cluster
+        del unit, fork  # with the last reference its result leaves the cluster
         made = Outcome().add(records.values())
         advance(stage, made.finished, len(made.failed))
         outcome += made
