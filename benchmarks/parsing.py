@@ -25,7 +25,8 @@ from catalogs.datasets import ARTDECO, ECP, LABELMEFACADE, RUEMONGE, LabelledFac
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.parse import elements, parse
 from facade_core.parse.model_file import read_record
-from facade_core.parse.segmenter import SHIPPED
+from facade_core.parse.regularity import regularise
+from facade_core.parse.segmenter import SHIPPED, parse_with
 from facade_core.types import Element
 
 SETS = {
@@ -36,14 +37,15 @@ SETS = {
 _LEAST_OVERLAP = 0.5
 
 
-def measure(facades: Iterable[LabelledFacade], *, model: Path | None = None) -> dict[str, Any]:
-    """Parse each facade; score the pixels whose true class is known, and the elements."""
+def measure(facades: Iterable[LabelledFacade], *, model: Path | None = None, regular: bool = True) -> dict[str, Any]:
+    """Parse each facade, with the last step that makes it regular or without; score the pixels whose true class is
+    known, and the elements."""
     counts = np.zeros((len(CLASSES), len(CLASSES)), np.int64)
     boxes: Counter[tuple[str, str]] = Counter()
     seconds = []
     for facade in facades:
         start = time.perf_counter()
-        labels = parse(facade.image, model=model).labels
+        labels = parse_with(facade.image, model, regularise if regular else lambda confidence: confidence).labels
         seconds.append(time.perf_counter() - start)
         counts += confusion(facade.labels, labels)
         boxes += matches(elements(facade.labels), elements(np.where(facade.labels == UNKNOWN, UNKNOWN, labels)))
@@ -154,6 +156,9 @@ def main(arguments: list[str] | None = None) -> None:
     )
     parser.add_argument("--model", type=Path, help="another .onnx file, with its .json beside it")
     parser.add_argument("--sets", nargs="*", choices=[*SETS, "labelmefacade"], help="all without it")
+    parser.add_argument(
+        "--ablation", action="store_true", help="measure too without the step that makes parses regular"
+    )
     options = parser.parse_args(arguments)
     chosen = options.sets or [*SETS, "labelmefacade"]
     result: dict[str, Any] = {"benchmark": "parsing", "model": (options.model or SHIPPED).name}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -14,6 +15,7 @@ from facade_core.labels import CLASSES
 from facade_core.parse import forest, network
 from facade_core.parse.checks import check_image
 from facade_core.parse.model_file import read_record, stamp
+from facade_core.parse.regularity import regularise
 from facade_core.types import Parsing
 
 # The model that parses where none is named.
@@ -51,7 +53,8 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     """Label each pixel of a rectified facade with one of the seven classes.
 
     image: (H, W, 3) uint8 RGB, or (H, W, 4) RGBA where alpha < 128 hides a pixel. model: another .onnx file with its
-    .json beside it, a forest or a network. The class of most confidence wins.
+    .json beside it, a forest or a network. Windows, doors and balconies are made rectangular and aligned
+    (`regularity`); then the class of most confidence wins.
 
     confidence sums to 1 in each pixel. occluded marks pixels that alpha hides or where the segmenter sees a tree, a
     car or the like in front of the facade. What alpha hides takes the confidence, and so the label, of the nearest
@@ -60,6 +63,11 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
 
     Raises ImageError for an image of another kind or without a visible pixel, ModelError for an unusable model.
     """
+    return parse_with(image, model, regularise)
+
+
+def parse_with(image: np.ndarray, model: str | Path | None, finish: Callable[[np.ndarray], np.ndarray]) -> Parsing:
+    """`parse` with another last step, from confidence to confidence: what regularity brings is measured with none."""
     check_image(image)
     segmenter = load_segmenter(model)
     height, width = image.shape[:2]
@@ -68,6 +76,7 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
         raise ImageError("image: alpha hides every pixel; pass the image without its alpha channel, or a visible one")
     working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
     confidence, hidden = segmenter.segment(working)
+    confidence = finish(confidence)
     if nearest is not None:
         confidence, hidden = confidence[nearest], hidden[nearest]
     labels, confidence = _to_full_size(confidence, height, width)
