@@ -81,8 +81,9 @@ def city_block(
 
 
 def _texture(run: Run, block: Block, workers: int, dask: str | None) -> dict[str, Any]:
+    ingest = ingest_block.submit(run, block)  # on its way while workers start
     with connect(workers, dask, run.out) as compute:
-        outline = ingest_block(run, block)
+        outline = ingest.result()
         outcome = _process(run, textures_due(run, outline.textured, block.textures), compute)
         outcome += _process(run, exemplars_due(run, block.exemplars), compute)
         outcome += _facades(run, block, outline, compute)

@@ -266,9 +266,10 @@ def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: b
         summary = nothing_due(run)
         if summary is None:
             end_on_interrupt()
-            with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect"):
-                from flows.block import city_block
+            with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect") as ready:
+                from flows.block import city_block  # takes seconds, in which the server starts
 
+                ready()
                 summary = cast(dict[str, Any], city_block(block_file.resolve(), out, workers=workers, dask=dask))
     summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:

@@ -63,21 +63,32 @@ def measured(block: Path, out: Path, workers: int) -> dict[str, Any]:
     }
 
 
-def start_up(begun: float, units: Sequence[Unit], spans: Sequence[Span]) -> dict[str, float]:
-    """What passed between the command and its first unit, in order; spans that overlap are cut at the next one's start."""
-    marks = [("interpreter", begun)]
+def start_up(begun: float, units: Sequence[Unit], spans: Sequence[Span]) -> dict[str, Any]:
+    """What passed between the command and its first unit, in order, and how long what overlaps took: server, cluster, ingest.
+
+    The server starts beside the imports, the cluster beside the ingest.
+    """
     starts = {what: start for what, start, _ in reversed(spans)}
     ends = {what: end for what, _, end in reversed(spans)}
-    marks.append(("first_read_of_block", starts["command"]))
-    marks.append(("server", starts["server"]))
-    marks.append(("imports", starts["imports"]))
-    marks.append(("flow_engine", ends["imports"]))
-    marks.append(("second_read_of_block", starts["flow"]))
-    marks.append(("cluster", starts["cluster"]))
-    marks.append(("ingest", ends["cluster"]))
-    marks.append(("first_unit_on_its_way", ends["ingest"]))
-    times = [at for _, at in marks] + [min(u.start for u in units)]
-    return {name: round(after - at, 2) for (name, at), after in zip(marks, times[1:], strict=True)}
+    marks = {
+        "interpreter": begun,
+        "first_read_of_block": starts["command"],
+        "imports": starts["server"],
+        "waiting_for_server": starts["ready"],
+        "flow_engine": ends["ready"],
+        "second_read_of_block": starts["flow"],
+        "cluster_and_ingest": starts["cluster"],
+        "first_unit_on_its_way": max(ends["cluster"], ends["ingest"]),
+    }
+    times = [*marks.values(), min(u.start for u in units)]
+    overlapping = {
+        "server": ends["ready"] - starts["server"],
+        "cluster": ends["cluster"] - starts["cluster"],
+        "ingest": ends["ingest"] - starts["ingest"],
+    }
+    return {name: round(after - at, 2) for name, at, after in zip(marks, times, times[1:], strict=False)} | {
+        "overlapping": {name: round(seconds, 2) for name, seconds in overlapping.items()}
+    }
 
 
 def _costs(units: Sequence[Unit], spans: Sequence[Span], workers: int) -> dict[str, Any]:

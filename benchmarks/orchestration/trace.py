@@ -68,7 +68,7 @@ def _server(server: Callable[..., AbstractContextManager[Any]]) -> Callable[...,
     def with_clocks(*args: Any, **kwargs: Any) -> Iterator[Any]:
         with timed(*args, **kwargs) as value:
             _timed("imports", _install)()
-            yield value
+            yield _timed("ready", value)
 
     return with_clocks
 
