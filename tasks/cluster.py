@@ -8,6 +8,7 @@ import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from queue import Empty, SimpleQueue
 from typing import TYPE_CHECKING, Any, NoReturn
 
 from facade_core.errors import FacadeError
@@ -113,20 +114,17 @@ class Cluster:
         reference to its unit."""
         from distributed import KilledWorker
 
-        waiting = {unit.future: unit for unit in started}
+        waiting = {unit.future.key: unit for unit in started}
         suspects = []
+        ended = _ended(unit.future for unit in waiting.values())
         del started
         while waiting:
-            done = self._wait(waiting)
-            while done:
-                future = done.pop()
-                unit = waiting.pop(future)
-                if future.status == "error" and isinstance(future.exception(), KilledWorker):
-                    suspects.append(unit)
-                    continue
-                del future
-                yield unit
-                del unit
+            unit = waiting.pop(self._next(ended))
+            if unit.future.status == "error" and isinstance(unit.future.exception(), KilledWorker):
+                suspects.append(unit)
+                continue
+            yield unit
+            del unit
         yield from suspects
 
     def result(self, future: Future) -> Any:
@@ -135,26 +133,19 @@ class Cluster:
 
         from distributed.comm import CommClosedError
 
-        while not self._wait([future]):
-            pass
+        if not future.done():
+            self._next(_ended([future]))
         try:
             return future.result()
         except (CancelledError, CommClosedError) as error:
             _gone(error)
 
-    def _wait(self, futures: Iterable[Future]) -> set[Future]:
-        """Those of some futures that are done, at least one; none where it has to be asked again."""
-        from concurrent.futures import CancelledError
-
-        from distributed import wait
-
-        try:
-            return wait(list(futures), timeout=LOOK_S, return_when="FIRST_COMPLETED").done
-        except CancelledError as error:
-            _gone(error)
-        except TimeoutError:
-            self._workers()
-            return set()
+    def _next(self, ended: SimpleQueue[str]) -> str:
+        while True:
+            try:
+                return ended.get(timeout=LOOK_S)
+            except Empty:
+                self._workers()
 
     @contextmanager
     def lease(self, memory: int) -> Iterator[str]:
@@ -206,6 +197,14 @@ class Cluster:
         elif time.monotonic() - self._seen > EMPTY_S:
             raise ClusterGone("the Dask scheduler has no worker left; start some (`dask worker ADDRESS`) and run again")
         return workers
+
+
+def _ended(futures: Iterable[Future]) -> SimpleQueue[str]:
+    """The keys of futures as they end. What waits with a time limit in Dask itself may hold on to futures when that is over."""
+    keys: SimpleQueue[str] = SimpleQueue()
+    for future in futures:
+        future.add_done_callback(lambda ended: keys.put(ended.key))
+    return keys
 
 
 def _share(worker: dict[str, Any]) -> int:

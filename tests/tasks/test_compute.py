@@ -242,9 +242,11 @@ MALFORMED = (
 @pytest.mark.parametrize("address", [*MALFORMED, "tcp://127.0.0.1:9", "127.0.0.1:9", "tcp://nowhere.invalid:8786"])
 def test_an_address_without_a_scheduler_is_refused_at_once(address: str, tmp_path: Path) -> None:
     start = time.monotonic()
-    with pytest.raises(InputError, match="no scheduler answers there; start one with") as raised:
-        with connect(1, address, str(tmp_path)):
-            pass
+    with (
+        pytest.raises(InputError, match="no scheduler answers there; start one with") as raised,
+        connect(1, address, str(tmp_path)),
+    ):
+        pass
     assert address in str(raised.value)
     assert time.monotonic() - start < 10
 
@@ -257,19 +259,25 @@ def test_what_is_no_scheduler_is_refused(listener: str, tmp_path: Path, monkeypa
 
 def test_a_scheduler_without_workers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(compute, "ANSWER_S", 1)
-    with LocalCluster(n_workers=0, host="127.0.0.1", dashboard_address=None, processes=False, protocol="tcp") as empty:
-        with pytest.raises(InputError, match="the scheduler has no worker"):
-            with connect(1, empty.scheduler_address, str(tmp_path)):
-                pass
+    with (
+        LocalCluster(
+            n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", processes=False, protocol="tcp"
+        ) as empty,
+        pytest.raises(InputError, match="the scheduler has no worker"),
+        connect(1, empty.scheduler_address, str(tmp_path)),
+    ):
+        pass
 
 
 def test_workers_with_other_code_are_refused(
     workers: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr("tasks.run.code_version", lambda: "other")
-    with pytest.raises(InputError, match="and this is other; start them in the same environment"):
-        with connect(1, workers.scheduler_address, str(tmp_path)):
-            pass
+    with (
+        pytest.raises(InputError, match="and this is other; start them in the same environment"),
+        connect(1, workers.scheduler_address, str(tmp_path)),
+    ):
+        pass
 
 
 def test_workers_that_cannot_write_where_units_do_are_refused(workers: LocalCluster, tmp_path: Path) -> None:

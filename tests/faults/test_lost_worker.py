@@ -1,0 +1,104 @@
+"""Workers killed, and others that join late: the same atlas, and nothing that was committed done again."""
+
+from __future__ import annotations
+
+import sys
+import threading
+import time
+from collections import Counter
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cloudpickle
+import pytest
+
+from facade_core.atlas.store import BRANCH, open_repository
+from tasks import fan_out
+from tasks.commits import journal
+from tasks.compute import connect
+from tasks.fan_out import Work, process_batch
+from tests.pipeline.conftest import block, undisturbed  # noqa: F401
+from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
+
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+
+def slow(run: Any, fork: Any, index: int, folder: str) -> tuple[Any, dict[int, dict[str, Any]]]:
+    """Leaves a line with its worker in a file of its own each time that it begins."""
+    from distributed import get_worker
+
+    worker = str(get_worker().name)
+    with (Path(folder) / str(index)).open("a") as file:
+        file.write(f"{worker}\n")
+    time.sleep(0.4)
+    return fork, {index: {"unit": str(index), "status": "done", "worker": worker}}
+
+
+def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    committed: dict[int, str] = {}
+    monkeypatch.setattr(fan_out, "begin", lambda store: ("session", "fork"))
+    monkeypatch.setattr(
+        fan_out,
+        "finish",
+        lambda session, fork, stage, records, message: committed.update(
+            {index: record["worker"] for index, record in records.items()}
+        ),
+    )
+    folder = tmp_path / "units"
+    folder.mkdir()
+    with machines(tmp_path / "machines") as cluster:
+        cluster.worker("one")
+        cluster.worker("two")
+        with connect(1, cluster.address, str(tmp_path)) as compute:
+            wait_until(lambda: compute.threads == 2, 120)
+
+            def lose() -> None:
+                wait_until(lambda: len(committed) >= 5 and "two" in committed.values(), 120)
+                before.extend(committed)
+                cluster.kill("two")
+                cluster.worker("late")
+
+            before: list[int] = []
+            thread = threading.Thread(target=lose)
+            thread.start()
+            # long enough for a worker to start in: an interpreter's start takes seconds on a busy machine
+            work = [Work({i: (str(i), "")}, (i, str(folder)), 10**6) for i in range(90)]
+            outcome = process_batch.fn(SimpleNamespace(store=None), "slow", "1", slow, work, compute)  # type: ignore[arg-type]
+            thread.join()
+    assert outcome.done == 90
+    assert not outcome.failed
+    runs = {int(path.name): path.read_text().split() for path in folder.iterdir()}
+    assert sorted(runs) == list(range(90))
+    assert all(len(runs[i]) == 1 for i in before)
+    repeated = {i: workers for i, workers in runs.items() if len(workers) > 1}
+    assert len(repeated) <= 3  # what ran there, what was next, and a result not fetched yet
+    assert all(workers[0] == "two" and len(workers) == 2 for workers in repeated.values())
+    assert "late" in committed.values()
+
+
+def test_workers_killed_among_facades_and_in_a_street(
+    block: Path,  # noqa: F811
+    undisturbed: tuple[Path, dict[str, Any]],  # noqa: F811
+    tmp_path: Path,
+) -> None:
+    out = tmp_path / "out"
+    with machines(tmp_path / "machines") as cluster:
+        cluster.worker("one")
+        cluster.worker("two")
+        process = start(block, out, cluster.address)
+        wait_until(lambda: done(out, "facades") >= 1, 300)
+        cluster.kill("one")
+        cluster.worker("three")
+        wait_until(lambda: done(out, "viewpoints") >= 3, 300)
+        cluster.kill("two")
+        summary = finish(process)
+    assert summary["atlas_digest"] == undisturbed[1]["atlas_digest"]
+    assert summary["facades_failed"] == 0
+    assert summary["failures"] == []
+    commits = Counter(s.message for s in open_repository(out / "store").ancestry(branch=BRANCH))
+    assert {message: n for message, n in commits.items() if n > 1} == {}
+    workers = {record["worker"] for stage in ("facades", "viewpoints") for record in journal(out / "store", stage)}
+    assert "three" in workers
