@@ -1,0 +1,157 @@
+"""Prefect as its user runs it: a server and a worker of their own, and the lines of deploy/README.md typed into a shell."""
+
+from __future__ import annotations
+
+import os
+import shlex
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+from urllib.error import URLError
+from urllib.request import urlopen
+
+import psutil
+
+from flows.server import QUIET
+from tests.pipeline.conftest import ROOT, environment
+
+if TYPE_CHECKING:
+    from prefect.client.orchestration import SyncPrefectClient
+
+README = (ROOT / "deploy" / "README.md").read_text()
+# A loaded machine imports Prefect for half a minute.
+PATIENCE_S = 300
+
+T = TypeVar("T")
+
+
+@dataclass(frozen=True)
+class Site:
+    """A Prefect of its own: `home` holds its data and logs, `environment` is that of every command typed."""
+
+    home: Path
+    environment: dict[str, str]
+    started: list[subprocess.Popen] = field(default_factory=list)
+
+    @property
+    def api(self) -> str:
+        return self.environment["PREFECT_API_URL"]
+
+    def client(self) -> SyncPrefectClient:
+        from prefect.client.orchestration import SyncPrefectClient
+
+        return SyncPrefectClient(self.api)
+
+
+def new_site(home: Path) -> Site:
+    """Nothing runs yet; the port is free now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = str(probe.getsockname()[1])
+    own = {
+        "PREFECT_HOME": str(home),
+        "PREFECT_SERVER_API_PORT": port,
+        "PREFECT_API_URL": f"http://127.0.0.1:{port}/api",
+        "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
+        "COLUMNS": "200",
+    }
+    home.mkdir(parents=True)
+    return Site(home, environment(home) | QUIET | own)
+
+
+def words(line: str, replaced: dict[str, str]) -> list[str]:
+    """The words of a line that deploy/README.md gives, with names of its examples replaced by the test's own."""
+    given = [known.split("  #")[0].strip() for known in README.splitlines()]
+    assert line in given, f"not in deploy/README.md: {line}"
+    for example, own in replaced.items():
+        assert example in line
+        line = line.replace(example, own)
+    return shlex.split(line)
+
+
+def typed(site: Site, line: str, replaced: dict[str, str] | None = None, expect: int = 0) -> str:
+    """Type a line in the project's root and wait for it; returns what it printed."""
+    done = subprocess.run(
+        words(line, replaced or {}),
+        cwd=ROOT,
+        env=site.environment,
+        stdin=subprocess.DEVNULL,
+        capture_output=True,
+        text=True,
+        timeout=PATIENCE_S,
+    )
+    assert done.returncode == expect, done.stdout[-3000:] + done.stderr[-3000:] + _logs(site)
+    return done.stdout
+
+
+def left_running(site: Site, line: str, log: str, replaced: dict[str, str] | None = None) -> subprocess.Popen:
+    """Type a line and leave it running, as in a terminal of its own."""
+    with (site.home / log).open("wb") as output:
+        process = subprocess.Popen(
+            words(line, replaced or {}),
+            cwd=ROOT,
+            env=site.environment,
+            stdin=subprocess.DEVNULL,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            start_new_session=True,
+        )
+    site.started.append(process)
+    return process
+
+
+def until(asked: Callable[[], T], site: Site, seconds: float = PATIENCE_S) -> T:
+    """What `asked` answers once that is true; fails with the logs when it takes longer than `seconds`."""
+    deadline = time.monotonic() + seconds
+    while not (answer := asked()):
+        assert time.monotonic() < deadline, _logs(site)
+        time.sleep(0.5)
+    return answer
+
+
+def healthy(site: Site) -> bool:
+    try:
+        with urlopen(f"{site.api}/health", timeout=5):
+            return True
+    except (URLError, OSError):
+        return False
+
+
+def running(site: Site) -> list[psutil.Process]:
+    """Every process that was started with this site's environment, by whomever."""
+    found = []
+    for process in psutil.process_iter():
+        try:
+            if process.environ().get("PREFECT_HOME") == str(site.home) and process.status() != psutil.STATUS_ZOMBIE:
+                found.append(process)
+        except (psutil.NoSuchProcess, psutil.AccessDenied):
+            continue
+    return found
+
+
+def end(site: Site) -> list[psutil.Process]:
+    """End what was left running, the last first, as Ctrl-C does; returns what is still there a while after."""
+    for process in reversed(site.started):
+        if process.poll() is None:
+            os.killpg(process.pid, signal.SIGINT)
+            try:
+                process.wait(30)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+    deadline = time.monotonic() + 30
+    while (left := running(site)) and time.monotonic() < deadline:
+        time.sleep(0.2)
+    for process in left:
+        process.kill()
+    return left
+
+
+def _logs(site: Site) -> str:
+    return "".join(f"\n--- {log.name}\n{log.read_text()[-3000:]}" for log in sorted(site.home.glob("*.log")))

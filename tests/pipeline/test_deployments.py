@@ -1,0 +1,260 @@
+"""Deployments, typed as deploy/README.md gives them: a server, a worker, single and scheduled runs, and what they tell."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+import subprocess
+from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from uuid import UUID
+
+import pytest
+import yaml
+
+from facade_core.atlas.journal import STAGES
+from tasks.commits import journal
+from tests.pipeline.conftest import ROOT, command
+from tests.pipeline.deployed import README, Site, end, healthy, left_running, new_site, running, typed, until
+
+if TYPE_CHECKING:
+    from prefect.client.schemas.objects import FlowRun
+
+pytestmark = pytest.mark.timeout(1200)
+
+RUN = (
+    """prefect deployment run city-block/dev --watch --param block_file='"blocks/mine.yaml"' --param out='"out/mine"'"""
+)
+
+Summary = dict[str, Any]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+    """A server with both deployments, and a worker."""
+    made = new_site(tmp_path_factory.mktemp("site") / "prefect")
+    try:
+        left_running(made, "prefect server start", "server.log")
+        until(lambda: healthy(made), made)
+        typed(made, "prefect work-pool create streetloom --type process")
+        typed(made, "prefect deploy -n city-block/dev")
+        left_running(made, "prefect worker start --type process --pool streetloom", "worker.log")
+        yield made
+    finally:
+        end(made)
+
+
+@pytest.fixture(scope="module")
+def finished(site: Site, block: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, FlowRun, str]:
+    """The small block, run through the deployment: its folder, its run, and what a second run there said meanwhile."""
+    out = tmp_path_factory.mktemp("deployed") / "out"
+    run = left_running(site, RUN, "run.log", {"blocks/mine.yaml": str(block), "out/mine": str(out)})
+    until((out / "store").is_dir, site)
+    second = subprocess.run(command(block, out, 1), cwd=ROOT, env=site.environment, capture_output=True, text=True)
+    assert second.returncode == 2
+    assert run.wait(900) == 0
+    return out, the_run(site, "dev"), second.stderr
+
+
+def the_run(site: Site, deployment: str) -> FlowRun:
+    """The newest run of a deployment that is not only scheduled."""
+    return runs(site, deployment)[0]
+
+
+def runs(site: Site, deployment: str, scheduled: bool = False) -> list[FlowRun]:
+    """The runs of a deployment, the newest first: those that are only scheduled, or the others."""
+    from prefect.client.schemas.filters import DeploymentFilter, DeploymentFilterName
+    from prefect.client.schemas.sorting import FlowRunSort
+
+    with site.client() as client:
+        found = client.read_flow_runs(
+            deployment_filter=DeploymentFilter(name=DeploymentFilterName(any_=[deployment])),
+            sort=FlowRunSort.EXPECTED_START_TIME_DESC,
+        )
+    return [run for run in found if (run.state_name in ("Scheduled", "Late")) == scheduled]
+
+
+def artifacts(site: Site, run: UUID) -> dict[str, tuple[Any, str]]:
+    """The artifacts of a run: key without the block's name -> (data, description)."""
+    from prefect.client.schemas.filters import ArtifactFilter, ArtifactFilterFlowRunId
+
+    with site.client() as client:
+        found = client.read_artifacts(
+            artifact_filter=ArtifactFilter(flow_run_id=ArtifactFilterFlowRunId(any_=[run])),
+        )
+    shown = {}
+    for artifact in found:
+        assert artifact.key
+        assert artifact.key.startswith("helsinki-")
+        data = artifact.data
+        if artifact.type == "table":
+            data = json.loads(str(data))
+        shown[artifact.key.removeprefix("helsinki-")] = (data, artifact.description or "")
+    return shown
+
+
+def test_the_clients_own_listing_is_answered(site: Site) -> None:
+    """A server whose web framework is too new answers its own client with 422 (ADR 0009)."""
+    done = subprocess.run(
+        ["prefect", "deployment", "ls"], env=site.environment, capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+    assert "city-block/dev" in done.stdout
+
+
+def test_a_run_completes_and_is_named_after_block_and_date(site: Site, finished: tuple[Path, FlowRun, str]) -> None:
+    _, run, _ = finished
+    assert run.state_name == "Completed"
+    assert run.run_count == 1
+    assert run.expected_start_time
+    assert run.name == f"helsinki {run.expected_start_time.astimezone(UTC):%Y-%m-%d %H:%M}"
+    assert set(run.tags) >= {"streetloom", "dev"}
+
+
+def test_tasks_are_named_after_what_they_do(site: Site, finished: tuple[Path, FlowRun, str]) -> None:
+    from prefect.client.schemas.filters import FlowRunFilter, FlowRunFilterId
+
+    with site.client() as client:
+        tasks = client.read_task_runs(flow_run_filter=FlowRunFilter(id=FlowRunFilterId(any_=[finished[1].id])))
+    names = {task.name for task in tasks}
+    assert names >= {"ingest", "choose exemplars", "street Kasarmikatu", "street Rikhardinkatu", "publish"}
+    for name in names - {"ingest", "choose exemplars", "publish"}:
+        assert re.fullmatch(r"(exemplars|facades) \d+ of \d+|street \w+", name)
+
+
+def test_the_same_atlas_as_without_deployments(
+    finished: tuple[Path, FlowRun, str], undisturbed: tuple[Path, Summary]
+) -> None:
+    out, _, _ = finished
+    snapshot = (out / "current").read_text().strip()
+    summary = json.loads((out / "published" / snapshot / "summary.json").read_text())
+    assert summary["atlas_digest"] == undisturbed[1]["atlas_digest"]
+    for path in ("block.glb", "items.parquet", "report/index.html"):
+        assert (out / "published" / snapshot / path).stat().st_size > 1000
+
+
+def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, FlowRun, str]) -> None:
+    out, run, _ = finished
+    shown = artifacts(site, run.id)
+    assert set(shown) == {"progress", "units", "failures", "report", "outputs"}
+    assert shown["progress"][0] == 100
+    records = [(stage, record["unit"]) for stage in STAGES for record in journal(out / "store", stage) if record]
+    rows = shown["units"][0]
+    assert sorted((row["stage"], row["unit"]) for row in rows) == sorted([("ingest", "helsinki"), *records])
+    assert {row["status"] for row in rows} == {"done"}
+    assert all(row["seconds"] > 0 for row in rows if row["stage"] == "facades")
+    assert shown["units"][1] == f"{len(rows)} units: {len(rows)} done in this run, 0 before, 0 failed"
+    assert shown["failures"] == ([], "no unit failed or was set aside")
+    published = (out / "published" / (out / "current").read_text().strip()).resolve()
+    assert (published / "report" / "index.html").as_uri() in shown["report"][0]
+    for path in ("block.glb", "items.parquet", "report/index.html"):
+        assert str(published / path) in shown["outputs"][0]
+
+
+def test_a_second_run_in_the_folder_is_refused(finished: tuple[Path, FlowRun, str]) -> None:
+    out, _, said = finished
+    assert said.strip().splitlines() == [
+        f"streetloom: {out}: another run is at work in it; wait for it, or name another folder with --out"
+    ]
+
+
+def test_a_schedule_fires_and_skips_what_is_done(
+    site: Site, block: Path, finished: tuple[Path, FlowRun, str], tmp_path: Path
+) -> None:
+    """The README's own example of a deployment, with an interval short enough for a test."""
+    out, first, _ = finished
+    example = README.split("```yaml\n")[1].split("```")[0]
+    keys = yaml.safe_load(example.replace("/where/streetloom/is", str(ROOT)))
+    (mine,) = keys["deployments"]
+    mine["parameters"] = {"block_file": str(block), "out": str(out)}
+    anchor = datetime.now(UTC) + timedelta(seconds=40)
+    mine["schedules"] = [{"interval": 120, "anchor_date": anchor.isoformat(timespec="seconds")}]
+    (tmp_path / "prefect.yaml").write_text(yaml.safe_dump(keys))
+    own = {"blocks/prefect.yaml": str(tmp_path / "prefect.yaml")}
+    typed(site, "prefect deploy --prefect-file blocks/prefect.yaml -n mine", own)
+    until(lambda: runs(site, "mine"), site)  # made by the server, taken by the worker
+
+    with site.client() as client:
+        deployment = client.read_deployment_by_name("city-block/mine")
+    (schedule,) = deployment.schedules
+    assert str(schedule.id)[:8] in typed(site, "prefect deployment schedule ls city-block/mine")
+    assert runs(site, "mine", scheduled=True)  # the next ones are waiting
+    typed(site, "prefect deployment schedule pause city-block/mine SCHEDULE", {"SCHEDULE": str(schedule.id)})
+    assert not runs(site, "mine", scheduled=True)
+    until(lambda: runs(site, "mine")[0].end_time, site)
+    (run,) = runs(site, "mine")
+    assert run.auto_scheduled
+    assert run.state_name == "Completed"
+    count = len(artifacts(site, first.id)["units"][0])
+    assert artifacts(site, run.id)["units"][1] == f"{count} units: 0 done in this run, {count} before, 0 failed"
+
+
+def test_a_broken_photo_is_a_failed_unit_not_a_failed_run(site: Site, block: Path, tmp_path: Path) -> None:
+    """A sparse version of the block: few viewpoints and texels, one exemplar, and one street, which leaves a photo astray."""
+    folder = tmp_path / "input"
+    shutil.copytree(block.parent, folder)
+    keys = yaml.safe_load((folder / block.name).read_text())
+    keys["streets"]["names"] = ["Rikhardinkatu"]
+    keys["texture"] = {"texels_per_metre": 3, "viewpoint_spacing": 30.0}
+    (folder / block.name).write_text(yaml.safe_dump(keys))
+    for surplus in sorted((folder / "exemplars").iterdir())[1:]:
+        surplus.unlink()
+    astray, broken = sorted((folder / "photos").iterdir())
+    broken.write_bytes(broken.read_bytes()[: broken.stat().st_size // 2])
+    typed(site, RUN, {"blocks/mine.yaml": str(folder / block.name), "out/mine": str(tmp_path / "out")})
+    run = the_run(site, "dev")
+    assert run.state
+    assert (run.state.type.value, run.state.name) == ("COMPLETED", "UnitsFailed")
+    assert run.state.message == "2 units failed or set aside"
+    shown = artifacts(site, run.id)
+    reasons = {failure["unit"]: failure["reason"] for failure in shown["failures"][0]}
+    assert reasons.keys() == {broken.stem, astray.name}
+    assert broken.name in reasons[broken.stem]
+    assert "no facade has the id" in reasons[astray.name]
+    first = {(row["stage"], row["unit"], row["status"]) for row in shown["units"][0][:2]}
+    assert first == {("facades", broken.stem, "failed"), ("ingest", astray.name, "set aside")}
+    assert (tmp_path / "out" / "current").is_file()
+
+
+@pytest.mark.parametrize("content", ["name: mine\nbuildigs: {path: a.pbf}\n", None], ids=["wrong key", "no file"])
+def test_an_unusable_block_file_fails_the_run_at_once(site: Site, tmp_path: Path, content: str | None) -> None:
+    block = tmp_path / "bad.yaml"
+    if content:
+        block.write_text(content)
+    typed(site, RUN, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")}, expect=1)
+    run = the_run(site, "dev")
+    assert run.state
+    assert run.state_name == "Failed"
+    assert run.run_count == 1
+    assert run.name.startswith("mine 20" if content else "bad 20")
+    message = run.state.message or ""
+    assert str(block) in message
+    assert ("buildigs" if content else "no such block file") in message
+    assert len(message.splitlines()) == 1
+
+
+def test_nightly_is_deployed_as_written(site: Site) -> None:
+    typed(site, "prefect deploy -n city-block/nightly")
+    with site.client() as client:
+        deployment = client.read_deployment_by_name("city-block/nightly")
+        client.delete_deployment(deployment.id)  # it must not begin a run at two o'clock
+    nightly = deployment.model_dump(mode="json")
+    (schedule,) = nightly["schedules"]
+    assert schedule["active"]
+    assert (schedule["schedule"]["cron"], schedule["schedule"]["timezone"]) == ("0 2 * * *", "Europe/Amsterdam")
+    assert nightly["global_concurrency_limit"]["limit"] == 1
+    assert nightly["concurrency_options"]["collision_strategy"] == "CANCEL_NEW"
+    assert int(nightly["job_variables"]["env"]["PREFECT_FLOWS_DEFAULT_RETRIES"]) == 2
+    assert int(nightly["job_variables"]["env"]["PREFECT_FLOWS_DEFAULT_RETRY_DELAY_SECONDS"]) == 60
+    assert set(nightly["tags"]) == {"streetloom", "nightly"}
+    assert nightly["parameters"] == {"block_file": None, "out": "out/nightly", "workers": 2}
+    (step,) = nightly["pull_steps"]
+    assert step == {"prefect.deployments.steps.set_working_directory": {"directory": str(ROOT)}}
+
+
+def test_nothing_runs_afterwards(site: Site) -> None:
+    assert len(running(site)) >= 2  # the server and the worker
+    assert end(site) == []
