@@ -84,7 +84,8 @@ def connect(workers: int, dask: str | None, folder: str) -> Iterator[Compute]:
     from distributed import Client, LocalCluster
 
     # what a unit raises comes back to its task, which says it better
-    logging.getLogger("distributed").setLevel(logging.CRITICAL)
+    for name in ("distributed", "distributed.client"):  # Dask gives the second a level of its own
+        logging.getLogger(name).setLevel(logging.CRITICAL)
     settings = {
         "distributed.worker.daemon": True,
         "distributed.admin.tick.limit": "60s",
