@@ -81,8 +81,10 @@ def train(
     done = 0
     if state is not None and state.is_file():
         saved = _read_state(state)
-        longer = saved["steps"] != course.steps
-        if saved["identity"] != identity or (longer and saved["done"] > saved["steps"] - _fall(saved["steps"])):
+        # The number of steps may change while no rate has begun to fall, for the old one or the new.
+        shorter = min(saved["steps"], course.steps)
+        changed = saved["steps"] != course.steps and saved["done"] > shorter - _fall(shorter)
+        if saved["identity"] != identity or changed:
             raise ModelError(f"{state}: state of another training run; remove it or name another folder")
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])

@@ -97,6 +97,23 @@ def test_the_state_of_another_run_is_refused(start, tmp_path):
         train(start, state=state)
 
 
+def test_a_run_can_be_made_longer_while_the_rate_has_not_fallen(start, tmp_path, monkeypatch):
+    monkeypatch.setattr(training_network, "_SAVE_EVERY", 1)
+    state, long = tmp_path / "network.state", Course(10, {"facades": 2})
+
+    def interrupt(name, done, total):
+        if done == 3:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(start, long, state=state, progress=interrupt)
+    with pytest.raises(ModelError, match="another training run"):
+        train(start, Course(3, {"facades": 2}), state=state)  # there the rate would have fallen
+    told = []
+    train(start, Course(8, {"facades": 2}), state=state, progress=lambda *step: told.append(step))
+    assert told[0] == ("network", 3, 8)
+
+
 def test_a_plateau_does_not_depend_on_the_number_of_steps():
     rates = [[training_network._rate(step, steps) for step in range(steps)] for steps in (1000, 2000)]
     assert rates[0][:500] == rates[1][:500]
