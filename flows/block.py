@@ -81,9 +81,10 @@ def city_block(
 
 
 def _texture(run: Run, block: Block, workers: int, dask: str | None) -> dict[str, Any]:
-    ingest = ingest_block.submit(run, block)  # on its way while workers start
+    # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
+    ingest = ingest_block.submit(run, block) if dask is None else None
     with connect(workers, dask, run.out) as compute:
-        outline = ingest.result()
+        outline = ingest.result() if ingest else ingest_block(run, block)
         outcome = _process(run, textures_due(run, outline.textured, block.textures), compute)
         outcome += _process(run, exemplars_due(run, block.exemplars), compute)
         outcome += _facades(run, block, outline, compute)
