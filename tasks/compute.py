@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 # Seconds in which a scheduler must answer, and in which it must show a worker: those may be on their way.
 GREETING_S, ANSWER_S = 10, 30
+REMEDY = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 
 
 @dataclass(frozen=True, eq=False)
@@ -113,26 +114,9 @@ def connect(workers: int, dask: str | None, folder: str) -> Iterator[Compute]:
             yield Cluster(client)
 
 
-@contextmanager
-def _client(address: str) -> Iterator[Client]:
-    from distributed import Client
-
-    remedy = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
-    try:
-        _knock(address)
-        client = Client(address, timeout=ANSWER_S)
-    except Exception as error:  # what does not speak Dask is met with errors of every kind
-        raise InputError(f"--dask {address}: no scheduler answers there; {remedy}") from error
-    with client:
-        try:
-            client.wait_for_workers(1, timeout=ANSWER_S)
-        except (TimeoutError, OSError) as error:
-            raise InputError(f"--dask {address}: the scheduler has no worker; {remedy}") from error
-        yield client
-
-
-def _knock(address: str) -> None:
-    """Raise at once where nothing listens, and soon where something else does: a client that fails is long in ending."""
+def require_scheduler(address: str) -> None:
+    """Raise InputError at once where nothing listens, within GREETING_S where something else does: a client that finds no
+    scheduler is long in ending."""
     import asyncio
     import socket
 
@@ -142,11 +126,27 @@ def _knock(address: str) -> None:
     async def hello() -> None:
         (await asyncio.wait_for(greet(address), GREETING_S)).abort()
 
-    scheme, place = parse_address(address)
-    if scheme not in ("tcp", "tls"):
-        raise ValueError(f"not a Dask address: {address!r}")
-    socket.create_connection(parse_host_port(place), timeout=GREETING_S).close()
-    asyncio.run(hello())
+    try:
+        scheme, place = parse_address(address)
+        if scheme not in ("tcp", "tls"):
+            raise ValueError(f"not a Dask address: {address!r}")
+        socket.create_connection(parse_host_port(place), timeout=GREETING_S).close()
+        asyncio.run(hello())
+    except Exception as error:  # what does not speak Dask is met with errors of every kind
+        raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Client]:
+    from distributed import Client
+
+    require_scheduler(address)
+    with Client(address, timeout=ANSWER_S) as client:
+        try:
+            client.wait_for_workers(1, timeout=ANSWER_S)
+        except (TimeoutError, OSError) as error:
+            raise InputError(f"--dask {address}: the scheduler has no worker; {REMEDY}") from error
+        yield client
 
 
 def _check_workers(client: Client, address: str, folder: str) -> None:

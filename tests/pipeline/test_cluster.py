@@ -139,4 +139,3 @@ def test_an_address_that_is_refused_ends_at_once_in_one_line(block: Path, tmp_pa
     assert said == ""
     assert len(errors.strip().splitlines()) == 1, errors
     assert "--dask tcp://127.0.0.1:9: no scheduler answers there" in errors
-    assert not (tmp_path / "out" / "store").exists()
