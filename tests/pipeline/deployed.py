@@ -101,9 +101,15 @@ def left_running(site: Site, line: str, log: str, replaced: dict[str, str] | Non
             stdout=output,
             stderr=subprocess.STDOUT,
             start_new_session=True,
+            preexec_fn=_heed_interrupts,
         )
     site.started.append(process)
     return process
+
+
+def _heed_interrupts() -> None:
+    """As a terminal's commands do; those of a background job inherit that an interrupt is ignored."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
 
 
 def until(asked: Callable[[], T], site: Site, seconds: float = PATIENCE_S) -> T:

@@ -9,6 +9,7 @@ import subprocess
 from collections.abc import Iterator
 from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 from uuid import UUID
 
@@ -16,6 +17,7 @@ import pytest
 import yaml
 
 from facade_core.atlas.journal import STAGES
+from flows.block import flow_run_name
 from tasks.commits import journal
 from tests.pipeline.conftest import ROOT, command
 from tests.pipeline.deployed import README, Site, end, healthy, left_running, new_site, running, typed, until
@@ -28,6 +30,7 @@ pytestmark = pytest.mark.timeout(1200)
 RUN = (
     """prefect deployment run city-block/dev --watch --param block_file='"blocks/mine.yaml"' --param out='"out/mine"'"""
 )
+ALONE = f"{RUN} --param workers=1"
 
 Summary = dict[str, Any]
 
@@ -204,7 +207,7 @@ def test_a_broken_photo_is_a_failed_unit_not_a_failed_run(site: Site, block: Pat
         surplus.unlink()
     astray, broken = sorted((folder / "photos").iterdir())
     broken.write_bytes(broken.read_bytes()[: broken.stat().st_size // 2])
-    typed(site, RUN, {"blocks/mine.yaml": str(folder / block.name), "out/mine": str(tmp_path / "out")})
+    typed(site, ALONE, {"blocks/mine.yaml": str(folder / block.name), "out/mine": str(tmp_path / "out")})
     run = the_run(site, "dev")
     assert run.state
     assert (run.state.type.value, run.state.name) == ("COMPLETED", "UnitsFailed")
@@ -219,21 +222,34 @@ def test_a_broken_photo_is_a_failed_unit_not_a_failed_run(site: Site, block: Pat
     assert (tmp_path / "out" / "current").is_file()
 
 
-@pytest.mark.parametrize("content", ["name: mine\nbuildigs: {path: a.pbf}\n", None], ids=["wrong key", "no file"])
-def test_an_unusable_block_file_fails_the_run_at_once(site: Site, tmp_path: Path, content: str | None) -> None:
+def test_an_unusable_block_file_fails_the_run_at_once(site: Site, tmp_path: Path) -> None:
     block = tmp_path / "bad.yaml"
-    if content:
-        block.write_text(content)
-    typed(site, RUN, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")}, expect=1)
+    block.write_text("name: mine\nbuildigs: {path: a.pbf}\n")
+    typed(site, ALONE, {"blocks/mine.yaml": str(block), "out/mine": str(tmp_path / "out")}, expect=1)
     run = the_run(site, "dev")
     assert run.state
     assert run.state_name == "Failed"
     assert run.run_count == 1
-    assert run.name.startswith("mine 20" if content else "bad 20")
+    assert run.name.startswith("mine 20")
     message = run.state.message or ""
-    assert str(block) in message
-    assert ("buildigs" if content else "no such block file") in message
+    assert f"{block}: buildigs: unknown key" in message
     assert len(message.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("content", "name"), [(None, "there"), ("- a\n", "there"), ("crs: EPSG:3857\n", "there"), ("name: mine\n", "mine")]
+)
+def test_a_run_has_a_name_whatever_the_block_file_holds(
+    monkeypatch: pytest.MonkeyPatch, tmp_path: Path, content: str | None, name: str
+) -> None:
+    block = tmp_path / "there.yaml"
+    if content:
+        block.write_text(content)
+    started = SimpleNamespace(
+        parameters={"block_file": str(block)}, scheduled_start_time=datetime(2026, 3, 1, 1, tzinfo=UTC)
+    )
+    monkeypatch.setattr("flows.block.flow_run", started)
+    assert flow_run_name() == f"{name} 2026-03-01 01:00"
 
 
 def test_nightly_is_deployed_as_written(site: Site) -> None:
