@@ -5,7 +5,7 @@ Torch is needed here and nowhere at run time: what is trained is shipped as ONNX
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 
 import torch
 from torch import Tensor, nn
@@ -46,6 +46,8 @@ class ParserNetwork(nn.Module):
                 channels = width
         self.blocks = nn.ModuleList(blocks)
         taps = list(_TAPS.values())
+        # Encoder features spread ten times as wide as what comes from below: as they are, they drown it and the place.
+        self.norms = nn.ModuleList(nn.BatchNorm2d(width) for width in taps)
         self.coarse = _mix(taps[4] + 2, _WIDTH)
         self.coarse_lines = _Lines(_WIDTH)
         self.lateral = nn.ModuleList(nn.Conv2d(width, _WIDTH, 1) for width in (taps[3] + 2, taps[2] + 2, taps[1]))
@@ -63,7 +65,7 @@ class ParserNetwork(nn.Module):
             x = block(x)
             if number in _TAPS:
                 taps.append(x)
-        half, quarter, eighth, sixteenth, coarse = taps
+        half, quarter, eighth, sixteenth, coarse = (norm(tap) for norm, tap in zip(self.norms, taps, strict=True))
         place16 = functional.avg_pool2d(place, 2)
         place32 = functional.avg_pool2d(place16, 2)
         x = self.coarse_lines(self.coarse(torch.cat([coarse, place32], 1)))
@@ -135,8 +137,3 @@ def _fold(convolution: nn.Module, weights: Mapping[str, Tensor], name: str, norm
         convolution.weight.copy_(weights[f"{name}.weight"] * scale[:, None, None, None])
         assert convolution.bias is not None
         convolution.bias.copy_(weights[f"{norm}.bias"] - weights[f"{norm}.running_mean"] * scale)
-
-
-def average(states: Sequence[Mapping[str, Tensor]]) -> dict[str, Tensor]:
-    """Mean of several states of one network."""
-    return {name: torch.stack([state[name].float() for state in states]).mean(0) for name in states[0]}

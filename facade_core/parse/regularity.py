@@ -21,6 +21,8 @@ _TOLERANCE = 1.5
 _SHARED = 0.6
 # A box is drawn where this share of it was already its class, or one that is drawn over it.
 _FILLED = 0.7
+# The same share for the emptiest row and column inside: two balconies that touch are not one.
+_FILLED_LINE = 0.5
 _FLOOR = 1e-3
 
 
@@ -122,7 +124,7 @@ def _draw(labels: np.ndarray, confidence: np.ndarray, boxes: dict[int, np.ndarra
         kept = np.zeros(labels.shape, bool)
         near = np.zeros(labels.shape, bool)
         for x0, y0, x1, y1 in boxes.get(label, ()):
-            if over[y0:y1, x0:x1].mean() >= _FILLED:
+            if _is_filled(over[y0:y1, x0:x1]):
                 kept[y0:y1, x0:x1] = True
                 high, wide = (y1 - y0) // 3 + _LEAST_REACH, (x1 - x0) // 3 + _LEAST_REACH
                 near[max(0, y0 - high) : y1 + high, max(0, x0 - wide) : x1 + wide] = True
@@ -132,3 +134,10 @@ def _draw(labels: np.ndarray, confidence: np.ndarray, boxes: dict[int, np.ndarra
         drawn[spare] = rest.argmax(1)
         drawn[kept] = label
     return drawn
+
+
+def _is_filled(inside: np.ndarray) -> bool:
+    """Whether a box is well filled as a whole and in each row and column but those near its edges."""
+    lines = [inside.mean(axis) for axis in (0, 1)]
+    inner = [line[len(line) // 8 : len(line) - len(line) // 8] for line in lines]
+    return bool(inside.mean() >= _FILLED and min(line.min() for line in inner) >= _FILLED_LINE)

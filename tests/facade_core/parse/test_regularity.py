@@ -80,6 +80,16 @@ def test_what_is_no_rectangle_is_left_alone():
     assert ((found == WINDOW) & (labels == WALL)).mean() < 0.05
 
 
+def test_balconies_that_touch_are_not_drawn_as_one():
+    labels = np.full((120, 160), WALL, np.uint8)
+    for x in (20, 66, 112):
+        labels[50:64, x : x + 34] = BALCONY
+    labels[56:62, 54:66] = BALCONY  # a bridge, of less than half the height
+    found = regular_labels(confidence_of(labels))
+    assert (found[50:55, 54:66] == WALL).all()
+    assert (found == labels).mean() > 0.995
+
+
 @pytest.mark.parametrize("shape", [(1, 1), (1, 40), (40, 1), (3, 2)])
 def test_tiny_maps(shape):
     labels = np.full(shape, WINDOW, np.uint8)
