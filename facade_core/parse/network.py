@@ -14,7 +14,6 @@ from facade_core.errors import ModelError
 from facade_core.labels import CLASSES
 from facade_core.parse.model_file import open_session, read_record, stamp
 
-SHIPPED = Path(__file__).parent / "models" / "network.onnx"
 # Raised whenever the meaning of the inputs or outputs changes.
 NETWORK_VERSION = 1
 
@@ -73,13 +72,12 @@ def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:
     return np.stack(np.broadcast_arrays(across[None, :], down[:, None])).astype(np.float32)
 
 
-def load(path: str | Path | None = None) -> Network:
-    """Load a network from an .onnx file with its .json beside it; the shipped one without a path.
+def load(path: str | Path) -> Network:
+    """Load a network from an .onnx file with its .json beside it.
 
     Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
     """
-    path = SHIPPED if path is None else Path(path)
-    return _load(path.resolve(), stamp(path))
+    return _load(Path(path).resolve(), stamp(Path(path)))
 
 
 @functools.lru_cache(maxsize=2)

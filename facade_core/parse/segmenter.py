@@ -53,7 +53,7 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     """Label each pixel of a rectified facade with one of the seven classes.
 
     image: (H, W, 3) uint8 RGB, or (H, W, 4) RGBA where alpha < 128 hides a pixel. model: another .onnx file with its
-    .json beside it, a forest or a network. Windows, doors and balconies are made rectangular and aligned
+    .json beside it, a forest or a network. Windows and balconies are made rectangular and aligned
     (`regularity`); then the class of most confidence wins.
 
     confidence sums to 1 in each pixel. occluded marks pixels that alpha hides or where the segmenter sees a tree, a
