@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 from facade_core.errors import InputError
-from tasks.cluster import UNITS_SHARE, Cluster, ClusterGone
+from tasks.cluster import UNITS_SHARE, Cluster
 from tasks.workers import limit_threads, prepared, run_unit, standing
 
 if TYPE_CHECKING:
@@ -63,11 +63,6 @@ class Serial:
 
 
 Compute = Serial | Cluster
-
-
-def lost(error: BaseException) -> bool:
-    """Whether an error says that the cluster is gone, not that a unit failed."""
-    return isinstance(error, ClusterGone)
 
 
 @contextmanager

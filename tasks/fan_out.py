@@ -9,9 +9,9 @@ from typing import Any
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from facade_core.errors import FacadeError
+from tasks.cluster import ClusterGone
 from tasks.commits import begin, finish
-from tasks.compute import Compute, lost
+from tasks.compute import Compute
 from tasks.outcome import Outcome, failure
 from tasks.progress import advance
 from tasks.run import Run
@@ -73,8 +73,8 @@ def process_batch(
 ) -> Outcome:
     """Do a batch; each piece is committed, and its result released, as it completes.
 
-    What raises as a whole leaves a failed record for each of its units, and nothing else. Raises FacadeError when the
-    cluster goes away: what was committed stays.
+    What raises as a whole leaves a failed record for each of its units, and nothing else. Raises ClusterGone; what was
+    committed stays.
     """
     started: dict[Any, tuple[Work, Any]] = {}
     for piece in batch:
@@ -85,11 +85,9 @@ def process_batch(
         piece, session = started.pop(unit)
         try:
             fork, records = unit.result()
-        except BaseException as error:
-            if lost(error):
-                raise FacadeError(f"{stage}: the Dask cluster went away; run again to go on from here") from error
-            if not isinstance(error, Exception):
-                raise
+        except ClusterGone:
+            raise
+        except Exception as error:
             session, fork = begin(run.store)
             records = {index: failure(name, key, error) for index, (name, key) in piece.units.items()}
         finish(session, fork, stage, records, f"{stage} {', '.join(name for name, _ in piece.units.values())}")

@@ -14,9 +14,9 @@ from catalogs.features import file_stem
 from facade_core.atlas.journal import latest_chunks, read_journal, seed_records, unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import FacadeError
+from tasks.cluster import ClusterGone
 from tasks.commits import begin, finish
-from tasks.compute import Compute, lost
+from tasks.compute import Compute
 from tasks.outcome import Outcome, failure, is_done
 from tasks.plan import read_plan
 from tasks.progress import advance
@@ -74,11 +74,9 @@ def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
             advance("viewpoints", 1)
         session, fork = begin(run.store)
         fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
-    except BaseException as error:
-        if lost(error):
-            raise FacadeError(f"street {name}: the Dask cluster went away; run again to go on from here") from error
-        if not isinstance(error, Exception):
-            raise
+    except ClusterGone:
+        raise
+    except Exception as error:
         session, fork = begin(run.store)
         record = failure(name, street_key, error) | {"wave": wave, "chunks": {}}
         record["reason"] = f"viewpoint {step}: {record['reason']}"

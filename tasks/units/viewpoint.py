@@ -27,7 +27,7 @@ class _Progress:
     done: int
 
 
-# One entry per street under way in this process; dropped at the street's end.
+# One entry per street under way in this process; dropped at the street's end, or when a unit of another run comes.
 _streets: dict[tuple[Run, int, str], _Progress] = {}
 
 
@@ -101,6 +101,8 @@ def _of_street(here: Context, street: int) -> list:
 def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int, street_key: str) -> _Progress:
     """The street's window with its first `step` viewpoints in it: from this process, else replayed from panoramas."""
     entry = (run, street, street_key)
+    for other in [held for held in list(_streets) if held[0] != run]:
+        _streets.pop(other, None)
     if entry not in _streets or _streets[entry].done != step:
         _streets[entry] = _replay(here, group, street, step)
     return _streets[entry]
