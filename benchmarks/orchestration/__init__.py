@@ -10,11 +10,11 @@ Definitions, for W workers:
   publishing and starting up lie outside it and are figures of their own.
 - Computed: the sum over all units of their seconds, `prepare` left out. Reading a unit's pictures and writing its result
   are in it, and told apart as `io_s`.
-- Lost: W times the window, less what was computed. Every lost second has one cause: `prepare` (the plan read by a
-  worker's first unit, a street's texels by its first viewpoint), `barrier` (this worker has no more units of a stage or
-  wave, another still has), and else what the coordinator is at just then: `commit`, `session` (a unit's fork), `orders`
-  (which units are due, which exemplar is chosen), `dispatch` (within a task that waits: Dask's scheduling, transfer,
-  imports of workers), and `prefect` (within no task).
+- Lost: W times the window, less what was computed. Every lost second has one cause: `plan` (read by a worker's first
+  unit), `state` (a street's texels read by its first viewpoint, with the panoramas of earlier waves put into them),
+  `barrier` (this worker has no more units of a stage or wave, another still has), and else what the coordinator is at
+  just then: `commit`, `session` (a unit's fork), `orders` (which units are due, which exemplar is chosen), `dispatch`
+  (within a task that waits: Dask's scheduling, transfer, imports of workers), and `prefect` (within no task).
 - The orchestration share is lost over computed. Barriers are in it; `without_barriers` is the share less them.
 
 With more workers than idle cores a unit also computes more slowly: `computed` of `over_first_run` tells by how much, and

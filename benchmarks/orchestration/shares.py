@@ -13,7 +13,7 @@ from benchmarks.orchestration.trace import Span
 
 # Whatever the coordinator is at while a worker waits, the first of these that applies; within no task it is Prefect.
 COORDINATOR = {"commit": "commit", "session": "session", "orders": "orders", "task": "dispatch"}
-CAUSES = ("prepare", "barrier", *COORDINATOR.values(), "prefect")
+CAUSES = ("plan", "state", "barrier", *COORDINATOR.values(), "prefect")
 # Seconds of a unit that bring its input and put away its result.
 IO = ("read", "write", "digest")
 
@@ -88,7 +88,8 @@ def lost(units: Sequence[Unit], spans: Sequence[Span], workers: int) -> dict[str
     doing = {cause: _covered(middle, [s[1:] for s in spans if s[0] == what]) for what, cause in COORDINATOR.items()}
 
     seconds = dict.fromkeys(CAUSES, 0.0)
-    seconds["prepare"] = sum(u.prepare for u in units)
+    for unit in units:
+        seconds["state" if unit.group.startswith("wave") else "plan"] += unit.prepare
     names = sorted({u.worker for u in units})
     for worker in [*names, *[None] * (workers - len(names))]:  # one that had no unit at all counts too
         own = [u for u in units if u.worker == worker]

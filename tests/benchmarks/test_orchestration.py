@@ -14,7 +14,7 @@ from benchmarks.orchestration.shares import CAUSES, Unit, lost, units_of, window
 UNITS = [
     Unit("facades", "0", 0.0, 8.0, prepare=2.0, io=1.0),
     Unit("facades", "1", 1.0, 5.0),
-    Unit("wave 0", "0", 10.0, 12.0),
+    Unit("wave 0", "0", 10.0, 12.0, prepare=0.5),
     Unit("wave 0", "1", 10.0, 11.0),
     Unit("wave 0", "1", 11.5, 12.0),
 ]
@@ -35,7 +35,8 @@ def test_every_lost_second_has_one_cause() -> None:
     assert seconds == pytest.approx(
         # the last commit, 12 to 12.6, keeps both workers waiting
         {
-            "prepare": 2,
+            "plan": 2,
+            "state": 0.5,
             "barrier": 3,
             "commit": 0.2 + 2 * 0.6,
             "session": 0.2,
