@@ -40,10 +40,22 @@ def prepared(ours: bool) -> Any:
     class Prepared(WorkerPlugin):
         def setup(self, worker: Any) -> None:
             limit_threads()
+            threading.Thread(target=_load, name="imports", daemon=True).start()
             if ours:  # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
 
     return Prepared()
+
+
+def _load() -> None:
+    """Import what units need while the block is ingested: a worker's first unit would wait seconds for it."""
+    import onnxruntime  # noqa: F401
+    import skimage.measure  # noqa: F401
+    import xarray  # noqa: F401
+
+    import tasks.units.exemplar
+    import tasks.units.facade
+    import tasks.units.viewpoint  # noqa: F401
 
 
 def standing(token: str) -> tuple[bool, str]:

@@ -12,7 +12,7 @@ import pytest
 
 from facade_core.errors import StoreError
 from tasks.commits import journal
-from tests.pipeline.conftest import ROOT, block, command, environment, run, undisturbed  # noqa: F401
+from tests.pipeline.runs import ROOT, command, environment, run
 
 # (stage, how many of its units are journalled when the run is killed)
 MOMENTS = (("exemplars", 0), ("facades", 1), ("viewpoints", 1), ("viewpoints", 7), ("streets", 1))
@@ -26,7 +26,7 @@ def done(store: Path, stage: str) -> int:
 
 
 @pytest.mark.parametrize("workers", [1, 2])
-def test_killed_five_times(block: Path, undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path, workers: int) -> None:  # noqa: F811
+def test_killed_five_times(block: Path, undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path, workers: int) -> None:
     """Each run is killed once its moment is reached; the last is left to finish."""
     out = tmp_path / "out"
     kills = 0

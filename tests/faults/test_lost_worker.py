@@ -18,7 +18,6 @@ from tasks import fan_out
 from tasks.commits import journal
 from tasks.compute import connect
 from tasks.fan_out import Work, process_batch
-from tests.pipeline.conftest import block, undisturbed  # noqa: F401
 from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -80,8 +79,8 @@ def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
 
 
 def test_workers_killed_among_facades_and_in_a_street(
-    block: Path,  # noqa: F811
-    undisturbed: tuple[Path, dict[str, Any]],  # noqa: F811
+    block: Path,
+    undisturbed: tuple[Path, dict[str, Any]],
     tmp_path: Path,
 ) -> None:
     out = tmp_path / "out"

@@ -19,7 +19,7 @@ from urllib.request import urlopen
 import psutil
 
 from flows.server import QUIET
-from tests.pipeline.conftest import ROOT, environment
+from tests.pipeline.runs import ROOT, environment
 
 if TYPE_CHECKING:
     from prefect.client.orchestration import SyncPrefectClient

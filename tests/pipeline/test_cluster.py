@@ -14,7 +14,7 @@ from typing import Any
 
 from facade_core.errors import StoreError
 from tasks.commits import journal
-from tests.pipeline.conftest import ROOT, command, environment
+from tests.pipeline.runs import ROOT, command, environment
 
 
 class Machines:

@@ -19,8 +19,8 @@ import yaml
 from facade_core.atlas.journal import STAGES
 from flows.block import flow_run_name
 from tasks.commits import journal
-from tests.pipeline.conftest import ROOT, command
 from tests.pipeline.deployed import README, Site, end, healthy, left_running, new_site, running, typed, until
+from tests.pipeline.runs import ROOT, command
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun

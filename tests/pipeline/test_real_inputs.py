@@ -19,7 +19,7 @@ from PIL import Image
 from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.store import open_repository
 from facade_core.synth import exemplars
-from tests.pipeline.conftest import run
+from tests.pipeline.runs import run
 
 X, Y, GROUND = 121_000.0, 487_000.0, 1.5
 

@@ -10,8 +10,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import pytest
-
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -62,15 +60,3 @@ def run(block: Path, out: Path, workers: int = 2, expect: int = 0, within: Seque
     )
     assert done.returncode == expect, done.stderr[-3000:] + done.stdout[-2000:]
     return json.loads(done.stdout.strip().splitlines()[-1])
-
-
-@pytest.fixture(scope="session")
-def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_block(tmp_path_factory.mktemp("block"))
-
-
-@pytest.fixture(scope="session")
-def undisturbed(block: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """One whole run with two workers that nothing disturbs."""
-    out = tmp_path_factory.mktemp("undisturbed") / "out"
-    return out, run(block, out, workers=2)
