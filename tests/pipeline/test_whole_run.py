@@ -23,6 +23,7 @@ import zarr
 from catalogs.query import query
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, atlas_digest, open_repository
 from facade_core.atlas.journal import STAGES, VOLATILE
+from facade_core.errors import StoreError
 from tasks.commits import journal
 from tests.pipeline.runs import ALONE, ROOT, command, environment, run, write_block
 
@@ -185,13 +186,11 @@ def test_a_run_that_is_ended_ends_and_leaves_nothing_running(
         stderr=subprocess.PIPE,
         start_new_session=True,
     )
-    family: set[int] = set()
     deadline = time.monotonic() + 300
-    # guard, server and two workers; the store may be there before these are
-    while not (len(family) >= 4 and (tmp_path / "out" / "store").is_dir()) and time.monotonic() < deadline:
-        family |= {child.pid for child in psutil.Process(process.pid).children(recursive=True)}
+    while not _has_begun(tmp_path / "out" / "store") and time.monotonic() < deadline:
         time.sleep(0.2)
-    assert len(family) >= 4
+    family = {child.pid for child in psutil.Process(process.pid).children(recursive=True)}
+    assert len(family) >= 4  # guard, server and two workers
     if number == signal.SIGKILL:
         second = subprocess.run(
             command(block, tmp_path / "out", 1), cwd=ROOT, env=environment(tmp_path), capture_output=True, text=True
@@ -211,6 +210,14 @@ def test_a_run_that_is_ended_ends_and_leaves_nothing_running(
     while (left := [pid for pid in family if _runs(pid)]) and time.monotonic() < deadline:
         time.sleep(0.2)
     assert not left
+
+
+def _has_begun(store: Path) -> bool:
+    """Whether a unit is done, so that workers are at work."""
+    try:
+        return any(journal(store, "exemplars"))
+    except (StoreError, KeyError, FileNotFoundError):
+        return False
 
 
 def _runs(pid: int) -> bool:
