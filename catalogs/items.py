@@ -187,7 +187,7 @@ def arrow_type(column: Column) -> pa.DataType:
     """The Arrow type of a column."""
     import pyarrow as pa
 
-    return pa.timestamp("us", "UTC") if column.name == "updated" else pa.type_for_alias(column.type)
+    return pa.timestamp("us", "UTC") if column.type.startswith("timestamp") else pa.type_for_alias(column.type)
 
 
 def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:

@@ -90,6 +90,29 @@ class Plan:
         others[self.facades.chart] = False
         return tuple(np.unique(self.scene.charts.building[others]).tolist())
 
+    def texels(self) -> np.ndarray:
+        """Texels of every chart, (charts,) int64."""
+        return self.scene.placement.width.astype(np.int64) * self.scene.placement.height
+
+    def own_pictures(self) -> dict[int, list[int]]:
+        """The pictures that the textures of each building use, ascending, by building."""
+        mesh = self.scene.mesh
+        used = mesh.texture >= 0
+        pairs = np.column_stack([self.scene.charts.building[mesh.chart[used]], mesh.texture[used]])
+        pictures: dict[int, list[int]] = {}
+        for building, picture in np.unique(pairs, axis=0).tolist():
+            pictures.setdefault(building, []).append(picture)
+        return pictures
+
+    def street_texels(self) -> np.ndarray:
+        """Per street the texels of the charts that its viewpoints see, and of those that it writes, (streets, 2) int64."""
+        street_of = np.array([v.street for v in self.viewpoints], np.int64)
+        seen = np.unique(np.column_stack([street_of[self.views[:, 0]], self.views[:, 1]]), axis=0)
+        texels = self.texels()
+        total = np.zeros((len(self.wave), 2), np.int64)
+        np.add.at(total, seen[:, 0], np.column_stack([texels, texels * self.writable])[seen[:, 1]])
+        return total
+
 
 def ingest(
     buildings: Sequence[Building],

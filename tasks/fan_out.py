@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 from prefect import task
@@ -46,10 +46,10 @@ class Stage:
     function: Callable[..., Any]
     work: Sequence[Work] = ()
     skipped: int = 0
-    total: int = field(init=False)
 
-    def __post_init__(self) -> None:
-        object.__setattr__(self, "total", self.skipped + sum(len(piece.units) for piece in self.work))
+    @property
+    def total(self) -> int:
+        return self.skipped + sum(len(piece.units) for piece in self.work)
 
 
 def batches(work: Iterable[Work], compute: Compute) -> Iterator[list[Work]]:

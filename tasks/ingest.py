@@ -113,9 +113,9 @@ def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
     facades: dict[int, list[int]] = {}
     for facade, one in enumerate(building):
         facades.setdefault(one, []).append(facade)
-    street_of = np.array([v.street for v in plan.viewpoints], np.int64)
-    per_street = np.bincount(street_of, minlength=len(plan.wave)).tolist()
-    texels = plan.scene.placement.width.astype(np.int64) * plan.scene.placement.height
+    streets = np.array([v.street for v in plan.viewpoints], np.int64)
+    per_street = np.bincount(streets, minlength=len(plan.wave)).tolist()
+    texels = plan.texels()
     return Outline(
         facades=plan.facades.id,
         texels=tuple(texels[plan.facades.chart].tolist()),
@@ -126,7 +126,7 @@ def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
             for wave in range(int(plan.wave.max(initial=-1)) + 1)
         ),
         viewpoints=tuple(per_street),
-        windows=_windows(plan, street_of, texels),
+        windows=tuple((read, written) for read, written in plan.street_texels().tolist()),
         textured=_textured(plan, texels),
         panoramas=tuple(
             tuple((p, plan.poses[p]) for p in plan.sightings.of(i).tolist()) for i in range(len(plan.facades))
@@ -137,28 +137,12 @@ def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
     )
 
 
-def _windows(plan: Plan, street_of: np.ndarray, texels: np.ndarray) -> tuple[tuple[int, int], ...]:
-    """Per street the texels of the charts it sees, and of those it writes."""
-    seen = np.unique(np.column_stack([street_of[plan.views[:, 0]], plan.views[:, 1]]), axis=0)
-    streets, charts = seen.T
-    written = texels * plan.writable
-    read, write = (
-        np.bincount(streets, weights=counted[charts], minlength=len(plan.wave)) for counted in (texels, written)
-    )
-    return tuple((int(r), int(w)) for r, w in zip(read, write, strict=True))
-
-
 def _textured(plan: Plan, texels: np.ndarray) -> tuple[Textured, ...]:
-    mesh, charts = plan.scene.mesh, plan.scene.charts
-    building = charts.building[mesh.chart]
-    return tuple(
-        Textured(
-            one,
-            int(texels[plan.textured & (charts.building == one)].sum()),
-            tuple(np.unique(mesh.texture[(building == one) & (mesh.texture >= 0)]).tolist()),
-        )
-        for one in plan.textured_buildings()
-    )
+    textured = np.flatnonzero(plan.textured & (plan.scene.charts.building >= 0))
+    totals = np.zeros(int(plan.scene.charts.building.max(initial=-1)) + 1, np.int64)
+    np.add.at(totals, plan.scene.charts.building[textured], texels[textured])
+    pictures = plan.own_pictures()
+    return tuple(Textured(one, int(totals[one]), tuple(pictures.get(one, ()))) for one in plan.textured_buildings())
 
 
 def stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:
