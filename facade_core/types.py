@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -13,13 +13,18 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, slots=True)
 class Element:
-    """An axis-parallel rectangle of one class: pixels (or metres), y down, half-open."""
+    """An axis-parallel rectangle of one class: pixels (or metres), y down, half-open.
+
+    confidence, 0 to 1: how sure the parser is of it; 1 where the rectangle is given. Equal rectangles are equal
+    elements, however sure.
+    """
 
     label: str
     x0: float
     y0: float
     x1: float
     y1: float
+    confidence: float = field(default=1.0, compare=False)
 
     @property
     def width(self) -> float:

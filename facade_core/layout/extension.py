@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.layout.grids import Grid, boxes
+from facade_core.parse.boxes import per_window
 from facade_core.types import Element
 
 # Spacings that agree to this share are equal; the far margin may bend the spacing by as much.
@@ -132,9 +133,10 @@ class _Attachments:
 
 
 def _balconies(seen: Sequence[Element]) -> _Attachments | None:
-    """How the observed windows carry a balcony of their own: which do, and its median box from their foot."""
+    """How the observed windows carry a balcony, of their own or their part of one that runs on: which do, and its median
+    box from their foot."""
     windows = boxes([e for e in seen if e.label == "window"])
-    balconies = boxes([e for e in seen if e.label == "balcony"])
+    balconies = boxes([e for e in per_window(seen) if e.label == "balcony"])
     if not len(windows) or not len(balconies):
         return None
     middle = (windows[:, 0] + windows[:, 2]) / 2

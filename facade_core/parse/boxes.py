@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import dataclasses
+import itertools
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy import ndimage
 
-from facade_core.labels import CLASSES, ELEMENT_CLASSES
+from facade_core.labels import BALCONY, CLASSES, ELEMENT_CLASSES
 from facade_core.parse.checks import check_labels
 from facade_core.types import Element, Parsing
 
@@ -15,6 +17,10 @@ from facade_core.types import Element, Parsing
 _LEAST_SHARE = 0.0003
 # A row or column belongs to the box when it holds this share of the fullest one.
 _EDGE = 0.4
+# Two balconies that have grown together between their windows are lower there by more than this share.
+_NECK = 0.7
+# A balcony belongs to windows whose foot is above its top, or below it by less than this share of the window's height.
+_FOOT = 0.3
 # A dip in the profile parts two elements when it is below this share of the peaks on both sides.
 _DIP = 0.35
 
@@ -26,19 +32,69 @@ def elements(parsing: Parsing | np.ndarray) -> list[Element]:
 
     Takes a Parsing or its (H, W) uint8 labels. Each 4-connected component becomes one box, or several where a row or
     column profile dips between two peaks; the box spans the rows and columns that are well filled, so that single
-    protruding pixels do not count. Components below 0.03 % of the image are dropped, as are boxes more than half
-    occluded: what is hidden is not an observation. Raises ImageError for a label map that cannot be used.
+    protruding pixels do not count. A balcony is also cut between two windows where it is lower than in front of them.
+    Components below 0.03 % of the image are dropped, as are boxes more than half occluded: what is hidden is not an
+    observation. An element's confidence is the mean, over its box, of its class's. Raises ImageError for a label map
+    that cannot be used.
     """
     labels = parsing.labels if isinstance(parsing, Parsing) else parsing
     check_labels(labels)
     least = max(1.0, _LEAST_SHARE * labels.size)
-    found = [
-        Element(name, float(x0), float(y0), float(x1), float(y1))
-        for name in ELEMENT_CLASSES
-        for y0, x0, y1, x1 in _class_boxes(labels == CLASSES.index(name), least)
-        if not (isinstance(parsing, Parsing) and parsing.occluded[y0:y1, x0:x1].mean() > 0.5)
+    boxes = {name: list(_class_boxes(labels == CLASSES.index(name), least)) for name in ELEMENT_CLASSES}
+    boxes["balcony"] = [
+        part for box in boxes["balcony"] for part in _cut_between(box, boxes["window"], labels == BALCONY)
     ]
+    found = []
+    for name, (y0, x0, y1, x1) in ((name, box) for name, same in boxes.items() for box in same):
+        confidence = 1.0
+        if isinstance(parsing, Parsing):
+            if parsing.occluded[y0:y1, x0:x1].mean() > 0.5:
+                continue
+            confidence = float(parsing.confidence[y0:y1, x0:x1, CLASSES.index(name)].mean())
+        found.append(Element(name, float(x0), float(y0), float(x1), float(y1), confidence))
     return sorted(found, key=lambda element: (element.y0, element.x0, element.y1, element.x1, element.label))
+
+
+def per_window(layout: Sequence[Element]) -> list[Element]:
+    """A layout whose balconies carry one window each: what runs before several is cut midway between them.
+
+    For what places balconies by their windows; the others are returned as they are, and the order is kept.
+    """
+    windows = [(int(e.y0), int(e.x0), int(e.y1), int(e.x1)) for e in layout if e.label == "window"]
+    parted = []
+    for element in layout:
+        edges = [element.x0, element.x1]
+        if element.label == "balcony":
+            served = _served((int(element.y0), int(element.x0), int(element.y1), int(element.x1)), windows)
+            edges[1:1] = [(one[3] + other[1]) / 2 for one, other in itertools.pairwise(served)]
+        parted += [dataclasses.replace(element, x0=x0, x1=x1) for x0, x1 in itertools.pairwise(edges)]
+    return parted
+
+
+def _served(balcony: _Box, windows: Sequence[_Box]) -> list[_Box]:
+    """The windows that a balcony runs before, from left to right: it reaches over their middle and to their foot."""
+    y0, x0, y1, x1 = balcony
+    at = [
+        (top, left, bottom, right)
+        for top, left, bottom, right in windows
+        if x0 < (left + right) / 2 < x1 and (top + bottom) / 2 < y1 and y0 < bottom + _FOOT * (bottom - top)
+    ]
+    return sorted(at, key=lambda box: box[1])
+
+
+def _cut_between(balcony: _Box, windows: Sequence[_Box], mask: np.ndarray) -> list[_Box]:
+    """A balcony, cut between its windows where its profile is lower than before both of them."""
+    y0, x0, y1, x1 = balcony
+    profile = mask[y0:y1, x0:x1].sum(0)
+    edges = [x0]
+    for one, other in itertools.pairwise(_served(balcony, windows)):
+        gap, sides = slice(one[3], other[1]), (slice(one[1], one[3]), slice(other[1], other[3]))
+        between = profile[max(0, gap.start - x0) : gap.stop - x0]
+        least = min(np.median(profile[max(0, side.start - x0) : side.stop - x0]) for side in sides)
+        if len(between) and between.min() < _NECK * least:
+            lowest = np.flatnonzero(between == between.min())
+            edges.append(max(x0, gap.start) + int(lowest[len(lowest) // 2]))
+    return [(y0, left, y1, right) for left, right in itertools.pairwise([*edges, x1])]
 
 
 def _class_boxes(mask: np.ndarray, least: float) -> Iterator[_Box]:

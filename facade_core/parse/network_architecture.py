@@ -78,6 +78,10 @@ class ParserNetwork(nn.Module):
     def encoder_parameters(self) -> list[nn.Parameter]:
         return [*self.stem.parameters(), *self.blocks.parameters()]
 
+    def first_parameters(self) -> list[nn.Parameter]:
+        """Those of the encoder down to stride 4."""
+        return [*self.stem.parameters(), *self.blocks[:3].parameters()]
+
     def read_imagenet(self, weights: Mapping[str, Tensor]) -> None:
         """Take the encoder from the state of an ImageNet classifier, batch normalisation folded in."""
         _fold(self.stem, weights, "_conv_stem", "_bn0")

@@ -169,7 +169,9 @@ def _summary(made: Facade) -> dict[str, Any]:
     labels = np.bincount(made.labels.reshape(-1), minlength=256)
     window = labels[CLASSES.index("window")]
     return {
-        "elements": [[e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1))] for e in made.elements],
+        "elements": [
+            [e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1)), round(e.confidence, 3)] for e in made.elements
+        ],
         "lattice": {"rows": list(map(int, made.lattice.rows)), "columns": list(map(int, made.lattice.columns))},
         "columns": count_columns(made.elements),
         **counts,

@@ -4,6 +4,7 @@ import pytest
 from facade_core.errors import ImageError
 from facade_core.labels import BALCONY, DOOR, SHOP, UNKNOWN, WALL, WINDOW
 from facade_core.parse import elements
+from facade_core.parse.boxes import per_window
 from facade_core.types import Element, Parsing
 
 
@@ -97,3 +98,56 @@ def test_boxes_stay_inside_and_filled_on_random_maps():
             assert 0 <= element.y0 < element.y1 <= labels.shape[0]
             inside = labels[int(element.y0) : int(element.y1), int(element.x0) : int(element.x1)]
             assert (inside == ("wall", "window", "balcony", "door").index(element.label)).any()
+
+
+def floor_with_balcony():
+    """Three windows over one balcony that runs before them all."""
+    labels = wall()
+    for x in (20, 65, 110):
+        labels[40:80, x : x + 20] = WINDOW
+    labels[70:90, 15:135] = BALCONY
+    return labels
+
+
+def test_a_balcony_that_runs_on_is_one_element():
+    assert [(e.x0, e.x1) for e in elements(floor_with_balcony()) if e.label == "balcony"] == [(15, 135)]
+
+
+def test_balconies_that_have_grown_together_are_parted_between_their_windows():
+    labels = floor_with_balcony()
+    labels[70:78, 50:60] = WALL  # half as high as before the windows
+    found = [(e.x0, e.x1) for e in elements(labels) if e.label == "balcony"]
+    assert len(found) == 2
+    assert found[0][0] == 15
+    assert found[1][1] == 135
+    assert found[0][1] == found[1][0]
+    assert 50 <= found[0][1] < 60
+
+
+def test_a_notch_before_a_window_parts_nothing():
+    labels = floor_with_balcony()
+    labels[70:78, 70:80] = WALL
+    assert sum(e.label == "balcony" for e in elements(labels)) == 1
+
+
+def test_per_window_gives_each_window_its_part_of_a_balcony():
+    windows = [Element("window", x, 40, x + 20, 80) for x in (20, 65, 110)]
+    below = Element("window", 20, 120, 40, 160)
+    shared, own = Element("balcony", 15, 70, 135, 90, 0.8), Element("balcony", 15, 150, 45, 170)
+    parts = [e for e in per_window([*windows, below, shared, own]) if e.label == "balcony"]
+    assert [(e.x0, e.x1) for e in parts] == [(15, 52.5), (52.5, 97.5), (97.5, 135), (15, 45)]
+    assert [e.confidence for e in parts] == [0.8, 0.8, 0.8, 1.0]
+    assert per_window(windows) == windows
+
+
+def test_confidence_is_the_mean_over_the_box():
+    labels = wall()
+    labels[40:80, 60:90] = WINDOW
+    confidence = np.zeros((*labels.shape, 7), np.float32)
+    confidence[..., WALL] = 1
+    confidence[40:80, 60:90] = 0
+    confidence[40:80, 60:75, WINDOW], confidence[40:80, 75:90, WINDOW] = 0.6, 1.0
+    parsing = Parsing(labels, confidence, np.zeros(labels.shape, bool))
+    (window,) = elements(parsing)
+    assert window.confidence == pytest.approx(0.8)
+    assert [e.confidence for e in elements(labels)] == [1.0]
