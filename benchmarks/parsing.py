@@ -5,17 +5,20 @@ are those of the held-out fold of `catalogs.datasets.split`, artdeco and ruemong
 measure transfer. Void is left out, chimneys are roof. seconds_per_image is the median wall time of `parse`.
 elements compares the boxes of `elements` in the parse and in the true labels, one to one at IoU 0.5 or more.
 occluders is measured on street photos of labelmefacade: vegetation and vehicles against all else that is labelled.
+behind is what is guessed behind trees, cars and people: cut-outs of occluders/ put in front of artdeco's facades,
+whose labels run on behind what their photos show (`--model` with the fold's network is the amodal model).
 """
 
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import json
 import os
 import statistics
 import time
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -25,8 +28,9 @@ from catalogs.datasets import ARTDECO, ECP, LABELMEFACADE, RUEMONGE, LabelledFac
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.parse import elements, parse
 from facade_core.parse.model_file import read_record
+from facade_core.parse.network import Network
 from facade_core.parse.regularity import regularise
-from facade_core.parse.segmenter import SHIPPED, parse_with
+from facade_core.parse.segmenter import SHIPPED, load_segmenter, parse_with
 from facade_core.types import Element
 
 SETS = {
@@ -37,15 +41,26 @@ SETS = {
 _LEAST_OVERLAP = 0.5
 
 
-def measure(facades: Iterable[LabelledFacade], *, model: Path | None = None, regular: bool = True) -> dict[str, Any]:
-    """Parse each facade, with the last step that makes it regular or without; score the pixels whose true class is
-    known, and the elements."""
+def measure(
+    facades: Iterable[LabelledFacade],
+    *,
+    model: Path | None = None,
+    finish: Callable[[np.ndarray], np.ndarray] = regularise,
+    one_view: bool = False,
+) -> dict[str, Any]:
+    """Parse each facade, score the pixels whose true class is known, and the elements.
+
+    finish is the last step, which makes parses regular; one_view is without mirrored and scaled views.
+    """
+    segmenter = load_segmenter(model)
+    if one_view and isinstance(segmenter, Network):
+        segmenter = dataclasses.replace(segmenter, views=((1.0, False),))
     counts = np.zeros((len(CLASSES), len(CLASSES)), np.int64)
     boxes: Counter[tuple[str, str]] = Counter()
     seconds = []
     for facade in facades:
         start = time.perf_counter()
-        labels = parse_with(facade.image, model, regularise if regular else lambda confidence: confidence).labels
+        labels = parse_with(facade.image, segmenter, finish).labels
         seconds.append(time.perf_counter() - start)
         counts += confusion(facade.labels, labels)
         boxes += matches(elements(facade.labels), elements(np.where(facade.labels == UNKNOWN, UNKNOWN, labels)))
@@ -120,6 +135,48 @@ def measure_occluders(photos: Iterable[LabelledFacade], *, model: Path | None = 
     }
 
 
+def measure_behind(
+    facades: Iterable[LabelledFacade], pieces: Sequence[np.ndarray], *, model: Path | None = None
+) -> dict[str, Any]:
+    """Each facade with cut-outs (h, w, 4) RGBA put in front of its foot: the pixel accuracy of what is behind them and
+    of the rest, and how well the pieces themselves are found. Truth must run behind what the photos show already."""
+    counts = np.zeros((2, len(CLASSES), len(CLASSES)), np.int64)
+    both = found = true = images = 0
+    for number, facade in enumerate(facades):
+        image, hidden = put_in_front(facade.image, pieces, np.random.default_rng(number))
+        parsing = parse(image, model=model)
+        for part, where in enumerate((hidden, ~hidden)):
+            counts[part] += confusion(facade.labels[where], parsing.labels[where])
+        both += int((hidden & parsing.occluded).sum())
+        found, true, images = found + int(parsing.occluded.sum()), true + int(hidden.sum()), images + 1
+    return {
+        "pixel_accuracy_behind": scores(counts[0])["pixel_accuracy"],
+        "pixel_accuracy_beside": scores(counts[1])["pixel_accuracy"],
+        "recall": round(both / true, 4),
+        "found_share": round(found / true, 4),
+        "images": images,
+    }
+
+
+def put_in_front(
+    image: np.ndarray, pieces: Sequence[np.ndarray], rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """The image with three pieces that stand on its bottom, a fifth to a half as high as it, and where they are."""
+    import cv2
+
+    image, hidden = image.copy(), np.zeros(image.shape[:2], bool)
+    height, width = image.shape[:2]
+    for number in rng.choice(len(pieces), 3, replace=False):
+        piece = pieces[number]
+        high = max(1, round(height * rng.uniform(0.2, 0.5)))
+        wide = min(width, max(1, round(piece.shape[1] * high / piece.shape[0])))
+        piece = cv2.resize(piece, (wide, high), interpolation=cv2.INTER_AREA)
+        left = int(rng.integers(width - wide + 1))
+        place, solid = (slice(height - high, height), slice(left, left + wide)), piece[..., 3] >= 128
+        image[place][solid], hidden[place][solid] = piece[..., :3][solid], True
+    return image, hidden
+
+
 def unseen(facades: Iterable[LabelledFacade], name: str, model: Path | None) -> Iterator[LabelledFacade]:
     """The facades of a set that the model was not trained on."""
     trained_on = set(read_record(model or SHIPPED).get("training_set", []))
@@ -146,6 +203,12 @@ def _overlaps(one: np.ndarray, other: np.ndarray) -> np.ndarray:
     return shared / np.maximum(areas[0][:, None] + areas[1][None] - shared, 1e-9)
 
 
+def _pieces(folder: Path) -> list[np.ndarray]:
+    from PIL import Image
+
+    return [np.asarray(Image.open(path).convert("RGBA")) for path in sorted(folder.glob("*.png"))]
+
+
 def main(arguments: list[str] | None = None) -> None:
     parser = argparse.ArgumentParser(description="Score a parser on facades that it was not trained on.")
     parser.add_argument(
@@ -155,19 +218,26 @@ def main(arguments: list[str] | None = None) -> None:
         help="folder with facades/ and streetphotos/",
     )
     parser.add_argument("--model", type=Path, help="another .onnx file, with its .json beside it")
-    parser.add_argument("--sets", nargs="*", choices=[*SETS, "labelmefacade"], help="all without it")
+    parser.add_argument("--sets", nargs="*", choices=[*SETS, "labelmefacade", "behind"], help="all without it")
     parser.add_argument(
-        "--ablation", action="store_true", help="measure too without the step that makes parses regular"
+        "--ablation",
+        action="store_true",
+        help="measure too without the step that makes parses regular, and in one view",
     )
     options = parser.parse_args(arguments)
-    chosen = options.sets or [*SETS, "labelmefacade"]
+    chosen = options.sets or [*SETS, "labelmefacade", "behind"]
     result: dict[str, Any] = {"benchmark": "parsing", "model": (options.model or SHIPPED).name}
     for name in chosen:
         if name in SETS:
             recipe, folder = SETS[name]
-            result[name] = measure(
-                unseen(read(recipe, options.data / folder), name, options.model), model=options.model
-            )
+            facades = list(unseen(read(recipe, options.data / folder), name, options.model))
+            result[name] = measure(facades, model=options.model)
+            if options.ablation:
+                result[f"{name} as parsed"] = measure(facades, model=options.model, finish=lambda found: found)
+                result[f"{name} in one view"] = measure(facades, model=options.model, one_view=True)
+        elif name == "behind":
+            facades = list(unseen(read(ARTDECO, options.data / "facades" / "artdeco"), "artdeco", options.model))
+            result["behind"] = measure_behind(facades, _pieces(options.data / "occluders"), model=options.model)
         else:
             photos = read(LABELMEFACADE, options.data / "streetphotos" / "labelmefacade")
             result["occluders"] = measure_occluders(photos, model=options.model)

@@ -22,16 +22,17 @@ COARSEST, PLACE_STRIDE, LOGIT_STRIDE = 32, 8, 2
 
 # Constant, so that results do not depend on the machine's number of cores.
 _INTRA_OP_THREADS = 2
-# Sides of the views that are averaged, in shares of the working size.
-_SCALES = (0.8, 1.0, 1.25)
+# Views that are averaged: the share of the working size that their sides have, and whether they are mirrored.
+VIEWS = tuple((scale, mirrored) for scale in (0.8, 1.0, 1.25) for mirrored in (False, True))
 _WHOLE = np.array([-1.0, -1.0, 1.0, 1.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Network:
-    """A trained network in one inference session."""
+    """A trained network in one inference session, and the views of an image that it averages."""
 
     session: Any
+    views: tuple[tuple[float, bool], ...] = VIEWS
     working_area = (150_000, 250_000)
 
     def segment(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -39,12 +40,11 @@ class Network:
         that something stands in front of the facade. Both are means over mirrored and scaled views."""
         height, width = image.shape[:2]
         classes, hidden = np.zeros((height, width, len(CLASSES)), np.float32), np.zeros((height, width), np.float32)
-        views = [(scale, mirrored) for scale in _SCALES for mirrored in (False, True)]
-        for scale, mirrored in views:
+        for scale, mirrored in self.views:
             seen, front = self._view(image, scale, mirrored)
             classes += seen
             hidden += front
-        return classes / classes.sum(2, keepdims=True), hidden / len(views)
+        return classes / classes.sum(2, keepdims=True), hidden / len(self.views)
 
     def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
         import cv2

@@ -63,13 +63,13 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
 
     Raises ImageError for an image of another kind or without a visible pixel, ModelError for an unusable model.
     """
-    return parse_with(image, model, regularise)
-
-
-def parse_with(image: np.ndarray, model: str | Path | None, finish: Callable[[np.ndarray], np.ndarray]) -> Parsing:
-    """`parse` with another last step, from confidence to confidence: what regularity brings is measured with none."""
     check_image(image)
-    segmenter = load_segmenter(model)
+    return parse_with(image, load_segmenter(model), regularise)
+
+
+def parse_with(image: np.ndarray, segmenter: Segmenter, finish: Callable[[np.ndarray], np.ndarray]) -> Parsing:
+    """`parse` by a segmenter, with another last step from confidence to confidence: to measure what each brings."""
+    check_image(image)
     height, width = image.shape[:2]
     occluded = image[..., 3] < 128 if image.shape[2] == 4 else np.zeros((height, width), bool)
     if occluded.all():

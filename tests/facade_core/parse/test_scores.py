@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from benchmarks.parsing import confusion, f1, matches, measure_occluders, scores, unseen
+from benchmarks.parsing import confusion, f1, matches, measure_behind, measure_occluders, put_in_front, scores, unseen
 from catalogs.datasets import LabelledFacade
 from facade_core.labels import UNKNOWN, WALL, WINDOW
 from facade_core.types import Element
@@ -49,3 +49,26 @@ def test_occluders_where_it_is_known():
     found = measure_occluders([photo])
     assert found["images"] == 1
     assert 0 <= found["iou"] <= found["recall"] <= 1
+
+
+def test_what_is_guessed_behind_pieces_is_scored_apart():
+    rng = np.random.default_rng(0)
+    labels = np.full((120, 90), WALL, np.uint8)
+    labels[:60] = UNKNOWN
+    facade = LabelledFacade("a", rng.integers(90, 160, (120, 90, 3), dtype=np.uint8), labels, labels, labels)
+    pieces = [np.full((40, 20, 4), 255, np.uint8) for _ in range(3)]
+    found = measure_behind([facade], pieces)
+    assert found["images"] == 1
+    assert 0 <= found["recall"] <= 1
+    assert 0 <= found["pixel_accuracy_behind"] <= 1
+
+
+def test_pieces_stand_on_the_bottom_and_show_their_own_pixels_only():
+    image = np.zeros((100, 80, 3), np.uint8)
+    piece = np.full((10, 10, 4), 200, np.uint8)
+    piece[:5, :, 3] = 0
+    shown, hidden = put_in_front(image, [piece] * 3, np.random.default_rng(0))
+    assert hidden[-1].any()
+    assert not hidden[:49].any()
+    assert (shown[hidden] == 200).all()
+    assert (shown[~hidden] == 0).all()
