@@ -22,6 +22,13 @@ from facade_core.variation import Hierarchy, encode
 SKY_ROW = 0.5
 # An element hidden by more than this share was not observed.
 HIDDEN_SHARE = 0.3
+# What the parser sees in front of a facade counts from this share of the image on, and hides a rim of this share of
+# its side more: leaves and mirrors reach beyond what a mask holds.
+LEAST_THING, THING_RIM = 0.0005, 0.006
+# What the parser guesses behind a tree is kept for these; windows and balconies come from the completed layout.
+GUESSED = (classes.ROOF, classes.SKY, classes.SHOP, classes.DOOR)
+
+Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -29,7 +36,8 @@ class Facade:
     """A facade after its stages.
 
     evidence (h, w, 3) uint8, the image before completion; image (h, w, 3) uint8, complete; labels (h, w) uint8, complete;
-    occluded (h, w) bool; provenance (h, w) uint8; seconds per stage.
+    occluded (h, w) bool; provenance (h, w) uint8; masked, boxes (x0, y0, x1, y1) of the trees, cars, people and the like
+    that the parser saw in front and that are no longer in the image; seconds per stage.
     """
 
     evidence: np.ndarray
@@ -37,6 +45,7 @@ class Facade:
     labels: np.ndarray
     occluded: np.ndarray
     provenance: np.ndarray
+    masked: tuple[Box, ...]
     lattice: Lattice
     elements: tuple[Element, ...]
     hierarchy: Hierarchy
@@ -55,9 +64,10 @@ class Exemplar:
 
 
 def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facade:
-    """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is behind trees, cars and the like.
+    """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade.
 
-    Raises ImageError when nothing of the facade is visible.
+    What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
+    number plate. Raises ImageError when nothing of the facade is visible.
     """
     if hidden.all():
         raise ImageError("the whole facade is hidden; give a photo that shows some of it, or none")
@@ -65,6 +75,10 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facad
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]))
+        in_front, masked = things_in_front(parsing.occluded & ~hidden)
+        given, hidden = hidden, hidden | in_front
+    if hidden.all():
+        raise ImageError("trees, cars and the like hide the whole facade; give a photo that shows some of it, or none")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if _share(hidden, e) <= HIDDEN_SHARE]
     completion, complete_labels, result = None, parsing.labels, image
@@ -77,11 +91,25 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facad
                 seen = visible_boxes(hidden) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
                 completion = complete(observed, (0, 0, width, height), seen, seed=seed)[0]
                 layout = completion.elements
-            complete_labels = _draw(parsing.labels, hidden, layout)
+            guessed = in_front & ~given & np.isin(parsing.labels, GUESSED)
+            complete_labels = _draw(parsing.labels, hidden & ~guessed, layout)
         with _timed(seconds, "inpaint"):
             result = inpaint(image, hidden, labels=complete_labels, elements=list(layout), method="floors", seed=seed)
     provenance = np.where(hidden, INPAINTED, PHOTO).astype(np.uint8)
-    return _finish(image, result, complete_labels, hidden, provenance, layout, completion, seconds, seed)
+    return _finish(image, result, complete_labels, hidden, provenance, masked, layout, completion, seconds, seed)
+
+
+def things_in_front(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
+    """The parser's mask (h, w) bool of what stands in front, without specks and with a rim; and the boxes of its parts."""
+    import cv2
+    from skimage.measure import label, regionprops
+
+    parts = label(occluded)
+    things = [thing for thing in regionprops(parts) if thing.area >= LEAST_THING * occluded.size]
+    kept = np.isin(parts, [thing.label for thing in things])
+    rim = 1 + round(THING_RIM * np.sqrt(occluded.size))
+    wider = cv2.dilate(kept.astype(np.uint8), np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)).astype(bool)
+    return wider, tuple((thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things)
 
 
 def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, seed: int = 0) -> Exemplar:
@@ -97,6 +125,7 @@ def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, se
         facade.labels[top:],
         facade.occluded[top:],
         facade.provenance[top:],
+        tuple((x0, max(0, y0 - top), x1, y1 - top) for x0, y0, x1, y1 in facade.masked if y1 > top),
         layout,
         facade.completion,
         dict(facade.seconds),
@@ -134,7 +163,7 @@ def from_exemplar(
         layout = tuple(elements(labels))
     nothing = np.zeros(size, bool)
     provenance = np.full(size, SYNTHESISED, np.uint8)
-    return _finish(texture, texture, labels, nothing, provenance, layout, None, seconds, seed)
+    return _finish(texture, texture, labels, nothing, provenance, (), layout, None, seconds, seed)
 
 
 def count_columns(layout: Sequence[Element]) -> int:
@@ -172,6 +201,7 @@ def _finish(
     label_map: np.ndarray,
     hidden: np.ndarray,
     provenance: np.ndarray,
+    masked: tuple[Box, ...],
     layout: tuple[Element, ...],
     completion: Completion | None,
     seconds: dict[str, float],
@@ -181,7 +211,7 @@ def _finish(
         split = lattice(label_map)
     with _timed(seconds, "encode"):
         hierarchy = encode(image, list(layout), seed=seed)
-    return Facade(evidence, image, label_map, hidden, provenance, split, layout, hierarchy, completion, seconds)
+    return Facade(evidence, image, label_map, hidden, provenance, masked, split, layout, hierarchy, completion, seconds)
 
 
 def _share(hidden: np.ndarray, element: Element) -> float:

@@ -5,13 +5,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+import facade_core.facade
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
 from facade_core.labels import SKY, WALL
 from facade_core.style import choose_exemplars
 from facade_core.synth import facade as paint
-from facade_core.types import Element
+from facade_core.types import Element, Parsing
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
 
@@ -90,3 +91,23 @@ def test_one_building_one_exemplar_and_size_decides() -> None:
     assert chosen[0] == chosen[1] == 0
     many = choose_exemplars(np.full(40, 20.0), np.full(40, 5), np.arange(40), [20.0] * 6, [5] * 6, seed=1)
     assert len(set(many.tolist())) >= 4
+
+
+def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
+    true_parse = facade_core.facade.parse
+    thing = np.zeros(clean.labels.shape, bool)
+    thing[150:200, 40:90] = True
+    thing[5, 5] = True  # a speck is noise
+
+    def sees_a_thing(image: np.ndarray) -> Parsing:
+        found = true_parse(image)
+        return Parsing(found.labels, found.confidence, found.occluded | thing)
+
+    monkeypatch.setattr(facade_core.facade, "parse", sees_a_thing)
+    made = from_photo(clean.image, np.zeros(clean.labels.shape, bool))
+    assert made.masked == ((40, 150, 90, 200),)
+    assert made.occluded[149:201, 39:91].all()
+    assert not made.occluded[:100].any()
+    assert (made.provenance[160:190, 50:80] == INPAINTED).all()
+    np.testing.assert_array_equal(made.image[~made.occluded], clean.image[~made.occluded])
