@@ -64,6 +64,9 @@ COLUMNS = (
     Column("shops", "int32", "", "shop fronts in the completed layout"),
     Column("window_to_wall", "double", "0 to 1", "window area over facade area"),
     Column("occluded", "double", "0 to 1", "share of the evidence that was hidden"),
+    Column(
+        "masked", "int32", "", "things in front (trees, cars, people) that the parser found and that were made anew"
+    ),
     Column("photo", "double", "0 to 1", "share of texels seen in a photo"),
     Column("inpainted", "double", "0 to 1", "share of texels inpainted"),
     Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),

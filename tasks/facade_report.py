@@ -96,6 +96,7 @@ def item_rows(
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
                 "floors": int(facades.floors[index]),
                 **{key: record.get(key) for key in _FROM_RECORD},
+                "masked": len(record["masked"]) if "masked" in record else None,
                 **dict(zip(_SHARES, (record.get("provenance") or [None] * 5)[1:], strict=True)),
                 "lattice_rows": len(lattice["rows"]) if lattice else None,
                 "lattice_columns": len(lattice["columns"]) if lattice else None,
@@ -108,6 +109,15 @@ def item_rows(
             }
         )
     return rows
+
+
+def masked_regions(records: Sequence[dict[str, Any] | None]) -> list[dict[str, Any]]:
+    """The facades whose imagery showed things in front: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
+    return [
+        {"facade": record["unit"], "source": record["source"], "boxes": record["masked"]}
+        for record in records
+        if record and record.get("masked")
+    ]
 
 
 def made_at(record: Mapping[str, Any] | None) -> datetime | None:

@@ -28,7 +28,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
 from facade_core.ingest import Plan
 from facade_core.street.translate import Swatches
-from tasks.facade_report import facade_sheets, item_rows, made_at, set_aside_rows
+from tasks.facade_report import facade_sheets, item_rows, made_at, masked_regions, set_aside_rows
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run, code_version
@@ -119,6 +119,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         "viewpoints": len(viewpoints),
         "atlas_digest": atlas_digest(group),
     }
+    (folder / "masked.json").write_text(json.dumps(masked_regions(records), indent=1))
     (folder / "summary.json").write_text(json.dumps(summary, indent=1))
     write_report(
         folder / "report",

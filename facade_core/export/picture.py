@@ -12,6 +12,8 @@ from facade_core.labels import colourise
 from facade_core.street.scene import Scene
 from facade_core.types import Lattice
 
+# Pixels to a side of the squares in which what hides a wall is shown.
+MOSAIC = 12
 SKY_HIGH, SKY_LOW = np.array([126, 168, 214]), np.array([226, 234, 240])
 
 
@@ -63,7 +65,14 @@ def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
 
 
 def overlay_hidden(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """An image with what hides the wall tinted red, (h, w, 3) uint8."""
+    """An image with what hides the wall tinted red and so coarse that no face or number can be read, (h, w, 3) uint8."""
+    import cv2
+
+    height, width = hidden.shape
+    few = (max(1, width // MOSAIC), max(1, height // MOSAIC))
+    mosaic = cv2.resize(
+        cv2.resize(image, few, interpolation=cv2.INTER_AREA), (width, height), interpolation=cv2.INTER_NEAREST
+    )
     tinted = image.copy()
-    tinted[hidden] = (0.45 * tinted[hidden] + 0.55 * np.array([214, 52, 44])).astype(np.uint8)
+    tinted[hidden] = (0.45 * mosaic[hidden] + 0.55 * np.array([214, 52, 44])).astype(np.uint8)
     return tinted

@@ -177,6 +177,7 @@ def _summary(made: Facade) -> dict[str, Any]:
         **counts,
         "window_to_wall": round(float(window / labels.sum()), 4),
         "occluded": round(float(made.occluded.mean()), 4),
+        "masked": [list(map(int, box)) for box in made.masked],
         "provenance": [
             round(float(v), 4) for v in np.bincount(made.provenance.reshape(-1), minlength=5) / made.labels.size
         ],
