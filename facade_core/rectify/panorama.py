@@ -9,6 +9,7 @@ import numpy as np
 
 from facade_core.errors import ImageError
 from facade_core.rectify.camera import camera_from_world, in_view, position, shares
+from facade_core.rectify.fusion import View
 from facade_core.rectify.resampling import footprints_of, resample
 from facade_core.street.scene import Scene
 from facade_core.types import Pose
@@ -21,6 +22,8 @@ SKIN_M = 0.05
 LEAST_SEEN = 0.02
 # Points of a chart that are looked at, per axis.
 SAMPLES = (12, 8)
+# Texels between the rays that look for what hides a chart, before its outline is followed texel by texel.
+SPARSE = 4
 # Rays cast at once, which bounds memory.
 RAYS = 1 << 18
 # Gains beyond these say that two pictures do not show the same thing.
@@ -89,7 +92,13 @@ def sightings(
 def rectify_panorama(
     scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int]
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A chart as a panorama shows it: rgb (h, w, 3) uint8, and seen (h, w) bool; black where not seen.
+    """A chart as a panorama shows it: rgb and seen of `rectify_view`."""
+    view = rectify_view(scene, chart, image, pose, size)
+    return view.rgb, view.seen
+
+
+def rectify_view(scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int]) -> View:
+    """A chart as a panorama shows it: rgb (h, w, 3) uint8, black where not seen, seen and quality (h, w).
 
     image (H, W, 3) uint8 is the part pose.view of the full panorama; size (h, w) divides the chart's place in the atlas, whose
     own size gives the atlas's texels. A texel is the mean of the pixels it covers. Not seen are texels behind other surfaces,
@@ -108,6 +117,7 @@ def rectify_panorama(
     turn, half = image.shape[1] / width, image.shape[0] / height
     footprints = np.empty((rows, columns, 6), np.float32)
     seen = np.empty((rows, columns), np.bool_)
+    quality = np.empty((rows, columns), np.float32)
     footprints_of(
         corner,
         right,
@@ -119,9 +129,11 @@ def rectify_panorama(
         image.shape[:2],
         footprints,
         seen,
+        quality,
     )
     _hide(scene, chart, place, corner, right, down, seen)
-    return resample(image, pose.view, footprints, seen), seen
+    rgb = resample(image, pose.view, footprints, seen)
+    return View(rgb, seen, quality * seen)
 
 
 def fuse(views: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
@@ -164,16 +176,32 @@ def _gain(rgb: np.ndarray, colour: np.ndarray, shared: np.ndarray) -> np.ndarray
 
 
 def _hide(scene: Scene, chart: int, place, corner, right, down, seen: np.ndarray) -> None:
-    """Clear the seen texels that something stands before."""
+    """Clear the seen texels that something stands before: all rays where coarse ones disagree with their neighbours."""
+    import cv2
+
     rows, columns = seen.shape
-    along = (np.arange(columns) + 0.5)[:, None] * right
-    band = max(1, RAYS // columns)
-    for start in range(0, rows, band):
-        part = seen[start : start + band]
-        if not part.any():
-            continue
-        rays = corner + (np.arange(start, start + len(part)) + 0.5)[:, None, None] * down + along
-        part[part] = _visible(scene, chart, place, rays[part])
+    step = (
+        np.arange(0, rows + SPARSE, SPARSE).clip(max=rows - 1),
+        np.arange(0, columns + SPARSE, SPARSE).clip(max=columns - 1),
+    )
+    coarse = _shown(scene, chart, place, corner, right, down, *(at.ravel() for at in np.meshgrid(*step, indexing="ij")))
+    coarse = coarse.reshape(len(step[0]), len(step[1])).astype(np.uint8)
+    square = np.ones((2, 2), np.uint8)
+    # corners of the blocks between rays, the anchor at their upper left
+    all_shown = cv2.erode(coarse, square, anchor=(0, 0))[:-1, :-1].astype(bool)
+    some_shown = cv2.dilate(coarse, square, anchor=(0, 0))[:-1, :-1].astype(bool)
+    shown, mixed = (m.repeat(SPARSE, 0).repeat(SPARSE, 1)[:rows, :columns] for m in (all_shown, some_shown ^ all_shown))
+    row, column = np.nonzero(seen & mixed)
+    seen &= shown | mixed
+    for start in range(0, len(row), RAYS):
+        part = slice(start, start + RAYS)
+        seen[row[part], column[part]] = _shown(scene, chart, place, corner, right, down, row[part], column[part])
+
+
+def _shown(scene: Scene, chart: int, place, corner, right, down, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+    """Whether the texels at rows and columns (k,) are in sight: (k,) bool."""
+    rays = corner + (row[:, None] + 0.5) * down + (column[:, None] + 0.5) * right
+    return _visible(scene, chart, place, rays)
 
 
 def _visible(scene: Scene, chart: int, origin: np.ndarray, rays: np.ndarray) -> np.ndarray:

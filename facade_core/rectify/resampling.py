@@ -32,7 +32,8 @@ def resample(
     upper = max(0, int(used[:, 1].min() - margin))
     lower = min(len(image), int(used[:, 1].max() + margin) + 1)
     mask = _mask_top(image, columns, round((MASK_HIGHEST - view[1]) / view[3] * len(image)), lower)
-    part = pyramid(image[upper:lower][:, columns])
+    runs = np.split(columns, np.flatnonzero(np.diff(columns) != 1) + 1)  # slices are copied much faster than columns
+    part = pyramid(np.concatenate([image[upper:lower, run[0] : run[-1] + 1] for run in runs], axis=1))
     _resample(part.pixels, part.levels, footprints, float(first), turn, float(upper), mask, rgb, seen)
     return rgb
 
@@ -71,8 +72,9 @@ def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) 
 
 
 @njit(cache=True, nogil=True)
-def footprints_of(corner, right, down, camera, normal, grazing, scale, shape, footprints, seen):
-    """Per texel its centre in the picture and the two sides of the parallelogram it covers there; whether it may be seen.
+def footprints_of(corner, right, down, camera, normal, grazing, scale, shape, footprints, seen, quality):
+    """Per texel its centre in the picture and the two sides of the parallelogram it covers there; whether it may be seen, and
+    the picture's pixels per texel along a side, at most 1, times the sine of the angle of sight.
 
     scale: pixels per turn and per half turn, and the full panorama's pixels left of and above the picture.
     """
@@ -110,8 +112,11 @@ def footprints_of(corner, right, down, camera, normal, grazing, scale, shape, fo
                 ray = corner[i] + (c + 0.5) * right[i] + (r - 0.5) * down[i]
                 facing -= ray * normal[i]
                 square += ray * ray
+            sine = facing / np.sqrt(square)
+            area = footprints[r - 1, c, 2] * footprints[r - 1, c, 5] - footprints[r - 1, c, 3] * footprints[r - 1, c, 4]
+            quality[r - 1, c] = min(1.0, np.sqrt(abs(area))) * max(sine, 0.0)
             inside = mx < shape[1] and my >= 0 and my < shape[0]
-            seen[r - 1, c] = inside and facing >= grazing * np.sqrt(square)
+            seen[r - 1, c] = inside and sine >= grazing
 
 
 @njit(cache=True, nogil=True)
