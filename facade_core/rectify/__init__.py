@@ -3,14 +3,17 @@
 from facade_core.rectify.fusion import Fused, View, fuse_views
 from facade_core.rectify.own_texture import own_texture
 from facade_core.rectify.panorama import Sighting, fuse, rectify_panorama, rectify_view, sightings
+from facade_core.rectify.photo import Rectified, rectify
 
 __all__ = [
     "Fused",
+    "Rectified",
     "Sighting",
     "View",
     "fuse",
     "fuse_views",
     "own_texture",
+    "rectify",
     "rectify_panorama",
     "rectify_view",
     "sightings",

@@ -1,0 +1,116 @@
+"""What part of a facade's plane a photo shows well: where lines along both of its axes lie."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.rectify.vanishing import View, undistort
+
+# Cells along the photo's diagonal, and over how many of them the facade goes on between two of its lines.
+CELLS = 96
+GAP = 9
+# Share of the lines' length at each side that may lie outside the facade.
+STRAY = 0.002
+# Kept around the outermost lines, as a share of the extent; and a strip of the photo this narrow is not cut off.
+MARGIN = 0.015
+NARROW = 0.06
+# Degrees from the wall's normal beyond which its pixels are too stretched to be of use.
+GRAZING = 77.0
+# A photo whose corners move by less than this (half diagonals) is rectified already, and stays whole.
+STILL = 0.07
+# Provided that its lines cover this share of it; else it shows more than the facade.
+COVERED = 0.6
+
+
+def extent(segments: np.ndarray, view: View, corners: np.ndarray) -> tuple[float, float, float, float] | None:
+    """The facade's box (x0, y0, x1, y1) on its plane at distance 1, None where no lines along both axes lie together.
+
+    segments (n, 2, 2) as the view was found in; corners (4, 2) of the photo, clockwise from the upper left.
+    """
+    shown = on_plane(_grid(corners), view)
+    shown = shown[np.isfinite(shown).all(axis=1)]
+    if len(shown) < 4:
+        return None
+    limit = np.concatenate([shown.min(axis=0), shown.max(axis=0)])
+    supporting = segments[_together(segments, view)]
+    ends = on_plane(supporting, view)
+    fine = np.isfinite(ends).all(axis=(1, 2))
+    if fine.sum() < 4:
+        return None
+    weight = np.repeat(np.linalg.norm(supporting[fine, 1] - supporting[fine, 0], axis=1), 2)
+    box = np.concatenate([_inner(ends[fine].reshape(-1, 2)[:, axis], weight) for axis in (0, 1)])[[0, 2, 1, 3]]
+    size = box[2:] - box[:2]
+    if (size <= 0).any():
+        return None
+    box += MARGIN * np.concatenate([-size, size])
+    box = np.where(np.abs(limit - box) < NARROW * np.tile(size, 2), limit, box)
+    whole = _whole(view, corners)
+    if whole is not None and np.prod(size) > COVERED * (whole[2] - whole[0]) * (whole[3] - whole[1]):
+        return whole
+    x0, y0 = np.maximum(box[:2], limit[:2]).tolist()
+    x1, y1 = np.minimum(box[2:], limit[2:]).tolist()
+    return x0, y0, x1, y1
+
+
+def on_plane(points: np.ndarray, view: View) -> np.ndarray:
+    """Points (..., 2) of the photo on the facade's plane at distance 1; NaN where it is not seen, or at a grazing angle."""
+    straight = undistort(points, view.distortion)
+    rays = np.concatenate([straight / view.focal, np.ones((*points.shape[:-1], 1))], axis=-1)
+    facing = rays @ view.rotation
+    depth = facing[..., 2:]
+    seen = depth > np.cos(np.radians(GRAZING)) * np.linalg.norm(rays, axis=-1, keepdims=True)
+    return np.where(seen, facing[..., :2] / np.where(seen, depth, 1.0), np.nan)
+
+
+def _whole(view: View, corners: np.ndarray) -> tuple[float, float, float, float] | None:
+    """The box of all of a photo that is rectified already."""
+    there = on_plane(corners, view)
+    if not np.isfinite(there).all():
+        return None
+    # The scale and shift that bring the corners closest to where they were.
+    centred, before = there - there.mean(axis=0), corners - corners.mean(axis=0)
+    scale = (centred * before).sum() / (centred**2).sum()
+    if np.linalg.norm(centred * scale - before, axis=1).max() > STILL:
+        return None
+    left, right = there[[0, 3], 0].mean(), there[[1, 2], 0].mean()
+    top, bottom = there[[0, 1], 1].mean(), there[[2, 3], 1].mean()
+    return float(left), float(top), float(right), float(bottom)
+
+
+def _together(segments: np.ndarray, view: View) -> np.ndarray:
+    """Which segments (n,) lie in the largest region with lines along both axes near each other."""
+    import cv2
+
+    low = segments.reshape(-1, 2).min(axis=0)
+    cell = 2.0 / CELLS
+    rows, columns = (np.ceil((segments.reshape(-1, 2).max(axis=0) - low) / cell).astype(int) + 1)[::-1]
+    places = np.round((segments - low) / cell).astype(np.int32)
+    kernel = np.ones((GAP, GAP), np.uint8)
+    drawn = []
+    for axis in (0, 1):
+        lines = np.zeros((rows, columns), np.uint8)
+        cv2.polylines(lines, list(places[view.family == axis]), False, 1)
+        drawn.append(cv2.dilate(lines, kernel))
+    region = drawn[0] & drawn[1]
+    count, labels, _, _ = cv2.connectedComponentsWithStats(region)
+    if count < 2:
+        return np.zeros(len(segments), np.bool_)
+    middle = places.sum(axis=1) // 2
+    own = labels[middle[:, 1], middle[:, 0]]
+    length = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    support = np.bincount(own, length * ((view.family >= 0) & (own > 0)), minlength=count)
+    return (own == np.argmax(support)) & (view.family >= 0)
+
+
+def _inner(values: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Where the values (n,) begin and end, but for a stray share of the weight."""
+    order = np.argsort(values, kind="stable")
+    share = np.cumsum(weight[order]) / weight.sum()
+    first, last = np.searchsorted(share, [STRAY, 1 - STRAY])
+    return values[order[[first, min(last, len(values) - 1)]]]
+
+
+def _grid(corners: np.ndarray) -> np.ndarray:
+    """Points (k, 2) all over the photo."""
+    (x0, y0), (x1, y1) = corners[0], corners[2]
+    return np.stack(np.meshgrid(np.linspace(x0, x1, 65), np.linspace(y0, y1, 65)), axis=-1).reshape(-1, 2)
