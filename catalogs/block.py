@@ -43,10 +43,10 @@ class Block:
     """One city block, ready to be textured.
 
     crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
-    streets they are derived from the gaps between the buildings when the block is ingested. photos: facade id -> file;
-    textures: the pictures that the buildings' own texture indices count. notes says what was left out or assumed, one line
-    each; faults are the units that are broken. digest is the sha256 of everything that determines the result: settings and
-    contents of the files, not their places or dates.
+    streets they are derived from the gaps between the buildings when the block is ingested. photos: facade id -> file, as taken
+    from the street unless photos_rectified; textures: the pictures that the buildings' own texture indices count. notes says
+    what was left out or assumed, one line each; faults are the units that are broken. digest is the sha256 of everything that
+    determines the result: settings and contents of the files, not their places or dates.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Block:
     terrain: Elevation | None
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
+    photos_rectified: bool
     panoramas: tuple[PosedPanorama, ...]
     textures: tuple[Path, ...]
     texture: TextureSettings
@@ -135,6 +136,7 @@ def read_block(path: Path | str) -> Block:
         terrain=terrain,
         exemplars=exemplars,
         photos=photos,
+        photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
         panoramas=panoramas,
         textures=built.textures,
         texture=keys.texture,

@@ -41,6 +41,7 @@ def block_digest(
         "geometry": [
             [key, *map(_file_digest, files.get(key, ()))] for key in ("buildings.path", "streets.path", "terrain.path")
         ],
+        "rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
         "images": [
             [(path.name, _file_digest(path)) for path in folder]
             for folder in (exemplars, photos.values(), built.textures)

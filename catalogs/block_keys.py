@@ -73,10 +73,15 @@ class PanoramaKeys(_Keys):
     poses: str | None = None
 
 
+class PhotoKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)]
+    rectified: bool = True
+
+
 class ImageryKeys(_Keys):
     exemplars: PathKeys | None = None
     panoramas: PanoramaKeys | None = None
-    photos: PathKeys | None = None
+    photos: PhotoKeys | None = None
 
 
 class BlockKeys(_Keys):

@@ -121,7 +121,7 @@ def _process(run: Run, stage: Stage, compute: Compute) -> Outcome:
 def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outcome:
     chosen = choose(run, block.photos) if run.walls == "exemplar" else {}
     panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in outline.panoramas]
-    imagery = imagery_of(outline.facades, block.photos, panoramas, outline.own, chosen)
+    imagery = imagery_of(outline.facades, block.photos, block.photos_rectified, panoramas, outline.own, chosen)
     due = facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
     return _process(run, due, compute)
 

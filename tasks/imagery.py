@@ -14,11 +14,12 @@ from facade_core.types import Pose
 class Imagery:
     """The pictures that there are of one facade, in the order in which they are tried.
 
-    photo: a rectified photo of it; panoramas: those that show it and their poses, best first; own: whether its wall carries a
-    texture of the source's own; exemplar: (index, name) of the one chosen for it.
+    photo: a photo of it, as taken from the street unless rectified; panoramas: those that show it and their poses, best first;
+    own: whether its wall carries a texture of the source's own; exemplar: (index, name) of the one chosen for it.
     """
 
     photo: Path | None = None
+    rectified: bool = True
     panoramas: tuple[tuple[Path, Pose], ...] = ()
     own: bool = False
     exemplar: tuple[int, str] | None = None
@@ -27,6 +28,7 @@ class Imagery:
 def imagery_of(
     names: Sequence[str],
     photos: Mapping[str, Path],
+    rectified: bool,
     panoramas: Sequence[Sequence[tuple[Path, Pose]]],
     own: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
@@ -35,6 +37,7 @@ def imagery_of(
     return [
         Imagery(
             photo=photos.get(name, photos.get(file_stem(name))),
+            rectified=rectified,
             panoramas=tuple(panoramas[i]),
             own=bool(own[i]),
             exemplar=exemplars.get(i),

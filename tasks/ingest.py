@@ -23,6 +23,9 @@ from tasks.plan import plan_of, read_plan, write_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
 
+# Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
+VIEWS = 4
+
 
 @dataclass(frozen=True)
 class Textured:
@@ -129,7 +132,7 @@ def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
         windows=tuple((read, written) for read, written in plan.street_texels().tolist()),
         textured=_textured(plan, texels),
         panoramas=tuple(
-            tuple((p, plan.poses[p]) for p in plan.sightings.of(i).tolist()) for i in range(len(plan.facades))
+            tuple((p, plan.poses[p]) for p in plan.sightings.of(i)[:VIEWS].tolist()) for i in range(len(plan.facades))
         ),
         own=tuple(plan.textured[plan.facades.chart].tolist()),
         set_aside=set_aside,

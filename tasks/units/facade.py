@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import time
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -14,22 +15,34 @@ import zarr
 from facade_core.atlas.provenance import resolve
 from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import FacadeError
-from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
+from facade_core.errors import FacadeError, ImageError
+from facade_core.facade import Box, Facade, count_columns, from_exemplar, from_photo, things_in_front
 from facade_core.ingest import Plan
 from facade_core.labels import CLASSES
-from facade_core.rectify import fuse, own_texture, rectify_panorama
+from facade_core.parse import parse
+from facade_core.rectify import View, fuse_views, own_texture, rectify, rectify_view
+from facade_core.types import Pose
 from tasks.imagery import Imagery
 from tasks.outcome import failure
 from tasks.run import Run
 from tasks.units.context import context, unit_seed, worker_name
 from tasks.units.exemplar import read_exemplar
-from tasks.units.images import read_image, read_panorama, read_textures
+from tasks.units.images import focal_length, read_image, read_panorama, read_textures
 
 # Texels around a photo's holes that count as hidden.
 RIM = 2
 # A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
 SHOWN = 0.3
+
+
+@dataclass(frozen=True)
+class _Evidence:
+    """What pictures show of a facade: image (h, w, 3); hidden (h, w) bool; name of the source; boxes of things masked."""
+
+    image: np.ndarray
+    hidden: np.ndarray
+    source: str
+    masked: tuple[Box, ...] = ()
 
 
 def facade_unit(
@@ -88,8 +101,8 @@ def _make(
     seed = unit_seed(run, facades.id[facade], "facade")
     evidence = _evidence(plan, chart, size, imagery, textures)
     if evidence is not None:
-        image, hidden, source = evidence
-        return from_photo(image, hidden, seed=seed), source
+        made = from_photo(evidence.image, evidence.hidden, seed=seed)
+        return replace(made, masked=evidence.masked + made.masked), evidence.source
     if run.walls == "translate":
         return None, "translator"
     if imagery.exemplar is None:
@@ -111,27 +124,51 @@ def _make(
 
 def _evidence(
     plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, textures: Sequence[Path]
-) -> tuple[np.ndarray, np.ndarray, str] | None:
-    """What pictures show of a facade: (image, hidden, name of the source); None where they show too little of it."""
-    import cv2
-
+) -> _Evidence | None:
+    """What pictures show of a facade; None where they show too little of it."""
     if imagery.photo is not None:
-        image, hidden = read_image(imagery.photo)
-        image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
-        hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-        return image, _widened(hidden), imagery.photo.name
+        image, hidden = photo_of(imagery.photo, imagery.rectified, size)
+        return _Evidence(image, _widened(hidden), imagery.photo.name)
     if imagery.panoramas:
-        image, seen = fuse(
-            rectify_panorama(plan.scene, chart, read_panorama(path), pose, size) for path, pose in imagery.panoramas
-        )
-        if seen.mean() >= SHOWN:
-            return image, _widened(~seen), ", ".join(path.name for path, _ in imagery.panoramas)
+        views = [_view(plan, chart, path, pose, size) for path, pose in imagery.panoramas]
+        fused = fuse_views(views)
+        if (fused.seen & ~fused.occluded).mean() >= SHOWN:
+            _, masked = things_in_front(fused.occluded)
+            hidden = _widened(~fused.seen) | fused.occluded
+            return _Evidence(fused.rgb, hidden, ", ".join(path.name for path, _ in imagery.panoramas), masked)
     if imagery.own:
         images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart == chart])
         image, covered = own_texture(plan.scene, chart, images)
         if covered.mean() >= SHOWN:
-            return image, ~covered, "own texture"
+            return _Evidence(image, ~covered, "own texture")
     return None
+
+
+def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """A photo of a facade at a size, and what it does not show of it; rectified first where it is as taken."""
+    import cv2
+
+    image, hidden = read_image(path)
+    if not rectified:
+        alpha = np.where(hidden, 0, 255).astype(np.uint8)
+        try:
+            found = rectify(np.dstack([image, alpha]), focal=focal_length(path))
+        except ImageError as error:
+            raise ImageError(f"{path.name}: {error}") from error
+        image, hidden = found.image, ~found.seen
+    image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
+    hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+    return image, hidden
+
+
+def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> View:
+    """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees."""
+    view = rectify_view(plan.scene, chart, read_panorama(path), pose, size)
+    if not view.seen.any():
+        return view
+    alpha = np.where(view.seen, 255, 0).astype(np.uint8)
+    in_front, _ = things_in_front(parse(np.dstack([view.rgb, alpha])).occluded & view.seen)
+    return replace(view, occluded=in_front & view.seen)
 
 
 def _widened(hidden: np.ndarray) -> np.ndarray:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -10,6 +11,9 @@ import numpy as np
 
 from facade_core.errors import ImageError
 
+# Of a frame of 35 mm film, 36 x 24 mm.
+DIAGONAL_35MM = math.hypot(36, 24)
+
 
 def image_size(path: Path) -> tuple[int, int]:
     """Rows and columns of an image file, from its header."""
@@ -17,6 +21,16 @@ def image_size(path: Path) -> tuple[int, int]:
 
     with Image.open(path) as image:
         return image.height, image.width
+
+
+def focal_length(path: Path) -> float | None:
+    """The focal length of a photo in pixels, from its EXIF 35 mm equivalent; None where that is not told."""
+    from PIL import ExifTags, Image
+
+    with Image.open(path) as image:
+        told = image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
+        diagonal = math.hypot(image.width, image.height)
+    return float(told) * diagonal / DIAGONAL_35MM if told else None
 
 
 def read_textures(paths: Sequence[Path], used: np.ndarray) -> dict[int, np.ndarray]:

@@ -47,6 +47,10 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
     )
     assert {s.name for s in block.streets} == {"Mikonkatu"}
     assert block.photos == {"w1-f2": folder / "photos" / "w1-f2.jpg"}
+    assert block.photos_rectified
+    raw = read(imagery="imagery: {photos: {path: photos, rectified: false}, exemplars: {path: facades}}")
+    assert not raw.photos_rectified
+    assert raw.digest != read(imagery="imagery: {photos: {path: photos}, exemplars: {path: facades}}").digest
     x, y = block.buildings[0].footprint.exterior.coords[0]
     assert 25_490_000 < x < 25_500_000, "easting first, whatever axis order the CRS declares"
     assert 6_670_000 < y < 6_680_000

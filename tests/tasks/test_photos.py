@@ -1,0 +1,61 @@
+"""Photos of facades as taken from the street, read, rectified and sized for their facade."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image
+
+from facade_core.errors import ImageError
+from facade_core.synth import facade as paint
+from tasks.units.facade import photo_of
+from tasks.units.images import focal_length
+
+PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
+
+
+def from_below(image: np.ndarray) -> np.ndarray:
+    """The image on a wall as seen by a camera that stands to the left of its middle and looks up."""
+    height, width = image.shape[:2]
+    corners = np.float32([[0, 0], [width, 0], [width, height], [0, height]])
+    seen = np.float32([[190, 90], [900, 210], [880, 880], [110, 960]])
+    turned = cv2.getPerspectiveTransform(corners, seen)
+    background = np.full((1050, 1000, 3), (170, 190, 215), np.uint8)
+    return cv2.warpPerspective(image, turned, (1000, 1050), background, borderMode=cv2.BORDER_TRANSPARENT)
+
+
+def likeness(a: np.ndarray, b: np.ndarray) -> float:
+    soft = [cv2.GaussianBlur(x, (0, 0), 3).astype(float) for x in (a, b)]
+    return float(np.corrcoef(soft[0].ravel(), soft[1].ravel())[0, 1])
+
+
+def test_a_photo_as_taken_is_rectified_to_its_facade(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f1.png"
+    Image.fromarray(from_below(PAINTED.image)).save(path)
+    size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
+    truth = cv2.resize(PAINTED.image, size[::-1], interpolation=cv2.INTER_AREA)
+    as_taken, _ = photo_of(path, True, size)
+    rectified, hidden = photo_of(path, False, size)
+    assert rectified.shape == truth.shape
+    assert hidden.mean() < 0.2
+    assert likeness(rectified, truth) > likeness(as_taken, truth) + 0.2
+
+
+def test_a_photo_without_a_facade_is_refused_by_name(tmp_path: Path) -> None:
+    path = tmp_path / "w1-f2.png"
+    Image.fromarray(np.full((300, 400, 3), 128, np.uint8)).save(path)
+    with pytest.raises(ImageError, match=r"w1-f2\.png: .*lines"):
+        photo_of(path, False, (100, 100))
+
+
+def test_focal_length_is_that_of_the_exif(tmp_path: Path) -> None:
+    image, path = Image.new("RGB", (3600, 2400)), tmp_path / "photo.jpg"
+    image.save(path)
+    assert focal_length(path) is None
+    exif = Image.Exif()
+    exif.get_ifd(0x8769)[0xA405] = 28
+    image.save(path, exif=exif)
+    assert focal_length(path) == pytest.approx(2800)
