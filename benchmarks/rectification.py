@@ -9,7 +9,7 @@ facade's visible part that the result holds; facade: share of the result that is
 of even place in each set's list; the figures are of those of odd place.
 
 floor: what `rectify` makes of the facades as they are, which are not rectified perfectly; it is part of the errors above.
-ruemonge2014: street photos with label maps; skew is the median angle in degrees, by length, of the windows' borders to the axes.
+ruemonge2014: street photos with label maps; skew is the median angle in degrees, by length, of windows' borders to the axes.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ from facade_core.errors import ImageError
 from facade_core.rectify import Rectified, rectify
 
 SETS = ("ecp", "artdeco", "cmp")
-SIZE = (1000, 1500)
+SIDES = (1000, 1500)
 HALF_FILM = 21.63  # mm, half the diagonal of 35 mm film
 STOREYS_M = 18.0  # height of each facade
 WILD_DEG, WILD_ASPECT = 5.0, 0.3
@@ -40,36 +40,40 @@ BORDERS = (1, 4)  # RueMonge's windows and doors
 class Camera:
     """A camera before a facade, whose plane is z = 0, x right and y down in metres from its middle, z away from the viewer.
 
-    rotation (3, 3) world to camera; position (3,); focal in pixels; distortion: x = u (1 + k r^2), r in focal lengths.
+    rotation (3, 3) world to camera; position (3,); focal in pixels; distortion: x = u (1 + k r^2), r in focal lengths; size of
+    its photos (height, width).
     """
 
     rotation: np.ndarray
     position: np.ndarray
     focal: float
     distortion: float
+    size: tuple[int, int]
 
     def project(self, points: np.ndarray) -> np.ndarray:
         """Photo pixels (..., 2) of world points (..., 3); NaN behind the camera."""
         local = (points - self.position) @ self.rotation.T
         flat = local[..., :2] / np.where(local[..., 2:] > 0.01, local[..., 2:], np.nan)
         bent = flat * (1 + self.distortion * (flat**2).sum(axis=-1, keepdims=True))
-        return bent * self.focal + (np.array(SIZE[::-1]) - 1) / 2
+        return bent * self.focal + (np.array(self.size[::-1]) - 1) / 2
 
     def rays(self) -> np.ndarray:
         """World directions (H, W, 3) of the photo's pixels."""
-        y, x = np.mgrid[: SIZE[0], : SIZE[1]]
-        bent = (np.stack([x, y], axis=-1) - (np.array(SIZE[::-1]) - 1) / 2) / self.focal
-        flat = bent.copy()
-        for _ in range(12):
-            flat = bent / (1 + self.distortion * (flat**2).sum(axis=-1, keepdims=True))
-        return np.concatenate([flat, np.ones((*SIZE, 1))], axis=-1) @ self.rotation
+        y, x = np.mgrid[: self.size[0], : self.size[1]].astype(np.float32)
+        x, y = (x - (self.size[1] - 1) / 2) / self.focal, (y - (self.size[0] - 1) / 2) / self.focal
+        bent = factor = np.sqrt(x * x + y * y)
+        for _ in range(6):
+            factor = bent / (1 + self.distortion * factor * factor)
+        flat = factor / np.maximum(bent, 1e-9)
+        return np.stack([x * flat, y * flat, np.ones_like(x)], axis=-1) @ self.rotation.astype(np.float32)
 
 
 def camera(chance: np.random.Generator, width: float, height: float) -> Camera:
     """A camera that has most of a facade of this size (metres) in view."""
     from scipy.spatial.transform import Rotation
 
-    focal = np.exp(chance.uniform(np.log(24), np.log(50))) / HALF_FILM * np.hypot(*SIZE) / 2
+    size = SIDES if width > height else SIDES[::-1]
+    focal = np.exp(chance.uniform(np.log(24), np.log(50))) / HALF_FILM * np.hypot(*size) / 2
     yaw, pitch = chance.uniform(-45, 45), chance.uniform(-25, 25)
     turned = Rotation.from_euler("zxy", [chance.normal(0, 2), pitch, yaw], degrees=True).as_matrix()
     bend = chance.uniform(-0.03, 0.03)
@@ -79,10 +83,10 @@ def camera(chance: np.random.Generator, width: float, height: float) -> Camera:
     near, far = 1.0, 500.0
     for _ in range(40):
         distance = (near + far) / 2
-        seen = Camera(turned, aim - turned[2] * distance, focal, 0.0).project(corners) / np.array(SIZE[::-1]) - 0.5
+        seen = Camera(turned, aim - turned[2] * distance, focal, 0.0, size).project(corners) / size[::-1] - 0.5
         fits = np.isfinite(seen).all() and np.abs(seen).max() <= fill / 2
         near, far = (near, distance) if fits else (distance, far)
-    return Camera(turned, aim - turned[2] * far, focal, bend)
+    return Camera(turned, aim - turned[2] * far, focal, bend, size)
 
 
 def photograph(
@@ -91,26 +95,29 @@ def photograph(
     """What the camera sees: (H, W, 3) uint8 of the facade (h, w, 3), the street before it and the sky."""
     import cv2
 
-    rays, eye = view.rays(), view.position
-    rise = -rays[..., 1] / np.linalg.norm(rays, axis=-1)
-    sky = np.array([150, 180, 225]) + np.clip(rise, 0, 1)[..., None] * np.array([-70, -60, -30])
-    clouds = cv2.resize(chance.normal(0, 1, (8, 12)).astype(np.float32), SIZE[::-1], interpolation=cv2.INTER_CUBIC)
-    picture = sky + 12 * clouds[..., None]
-    # The ground lies at the facade's foot, or below the camera where that stands lower.
+    right, down, ahead = np.moveaxis(view.rays(), -1, 0)
+    eye = view.position.astype(np.float32)
+
+    def noise(size: tuple[int, int]) -> np.ndarray:
+        return chance.standard_normal(size, np.float32)
+
+    rise = np.clip(-down / np.sqrt(right * right + down * down + ahead * ahead), 0, 1)
+    clouds = 12 * cv2.resize(noise((8, 12)), view.size[::-1], interpolation=cv2.INTER_CUBIC)
+    sky = np.stack([base + slope * rise + clouds for base, slope in ((150, -70), (180, -60), (225, -30))], axis=-1)
+    # The ground lies at the facade's foot, or below the camera where that stands lower: pavement, kerb and road.
     ground = max(height / 2, eye[1] + 1.0)
-    far = (ground - eye[1]) / np.where(rays[..., 1] > 1e-6, rays[..., 1], np.nan)
-    away = np.nan_to_num(eye[2] + far * rays[..., 2], nan=1e6)
+    away = eye[2] + (ground - eye[1]) / np.maximum(down, 1e-6) * ahead
     street = np.where(away > -3.0, 165.0, 95.0) - 25.0 * (np.abs(away + 3.0) < 0.15)
-    speckle = cv2.GaussianBlur(chance.normal(0, 1, SIZE).astype(np.float32), (0, 0), 2.0)
-    picture = np.where((rays[..., 1] > 1e-6)[..., None], street[..., None] + 40 * speckle[..., None], picture)
-    depth = -eye[2] / np.where(rays[..., 2] > 1e-6, rays[..., 2], np.nan)
-    metres = np.stack([eye[0] + depth * rays[..., 0], eye[1] + depth * rays[..., 1]], axis=-1)
-    at = (metres / [width, height] + 0.5) * facade.shape[1::-1] - 0.5
-    on = (np.abs(metres) <= [width / 2, height / 2]).all(axis=-1)
-    at = np.where(on[..., None], at, -10).astype(np.float32)
-    wall = cv2.remap(facade, at, None, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
-    picture = np.where(on[..., None], wall, picture)
-    return np.clip(picture + chance.normal(0, chance.uniform(1, 6), picture.shape), 0, 255).round().astype(np.uint8)
+    street += 40 * cv2.GaussianBlur(noise(view.size), (0, 0), 2.0)
+    picture = np.where((down > 1e-6)[..., None], street[..., None], sky).astype(np.float32)
+    depth = -eye[2] / np.maximum(ahead, 1e-6)
+    x, y = eye[0] + depth * right, eye[1] + depth * down
+    on = (np.abs(x) <= width / 2) & (np.abs(y) <= height / 2)
+    column = np.where(on, (x / width + 0.5) * facade.shape[1] - 0.5, -10).astype(np.float32)
+    row = np.where(on, (y / height + 0.5) * facade.shape[0] - 0.5, -10).astype(np.float32)
+    wall = cv2.remap(facade, column, row, cv2.INTER_CUBIC, borderMode=cv2.BORDER_REPLICATE)
+    picture = np.where(on[..., None], wall, picture) + chance.uniform(1, 6) * noise((*view.size, 3))
+    return np.clip(picture, 0, 255).round().astype(np.uint8)
 
 
 def errors(
@@ -122,7 +129,7 @@ def errors(
     across, down = np.meshgrid(np.linspace(-0.49, 0.49, 33) * width, np.linspace(-0.49, 0.49, 33) * height)
     wall = np.stack([across, down, np.zeros_like(across)], axis=-1).reshape(-1, 3)
     photo = view.project(wall)
-    wall = wall[((photo >= 0) & (photo <= np.array(SIZE[::-1]) - 1)).all(axis=1)]
+    wall = wall[((photo >= 0) & (photo <= np.array(view.size[::-1]) - 1)).all(axis=1)]
     middle = _through(homography, view.project(wall))
     inside = ((middle >= -0.5) & (middle <= np.array(size[::-1]) - 0.5)).all(axis=1)
     right, under = (_through(homography, view.project(wall + step * np.eye(3)[axis])) - middle for axis in (0, 1))
@@ -261,8 +268,9 @@ def _through(homography: np.ndarray, points: np.ndarray) -> np.ndarray:
 def _around(width: float, height: float) -> np.ndarray:
     """The facade's outline, as points."""
     edge = np.linspace(-0.5, 0.5, 20)
-    sides = [(edge, -0.5), (0.5, edge), (-edge, 0.5), (-0.5, -edge)]
-    return np.concatenate([np.stack(np.broadcast_arrays(x, y), axis=-1) for x, y in sides]) * [width, height]
+    side = np.full(20, 0.5)
+    sides = [(edge, -side), (side, edge), (-edge, side), (-side, -edge)]
+    return np.concatenate([np.column_stack(xy) for xy in sides]) * [width, height]
 
 
 def _share_inside(outline: np.ndarray, size: tuple[int, int]) -> float:

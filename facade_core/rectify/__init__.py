@@ -4,10 +4,12 @@ from facade_core.rectify.fusion import Fused, View, fuse_views
 from facade_core.rectify.own_texture import own_texture
 from facade_core.rectify.panorama import Sighting, fuse, rectify_panorama, rectify_view, sightings
 from facade_core.rectify.photo import Rectified, rectify
+from facade_core.rectify.refinement import Refined, refine_pose
 
 __all__ = [
     "Fused",
     "Rectified",
+    "Refined",
     "Sighting",
     "View",
     "fuse",
@@ -16,5 +18,6 @@ __all__ = [
     "rectify",
     "rectify_panorama",
     "rectify_view",
+    "refine_pose",
     "sightings",
 ]

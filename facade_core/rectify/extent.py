@@ -9,10 +9,17 @@ from facade_core.rectify.vanishing import View, undistort
 # Cells along the photo's diagonal, and over how many of them the facade goes on between two of its lines.
 CELLS = 96
 GAP = 9
+# Where the lines of the wall's right are a smaller share of all that are not vertical, it is not this wall that is seen; parts
+# of it (between trees) count if they have this share of the largest one's lines.
+LEVEL_SHARE = 0.25
+LEAST_PART = 0.05
+# Share of all the photo's lines but the vertical that must be the wall's level ones: a street seen along its length has less.
+LEAST_LEVEL = 0.05
+LEAST_LINES = 12
 # Share of the lines' length at each side that may lie outside the facade.
 STRAY = 0.002
 # Kept around the outermost lines, as a share of the extent; and a strip of the photo this narrow is not cut off.
-MARGIN = 0.015
+MARGIN = 0.03
 NARROW = 0.06
 # Degrees from the wall's normal beyond which its pixels are too stretched to be of use.
 GRAZING = 77.0
@@ -23,7 +30,7 @@ COVERED = 0.6
 
 
 def extent(segments: np.ndarray, view: View, corners: np.ndarray) -> tuple[float, float, float, float] | None:
-    """The facade's box (x0, y0, x1, y1) on its plane at distance 1, None where no lines along both axes lie together.
+    """The facade's box (x0, y0, x1, y1) on its plane at distance 1, None where too few lines along both axes lie together.
 
     segments (n, 2, 2) as the view was found in; corners (4, 2) of the photo, clockwise from the upper left.
     """
@@ -32,12 +39,16 @@ def extent(segments: np.ndarray, view: View, corners: np.ndarray) -> tuple[float
     if len(shown) < 4:
         return None
     limit = np.concatenate([shown.min(axis=0), shown.max(axis=0)])
-    supporting = segments[_together(segments, view)]
+    together = _together(segments, view)
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
+    if lengths[together & (view.family == 0)].sum() < LEAST_LEVEL * lengths[view.family != 1].sum():
+        return None
+    supporting = segments[together]
     ends = on_plane(supporting, view)
     fine = np.isfinite(ends).all(axis=(1, 2))
     if fine.sum() < 4:
         return None
-    weight = np.repeat(np.linalg.norm(supporting[fine, 1] - supporting[fine, 0], axis=1), 2)
+    weight = np.repeat(lengths[together][fine], 2)
     box = np.concatenate([_inner(ends[fine].reshape(-1, 2)[:, axis], weight) for axis in (0, 1)])[[0, 2, 1, 3]]
     size = box[2:] - box[:2]
     if (size <= 0).any():
@@ -78,28 +89,38 @@ def _whole(view: View, corners: np.ndarray) -> tuple[float, float, float, float]
 
 
 def _together(segments: np.ndarray, view: View) -> np.ndarray:
-    """Which segments (n,) lie in the largest region with lines along both axes near each other."""
+    """Which segments (n,) of the two families lie where both do, and where few others do."""
     import cv2
 
     low = segments.reshape(-1, 2).min(axis=0)
     cell = 2.0 / CELLS
     rows, columns = (np.ceil((segments.reshape(-1, 2).max(axis=0) - low) / cell).astype(int) + 1)[::-1]
     places = np.round((segments - low) / cell).astype(np.int32)
-    kernel = np.ones((GAP, GAP), np.uint8)
-    drawn = []
-    for axis in (0, 1):
-        lines = np.zeros((rows, columns), np.uint8)
-        cv2.polylines(lines, list(places[view.family == axis]), False, 1)
-        drawn.append(cv2.dilate(lines, kernel))
-    region = drawn[0] & drawn[1]
-    count, labels, _, _ = cv2.connectedComponentsWithStats(region)
-    if count < 2:
-        return np.zeros(len(segments), np.bool_)
+    lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     middle = places.sum(axis=1) // 2
-    own = labels[middle[:, 1], middle[:, 0]]
-    length = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
-    support = np.bincount(own, length * ((view.family >= 0) & (own > 0)), minlength=count)
-    return (own == np.argmax(support)) & (view.family >= 0)
+    near, total = [], []
+    for family in (0, 1, -1):
+        own = view.family == family
+        lines = np.zeros((rows, columns), np.uint8)
+        cv2.polylines(lines, list(places[own]), False, 1)
+        near.append(cv2.dilate(lines, np.ones((GAP, GAP), np.uint8)))
+        amount = np.zeros((rows, columns))
+        np.add.at(amount, (middle[own, 1], middle[own, 0]), lengths[own])
+        total.append(cv2.boxFilter(amount, -1, (GAP, GAP), normalize=False, borderType=cv2.BORDER_CONSTANT))
+    # Walls of other directions share the vertical with this one, so it is the level lines that tell. A small facade before much
+    # clutter has too few of them anywhere.
+    shared = (near[0] & near[1]).astype(np.bool_)
+    found = np.zeros(len(segments), np.bool_)
+    for share in (LEVEL_SHARE, 0.0):
+        region = shared & (total[0] >= share * (total[0] + total[2]))
+        count, labels, _, _ = cv2.connectedComponentsWithStats(region.astype(np.uint8))
+        own = labels[middle[:, 1], middle[:, 0]]
+        within = (view.family >= 0) & (own > 0)
+        support = np.bincount(own, lengths * within, minlength=count)
+        found = within & (support >= LEAST_PART * support.max())[own]
+        if min(np.bincount(view.family[found], minlength=2)) >= LEAST_LINES:
+            break
+    return found
 
 
 def _inner(values: np.ndarray, weight: np.ndarray) -> np.ndarray:

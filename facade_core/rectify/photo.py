@@ -51,8 +51,8 @@ def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
     photo (H, W, 3) uint8 RGB, or (H, W, 4), whose alpha hides. The principal point is taken to be the centre. focal in pixels
     (from EXIF); None: found from the vanishing points, as far as they tell, between them and a 31 mm equivalent. Radial
     distortion is estimated, but what comes back is the homography that is nearest to the whole map. A photo that is rectified
-    already keeps its full extent. Raises ImageError for an image of another kind, and, with the reason, where no facade is found
-    that can be rectified reliably.
+    already keeps its full extent. Raises ImageError for an image of another kind, and, with the reason, where no facade is
+    found that can be rectified reliably.
     """
     check_image(photo)
     if min(photo.shape[:2]) < LEAST_SIDE:
@@ -74,7 +74,7 @@ def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
     corners = (np.array([[0, 0], [width, 0], [width, height], [0, height]]) - 0.5 - centre) / half
     box = extent(segments, view, corners)
     if box is None:
-        raise ImageError(f"photo: nowhere do lines along both axes of a facade lie together; {REMEDY}")
+        raise ImageError(f"photo: too few lines along both axes of a facade lie together; {REMEDY}")
     homography, size = _homography(view, box, corners, half, centre)
     residual = _check_result(segments * half + centre, view.family, homography, size)
     image, seen = _warp(photo, homography, size)
@@ -82,7 +82,7 @@ def rectify(photo: np.ndarray, *, focal: float | None = None) -> Rectified:
 
 
 def _segments(photo: np.ndarray, half: float, centre: np.ndarray) -> tuple[np.ndarray, float]:
-    """Straight lines (n, 2, 2) of a photo in half diagonals from its centre, and the size of a pixel in which they were sought."""
+    """Straight lines (n, 2, 2) of a photo in half diagonals from its centre, and the size of a pixel as searched."""
     import cv2
 
     scale = min(1.0, WORKING_SIDE / max(photo.shape[:2]))

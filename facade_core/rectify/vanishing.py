@@ -8,7 +8,7 @@ which is searched in steps. Least squares over the segments that agree then sett
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -41,8 +41,8 @@ class View:
     """How a camera sees a facade.
 
     rotation (3, 3): its columns are the facade's right, its down and away from the viewer, in camera coordinates; focal in half
-    diagonals; distortion: undistorted = point / (1 + distortion r^2); family (n,) int8, 0 for segments along the facade's right,
-    1 along its down, -1 others.
+    diagonals; distortion: undistorted = point / (1 + distortion r^2); family (n,) int8, 0 for segments along the facade's
+    right, 1 along its down, -1 others.
     """
 
     rotation: np.ndarray
@@ -59,8 +59,8 @@ def find_view(segments: np.ndarray, pixel: float, focal: float | None) -> View |
     lengths = np.linalg.norm(segments[:, 1] - segments[:, 0], axis=1)
     expected = (np.log(FOCAL_MM / HALF_FILM), FOCAL_SPREAD) if focal is None else (np.log(focal), GIVEN_SPREAD)
     best, best_score = None, 0.0
-    for rotation, first_focal in _search(segments, lengths, focal):
-        view = _settle(segments, lengths, pixel, rotation, first_focal, expected)
+    for start in _search(segments, lengths, focal):
+        view = _settle(segments, lengths, pixel, start, expected, ROUNDS[0])
         if view is None or not upright(view.rotation):
             continue
         straight = undistort(segments, view.distortion)
@@ -68,7 +68,11 @@ def find_view(segments: np.ndarray, pixel: float, focal: float | None) -> View |
         score = _scores(straight, lengths, view.rotation[:, 1], view.focal, np.array([yaw]), np.radians(ROUNDS[0]))[0]
         if score > best_score:
             best, best_score = view, score
-    return best
+    for tolerance in ROUNDS[1:]:
+        best = best and _settle(segments, lengths, pixel, best, expected, tolerance)
+    if best is None or not upright(best.rotation):
+        return None
+    return replace(best, family=_families(segments, best, ROUNDS[-1]))
 
 
 def upright(rotation: np.ndarray) -> bool:
@@ -96,8 +100,8 @@ def turns(rotation: np.ndarray) -> tuple[float, float, float]:
     return float(np.degrees(yaw)), float(np.degrees(pitch)), float(np.degrees(roll))
 
 
-def _search(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> list[tuple[np.ndarray, float]]:
-    """Rotations and focal lengths to start from: the best for each vertical that comes into question."""
+def _search(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> list[View]:
+    """Views to start from, no segments assigned: the best for each vertical that comes into question."""
     step = segments[:, 1] - segments[:, 0]
     steep = np.abs(step[:, 0]) < np.tan(np.radians(STEEPEST)) * np.abs(step[:, 1])
     if steep.sum() < 3 or (~steep).sum() < 3:
@@ -113,8 +117,9 @@ def _search(segments: np.ndarray, lengths: np.ndarray, focal: float | None) -> l
             k = int(np.argmax(score))
             if score[k] > best_score:
                 right = _rights(down, yaws[k : k + 1])[0]
-                best, best_score = (np.column_stack([right, down, np.cross(right, down)]), length), score[k]
-        if best is not None and upright(best[0]):
+                rotation = np.column_stack([right, down, np.cross(right, down)])
+                best, best_score = View(rotation, length, 0.0, np.empty(0, np.int8)), score[k]
+        if best is not None and upright(best.rotation):
             found.append(best)
     return found
 
@@ -140,25 +145,6 @@ def _rights(down: np.ndarray, yaws: np.ndarray) -> np.ndarray:
     level = np.array([1.0, 0.0, 0.0]) - down[0] * down
     level /= np.linalg.norm(level)
     return np.cos(yaws)[:, None] * level + np.sin(yaws)[:, None] * np.cross(level, down)
-
-
-def _settle(
-    segments: np.ndarray,
-    lengths: np.ndarray,
-    pixel: float,
-    rotation: np.ndarray,
-    focal: float,
-    expected: tuple[float, float],
-) -> View | None:
-    """The view that a start leads to, in rounds that let fewer and fewer segments take part."""
-    state = np.array([0.0, 0.0, 0.0, np.log(focal), 0.0])
-    for tolerance in ROUNDS:
-        family = _families(segments, rotation, state, tolerance)
-        if min((family == 0).sum(), (family == 1).sum()) < 3:
-            return None
-        rotation, state = _refine(segments, lengths, family, pixel, rotation, state, expected)
-    family = _families(segments, rotation, state, ROUNDS[-1])
-    return View(rotation, float(np.exp(state[3])), float(state[4]), family)
 
 
 def _vertical_candidates(segments: np.ndarray, lengths: np.ndarray) -> np.ndarray:
@@ -193,14 +179,14 @@ def _agreement(miss: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _angles(segments: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Angles (n, k) in radians, signed, between segments (n, 2, 2) and the rays from their middles to points (k, 3)."""
+    """Angles (n, k) in radians, signed, from segments (n, 2, 2) to the rays from their middles to points, (k, 3) or (n, k, 3)."""
     step = segments[:, 1] - segments[:, 0]
     step = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
     middle = segments.mean(axis=1)
-    to_x = points[:, 0] - middle[:, :1] * points[:, 2]
-    to_y = points[:, 1] - middle[:, 1:] * points[:, 2]
+    x, y, w = points[..., 0], points[..., 1], points[..., 2]
+    to_x, to_y = x - middle[:, :1] * w, y - middle[:, 1:] * w
     sine = step[:, :1] * to_y - step[:, 1:] * to_x
-    return np.arcsin(np.clip(sine / np.maximum(np.hypot(to_x, to_y), 1e-12), -1.0, 1.0))
+    return np.arcsin(np.clip(sine / np.maximum(np.sqrt(to_x * to_x + to_y * to_y), 1e-12), -1.0, 1.0))
 
 
 def _vanishing(rotation: np.ndarray, focal: float) -> np.ndarray:
@@ -208,41 +194,45 @@ def _vanishing(rotation: np.ndarray, focal: float) -> np.ndarray:
     return rotation[:, :2].T * np.array([focal, focal, 1.0])
 
 
-def _families(segments: np.ndarray, rotation: np.ndarray, state: np.ndarray, tolerance: float) -> np.ndarray:
-    straight = undistort(segments, float(state[4]))
-    angles = np.abs(_angles(straight, _vanishing(rotation, float(np.exp(state[3])))))
-    nearer = angles.argmin(axis=1).astype(np.int8)
-    return np.where(angles.min(axis=1) < np.radians(tolerance), nearer, np.int8(-1)).astype(np.int8)
+def _families(segments: np.ndarray, view: View, tolerance: float) -> np.ndarray:
+    """The family (n,) int8 of each segment, among those that miss its vanishing point by less than tolerance degrees."""
+    straight = undistort(segments, view.distortion)
+    angles = np.abs(_angles(straight, _vanishing(view.rotation, view.focal)))
+    return np.where(angles.min(axis=1) < np.radians(tolerance), angles.argmin(axis=1), -1).astype(np.int8)
 
 
-def _refine(
+def _settle(
     segments: np.ndarray,
     lengths: np.ndarray,
-    family: np.ndarray,
     pixel: float,
-    rotation: np.ndarray,
-    state: np.ndarray,
-    prior: tuple[float, float],
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rotation and state (rotation vector, log focal, distortion) of least squared misses; the vector comes back as zeros."""
+    view: View,
+    expected: tuple[float, float],
+    tolerance: float,
+) -> View | None:
+    """The view of least squared misses of the segments within tolerance degrees; None if they are hardly any.
+
+    expected: the logarithm of the focal length and its standard deviation.
+    """
     from scipy.optimize import least_squares
     from scipy.spatial.transform import Rotation
 
+    family = _families(segments, view, tolerance)
+    if min((family == 0).sum(), (family == 1).sum()) < 3:
+        return None
     used = family >= 0
     own, which = segments[used], family[used]
-    rows = np.arange(len(own))
     sigma = np.hypot(END_PIXELS * pixel * 2 / lengths[used], CROOKED)
     weight = min(1.0, np.sqrt(INDEPENDENT / len(own))) / sigma
-    expected, spread = prior
 
-    def misses(values: np.ndarray) -> np.ndarray:
-        turned = Rotation.from_rotvec(values[:3]).as_matrix() @ rotation
-        straight = undistort(own, values[4])
-        angles = _angles(straight, _vanishing(turned, np.exp(values[3])))[rows, which] * weight
+    def misses(state: np.ndarray) -> np.ndarray:
+        turned = Rotation.from_rotvec(state[:3]).as_matrix() @ view.rotation
+        vanishing = _vanishing(turned, np.exp(state[3]))[which]
+        angles = _angles(undistort(own, state[4]), vanishing[:, None])[:, 0] * weight
         # Misses beyond about two sigma count less and less (Cauchy), as do segments that only happen to agree.
         robust = np.sign(angles) * np.sqrt(4 * np.log1p(angles**2 / 4))
-        return np.append(robust, [(values[3] - expected) / spread, values[4] / DISTORTION_SPREAD])
+        return np.append(robust, [(state[3] - expected[0]) / expected[1], state[4] / DISTORTION_SPREAD])
 
-    start = np.concatenate([np.zeros(3), state[3:]])
-    found = least_squares(misses, start, x_scale=[0.01, 0.01, 0.01, 0.05, 0.005], max_nfev=30).x
-    return Rotation.from_rotvec(found[:3]).as_matrix() @ rotation, np.concatenate([np.zeros(3), found[3:]])
+    start = np.array([0.0, 0.0, 0.0, np.log(view.focal), view.distortion])
+    found = least_squares(misses, start, x_scale=[0.01, 0.01, 0.01, 0.05, 0.005], ftol=1e-5, max_nfev=15).x
+    rotation = Rotation.from_rotvec(found[:3]).as_matrix() @ view.rotation
+    return View(rotation, float(np.exp(found[3])), float(found[4]), family)
