@@ -30,6 +30,7 @@ def write_report(
     streets: Sequence[Mapping[str, Any]],
     viewpoints: Sequence[Mapping[str, Any]],
     panoramas: Sequence[tuple[str, str]],
+    poses: Sequence[Mapping[str, Any]],
     heights: Mapping[str, int],
 ) -> None:
     """Write index.html into `folder`, beside its images/ (which are looked for, not made)."""
@@ -46,6 +47,7 @@ def write_report(
         set_aside=set_aside,
         streets=streets,
         panoramas=panoramas,
+        poses=poses,
         heights=heights,
         views=[f"images/{image.name}" for image in images if image.name.startswith("street-")],
         timings=[*_timings("facade", records.values()), *_timings("viewpoint", viewpoints)],

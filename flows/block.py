@@ -1,4 +1,4 @@
-"""The flow of one city block: ingest, facades, streets in waves, publish."""
+"""The flow of one city block: ingest, poses, facades, streets in waves, publish."""
 
 from __future__ import annotations
 
@@ -24,6 +24,7 @@ from tasks.fan_out import AT_ONCE, Stage, batches, process_batch
 from tasks.imagery import imagery_of
 from tasks.ingest import Outline, ingest_block
 from tasks.outcome import Outcome
+from tasks.poses import poses_due, refined
 from tasks.progress import begin_stage
 from tasks.publish import publish_block
 from tasks.run import Run, run_of
@@ -86,6 +87,7 @@ def _texture(run: Run, block: Block, workers: int, dask: str | None) -> dict[str
     with connect(workers, dask, run.out) as compute:
         outline = ingest.result() if ingest else ingest_block(run, block)
         outcome = _process(run, textures_due(run, outline.textured, block.textures), compute)
+        outcome += _process(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
         outcome += _process(run, exemplars_due(run, block.exemplars), compute)
         outcome += _facades(run, block, outline, compute)
         outcome += _streets(run, outline, compute)
@@ -120,7 +122,7 @@ def _process(run: Run, stage: Stage, compute: Compute) -> Outcome:
 
 def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outcome:
     chosen = choose(run, block.photos) if run.walls == "exemplar" else {}
-    panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in outline.panoramas]
+    panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in refined(run, outline.panoramas)]
     imagery = imagery_of(outline.facades, block.photos, block.photos_rectified, panoramas, outline.own, chosen)
     due = facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
     return _process(run, due, compute)

@@ -91,6 +91,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
             plan.scene.spec,
             crs=run.crs,
             panorama_width=run.panorama_width,
+            poses=len(block.panoramas),
             exemplars=len(block.exemplars),
             textures=len(plan.textured_buildings()),
             facades=len(plan.facades),

@@ -102,12 +102,15 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     buildings = open_table(session, "buildings").load()
     ingested = datetime.fromtimestamp(group.attrs["ingested"], UTC)
     rows = item_rows(run, plan, buildings, records, code_version(), ingested)
-    exemplars = [r for r in read_journal(group, "exemplars") if r and r["status"] == "failed"]
-    textures = [r for r in read_journal(group, "textures") if r and r["status"] == "failed"]
+    kinds = {"poses": "panorama", "exemplars": "exemplar", "textures": "building"}
     broken = [
         *map(tuple, group.attrs["set_aside"]),
-        *(("exemplar", r["unit"], r["reason"]) for r in exemplars),
-        *(("building", r["unit"], r["reason"]) for r in textures),
+        *(
+            (kind, record["unit"], record["reason"])
+            for stage, kind in kinds.items()
+            for record in read_journal(group, stage)
+            if record and record["status"] == "failed"
+        ),
     ]
     aside = set_aside_rows(run, broken, code_version(), ingested)
     write_items(folder / "items.parquet", rows + aside, run.crs)
@@ -130,6 +133,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         streets=[r for r in read_journal(group, "streets") if r],
         viewpoints=[r for r in viewpoints if r],
         panoramas=[(record["unit"], f"images/panorama-{v}.jpg") for v in shown if (record := viewpoints[v])],
+        poses=[r for r in read_journal(group, "poses") if r and r["status"] == "done"],
         heights=Counter(map(str, buildings.height_source.values)),
     )
     made = [at for stage in STAGES for record in read_journal(group, stage) if (at := made_at(record))]

@@ -28,7 +28,7 @@ def measure(quick: bool, data: Path | None) -> dict[str, Any]:
         repository = open_repository(store, create=True)
         session = repository.writable_session("main")
         spec = AtlasSpec(1, 20.0, page=page)
-        units = dict.fromkeys(("exemplars", "textures", "facades", "viewpoints", "streets"), 1)
+        units = dict.fromkeys(("poses", "exemplars", "textures", "facades", "viewpoints", "streets"), 1)
         create_arrays(zarr.group(store=session.store), spec, crs="EPSG:32635", panorama_width=512, **units)
         commit(session, "arrays")
         by_chunks = {

@@ -12,7 +12,7 @@ from typing import Any
 
 from facade_core.atlas.zarr_types import StoreGroup
 
-STAGES = ("exemplars", "textures", "facades", "viewpoints", "streets")
+STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets")
 
 # Fields of a record that may differ between two runs of the same unit on the same input.
 VOLATILE = ("worker", "seconds", "started", "commits")

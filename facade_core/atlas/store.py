@@ -35,6 +35,7 @@ FACADE_ARRAYS = {
     "evidence": ("uint8", "band", "facade image before completion"),
     "labels": ("uint8", None, "class id as in facade_core.labels, 255 unknown"),
     "occluded": ("bool", None, "hidden in the facade image"),
+    "confidence": ("uint8", None, "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all"),
 }
 
 
@@ -55,6 +56,7 @@ def create_arrays(
     *,
     crs: str,
     panorama_width: int,
+    poses: int,
     exemplars: int,
     textures: int,
     facades: int,
@@ -98,7 +100,7 @@ def create_arrays(
         attributes={"long_name": "variation hierarchy of each facade, base64 of its file"},
         overwrite=True,
     )
-    for stage, units in zip(STAGES, (exemplars, textures, facades, viewpoints, streets), strict=True):
+    for stage, units in zip(STAGES, (poses, exemplars, textures, facades, viewpoints, streets), strict=True):
         group.create_array(
             f"journal/{stage}",
             shape=(units,),

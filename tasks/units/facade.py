@@ -37,10 +37,12 @@ SHOWN = 0.3
 
 @dataclass(frozen=True)
 class _Evidence:
-    """What pictures show of a facade: image (h, w, 3); hidden (h, w) bool; name of the source; boxes of things masked."""
+    """What pictures show of a facade: image (h, w, 3); hidden (h, w) bool; confidence (h, w), 0 to 1, the share of the
+    raster's resolution that the picture has and how squarely it looks; name of the source; boxes of things masked."""
 
     image: np.ndarray
     hidden: np.ndarray
+    confidence: np.ndarray
     source: str
     masked: tuple[Box, ...] = ()
 
@@ -66,7 +68,7 @@ def facade_unit(
         name = plan.facades.id[facade]
         record: dict[str, Any] = {"unit": name, "key": keys[facade], "worker": worker_name(), "started": start}
         try:
-            made, source = _make(run, plan, group, facade, imagery[facade], textures)
+            made, source, confidence = _make(run, plan, group, facade, imagery[facade], textures)
         except Exception as error:
             records[facade] = failure(name, keys[facade], error) | record
             start = prepared = time.time()
@@ -76,7 +78,7 @@ def facade_unit(
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
         if made is not None:
             begun = time.time()
-            _write(group, plan, facade, made)
+            _write(group, plan, facade, made, confidence)
             seconds["write"] = time.time() - begun
             record |= _summary(made)
         records[facade] = record | {"seconds": {stage: round(s, 4) for stage, s in seconds.items()}}
@@ -93,8 +95,11 @@ def facade_unit(
 
 def _make(
     run: Run, plan: Plan, group: StoreGroup, facade: int, imagery: Imagery, textures: Sequence[Path]
-) -> tuple[Facade | None, str]:
-    """The facade from the best imagery there is of it, and what that was; None where it is left to the street stage."""
+) -> tuple[Facade | None, str, np.ndarray]:
+    """The facade from the best imagery there is of it, what that was, and how well it shows each texel, 0 to 255.
+
+    None where it is left to the street stage.
+    """
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
     size = (int(placement.height[chart]), int(placement.width[chart]))
@@ -102,9 +107,10 @@ def _make(
     evidence = _evidence(plan, chart, size, imagery, textures)
     if evidence is not None:
         made = from_photo(evidence.image, evidence.hidden, seed=seed)
-        return replace(made, masked=evidence.masked + made.masked), evidence.source
+        confidence = np.where(made.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
+        return replace(made, masked=evidence.masked + made.masked), evidence.source, confidence
     if run.walls == "translate":
-        return None, "translator"
+        return None, "translator", np.zeros(size, np.uint8)
     if imagery.exemplar is None:
         raise FacadeError(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
@@ -119,7 +125,7 @@ def _make(
         metres_per_pixel=1 / run.texels_per_metre,
         seed=seed,
     )
-    return made, imagery.exemplar[1]
+    return made, imagery.exemplar[1], np.zeros(size, np.uint8)
 
 
 def _evidence(
@@ -128,19 +134,21 @@ def _evidence(
     """What pictures show of a facade; None where they show too little of it."""
     if imagery.photo is not None:
         image, hidden = photo_of(imagery.photo, imagery.rectified, size)
-        return _Evidence(image, _widened(hidden), imagery.photo.name)
+        hidden = _widened(hidden)
+        return _Evidence(image, hidden, ~hidden, imagery.photo.name)
     if imagery.panoramas:
         views = [_view(plan, chart, path, pose, size) for path, pose in imagery.panoramas]
         fused = fuse_views(views)
         if (fused.seen & ~fused.occluded).mean() >= SHOWN:
             _, masked = things_in_front(fused.occluded)
             hidden = _widened(~fused.seen) | fused.occluded
-            return _Evidence(fused.rgb, hidden, ", ".join(path.name for path, _ in imagery.panoramas), masked)
+            names = ", ".join(path.name for path, _ in imagery.panoramas)
+            return _Evidence(fused.rgb, hidden, fused.confidence, names, masked)
     if imagery.own:
         images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart == chart])
         image, covered = own_texture(plan.scene, chart, images)
         if covered.mean() >= SHOWN:
-            return _Evidence(image, ~covered, "own texture")
+            return _Evidence(image, ~covered, covered, "own texture")
     return None
 
 
@@ -178,7 +186,7 @@ def _widened(hidden: np.ndarray) -> np.ndarray:
     return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
 
 
-def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade) -> None:
+def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade, confidence: np.ndarray) -> None:
     scene, chart = plan.scene, int(plan.facades.chart[facade])
     rasters = Rasters.of(scene.placement, [chart])
     seed = made.image.reshape(-1, 3)
@@ -192,6 +200,7 @@ def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade) -> None:
         "facade_maps/evidence": made.evidence.reshape(-1, 3),
         "facade_maps/labels": made.labels.reshape(-1),
         "facade_maps/occluded": made.occluded.reshape(-1),
+        "facade_maps/confidence": confidence.reshape(-1),
     }
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)

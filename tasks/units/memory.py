@@ -20,8 +20,14 @@ FACADE_TEXEL = 190
 TEXTURE_TEXEL = 40
 # A picture is decoded, converted and given a mask.
 PICTURE_PIXEL = 12
+# A panorama whose pose is refined: the picture, and edges of it at a smaller size.
+POSE_PIXEL = 24
 # The window of a street: seed, colour and provenance of a texel it reads; with the blend state of one it writes.
 READ_TEXEL, WRITTEN_TEXEL = 16, 80
+
+
+def pose_memory(path: Path) -> int:
+    return LEAST + _pixels([path]) * POSE_PIXEL
 
 
 def exemplar_memory(path: Path) -> int:

@@ -52,6 +52,7 @@ def repository(tmp_path: Path, placement):
         crs="EPSG:32635",
         panorama_width=64,
         exemplars=1,
+        poses=0,
         textures=1,
         facades=3,
         viewpoints=4,

@@ -1,0 +1,41 @@
+"""The pose of one panorama, refined."""
+
+from __future__ import annotations
+
+import math
+import time
+from pathlib import Path
+from typing import Any
+
+from facade_core.rectify import refine_pose
+from tasks.run import Run
+from tasks.units.context import context, worker_name
+from tasks.units.images import read_panorama
+
+
+def pose_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[Any, dict[int, dict[str, Any]]]:
+    """Refine the pose of panorama `index` against the block; returns the fork, to which nothing is written, and its record."""
+    start = time.time()
+    plan = context(run).plan
+    found = refine_pose(plan.scene, read_panorama(path), plan.poses[index])
+    pose = found.pose
+    record = {
+        "unit": path.name,
+        "key": key,
+        "status": "done",
+        "pose": [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll],
+        "moved_m": round(found.moved_m, 3),
+        "turned_deg": round(found.turned_deg, 3),
+        # degrees between lines and axes on the rectified walls; None where there are no lines
+        "given_deg": _number(found.given_degrees),
+        "residual_deg": _number(found.residual_degrees),
+        "left": list(found.reasons),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"refine": round(time.time() - start, 4)},
+    }
+    return fork, {index: record}
+
+
+def _number(value: float) -> float | None:
+    return round(value, 3) if math.isfinite(value) else None
