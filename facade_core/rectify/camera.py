@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from facade_core.errors import GeometryError
@@ -37,3 +39,13 @@ def in_view(share: np.ndarray, pose: Pose) -> np.ndarray:
     """Whether shares (..., 2) of the full panorama are in the part that the picture holds: (...,) bool."""
     left, top, width, height = pose.view
     return ((share[..., 0] - left) % 1.0 < width) & (share[..., 1] >= top) & (share[..., 1] < top + height)
+
+
+def turned(pose: Pose, turn: np.ndarray) -> Pose:
+    """The pose of a camera for which the world directions d of `pose` are turn (3, 3) @ d."""
+    from scipy.spatial.transform import Rotation
+
+    world_from_camera = turn @ camera_from_world(pose).T
+    axes = world_from_camera @ np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # right, ahead, up
+    heading, pitch, roll = Rotation.from_matrix(axes).as_euler("ZXY", degrees=True)
+    return replace(pose, heading=float(-heading % 360), pitch=float(pitch), roll=float(roll))

@@ -1,0 +1,223 @@
+"""A short synthetic street with known textures, and panoramas of it by exact ray casting: truth for posed imagery."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import shapely
+from numba import njit
+
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.errors import LayoutError
+from facade_core.geometry.charts import GROUND, WALL
+from facade_core.geometry.packing import pack
+from facade_core.geometry.surfaces import block_surfaces
+from facade_core.geometry.terrain import terrain_of
+from facade_core.rectify.camera import camera_from_world, position
+from facade_core.street.scene import Scene
+from facade_core.synth.exemplars import exemplars
+from facade_core.synth.facade import PaintedFacade
+from facade_core.synth.occluders import paint_occluders
+from facade_core.types import Building, Pose, Street
+
+# Metres from the axis of the street to its facades, and of what stands before them to the facades.
+HALF_WIDTH, KERB = 9.0, 3.0
+DEPTH = 10.0
+# Metres between the second and third building of a row.
+GAP = 4.0
+# Where the street is: grid coordinates, and its turn from the east, so that no axis is special.
+CORNER, TURN_DEG = np.array([4200.0, 7300.0]), 23.0
+# Rows of pixels rendered at once, which bounds memory.
+BAND = 128
+
+
+@dataclass(frozen=True, eq=False)
+class SyntheticStreet:
+    """scene; per facade its chart, its painted truth and the cut-outs before it: rgba (H, W, 4) uint8 of the facade's size, on
+    an upright plane KERB metres before it; axis: the street's unit direction (2,); length in metres."""
+
+    scene: Scene
+    charts: tuple[int, ...]
+    painted: tuple[PaintedFacade, ...]
+    cutouts: tuple[np.ndarray, ...]
+    axis: np.ndarray
+    length: float
+
+    def place(self, along: float, across: float) -> np.ndarray:
+        """World x, y of a point `along` metres down the street and `across` metres to its left."""
+        return CORNER + along * self.axis + across * np.array([-self.axis[1], self.axis[0]])
+
+
+def synthetic_street(
+    buildings: int = 8, *, seed: int, occluders: int = 2, texels_per_metre: float = 25.0
+) -> SyntheticStreet:
+    """Two rows of terraced houses, half of `buildings` each, whose fronts are painted facades, with cut-outs before each.
+
+    Raises LayoutError for fewer than two buildings or an odd number.
+    """
+    if buildings < 2 or buildings % 2:
+        raise LayoutError(f"a street of {buildings!r} buildings; use an even number of at least 2")
+    painted = exemplars(buildings, seed=seed, metres_per_pixel=1 / texels_per_metre)
+    turn = np.radians(TURN_DEG)
+    axis = np.array([np.cos(turn), np.sin(turn)])
+    across = np.array([-axis[1], axis[0]])
+    houses, ends = [], []
+    for row, side in enumerate((1.0, -1.0)):
+        along = 0.0
+        for number, facade in enumerate(painted[row::2]):
+            height, width = (n / texels_per_metre for n in facade.image.shape[:2])
+            along += GAP if number == 2 else 0.0
+            corners = [(a, side * b) for a, b in ((along, HALF_WIDTH), (along + width, HALF_WIDTH))]
+            corners += [(along + width, side * (HALF_WIDTH + DEPTH)), (along, side * (HALF_WIDTH + DEPTH))]
+            outline = shapely.Polygon([CORNER + a * axis + b * across for a, b in corners])
+            houses.append(Building(f"{row}-{number}", outline, height, "height", base=0.0))
+            along += width
+        ends.append(along)
+    line = shapely.LineString([CORNER, CORNER + max(ends) * axis])
+    charts, mesh, _ = block_surfaces(
+        houses, [Street("street", None, line)], terrain=terrain_of(houses, None), ground_margin=40.0, largest=80.0
+    )
+    placement = pack(charts.texels(texels_per_metre), charts.building, page=2048, chunk=128, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
+    walls, normal = charts.kind == WALL, charts.normal()
+    fronts = []
+    for index in range(buildings):
+        side = 1.0 if index < buildings // 2 else -1.0
+        front = walls & (charts.building == index) & (normal[:, :2] @ across * side < -0.99)
+        fronts.append(int(np.flatnonzero(front)[0]))
+    ordered = tuple([*painted[0::2], *painted[1::2]])
+    cutouts = tuple(_cutout(f, occluders, np.random.default_rng([seed, i])) for i, f in enumerate(ordered))
+    return SyntheticStreet(scene, tuple(fronts), ordered, cutouts, axis, max(ends))
+
+
+def panorama(street: SyntheticStreet, pose: Pose, width: int, *, gain: float = 1.0, seed: int = 0) -> np.ndarray:
+    """What a camera at `pose` sees, (width / 2, width, 3) uint8: facades, cut-outs, plain other surfaces, a bright sky.
+
+    gain is the exposure; the noise of the sensor (1 % of full scale) has the given seed.
+    """
+    height = width // 2
+    rotation = camera_from_world(pose)
+    longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
+    image = np.empty((height, width, 3), np.float32)
+    sheet, left = _sheet(street)
+    for top in range(0, height, BAND):
+        rows = min(BAND, height - top)
+        latitude = (0.5 - (np.arange(top, top + rows) + 0.5) / height) * np.pi
+        camera = np.empty((rows, width, 3), np.float32)
+        camera[..., 0] = np.cos(latitude)[:, None] * np.sin(longitude)
+        camera[..., 1] = -np.sin(latitude)[:, None]
+        camera[..., 2] = np.cos(latitude)[:, None] * np.cos(longitude)
+        rays = camera @ rotation.astype(np.float32)
+        image[top : top + rows] = _shade(street, position(pose), rays, sheet, left)
+    image = gain * image + np.random.default_rng(seed).normal(0, 2.55, image.shape).astype(np.float32)
+    return np.round(np.clip(image, 0, 255)).astype(np.uint8)
+
+
+def hidden(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, int], *, supposed: Pose) -> np.ndarray:
+    """Where a facade's raster of size (h, w) shows a cut-out, (h, w) bool: a raster resampled from a panorama taken at `pose` in
+    the belief that it was taken at `supposed`."""
+    charts, chart = street.scene.charts, street.charts[facade]
+    rows, columns = size
+    extent = np.array([street.painted[facade].image.shape[i] for i in (1, 0)]) / street.scene.spec.texels_per_metre
+    x, y = np.meshgrid((np.arange(columns) + 0.5) / columns * extent[0], (np.arange(rows) + 0.5) / rows * extent[1])
+    points = charts.origin[chart] + x[..., None] * charts.axis_u[chart] + y[..., None] * charts.axis_v[chart]
+    rays = (points - position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(pose)
+    return _cover(street, position(pose), rays, np.ones(size, np.float32), np.zeros((*size, 3), np.float32)) > 0.02
+
+
+def _cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:
+    """Trees, cars and lamps alone, (H, W, 4) uint8, as large as the facade."""
+    image, mask = paint_occluders(facade.image, facade.metres_per_pixel, count, rng)
+    return np.dstack([image, np.where(mask, 255, 0).astype(np.uint8)])
+
+
+def _sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
+    """All facades side by side, and after them a tile of mottled grey; the first column of each."""
+    images = [facade.image for facade in street.painted]
+    rng = np.random.default_rng(len(images))
+    height = max(512, *(image.shape[0] for image in images))
+    grain = rng.normal(128, 9, (512, 512)) + rng.normal(0, 10, (64, 64)).repeat(8, 0).repeat(8, 1)
+    tile = np.clip(grain, 0, 255).astype(np.uint8)[..., None].repeat(3, 2)
+    padded = [np.pad(image, ((0, height - len(image)), (0, 0), (0, 0)), mode="edge") for image in (*images, tile)]
+    return np.concatenate(padded, axis=1), np.cumsum([0, *(image.shape[1] for image in images)])
+
+
+def _shade(
+    street: SyntheticStreet, origin: np.ndarray, rays: np.ndarray, sheet: np.ndarray, left: np.ndarray
+) -> np.ndarray:
+    """Colours (h, w, 3) float32 along rays (h, w, 3)."""
+    import cv2
+
+    scene, charts = street.scene, street.scene.charts
+    distance, chart = scene.caster.cast(origin, rays)
+    front = np.full(len(charts) + 1, len(street.charts), np.int32)
+    front[list(street.charts)] = np.arange(len(street.charts))
+    facade = front[chart]
+    offset = np.where(np.isfinite(distance), distance, 0)[..., None] * rays + (origin - charts.origin[chart])
+    density = scene.spec.texels_per_metre
+    x = np.einsum("...i,...i", offset, charts.axis_u[chart]) * density
+    y = np.einsum("...i,...i", offset, charts.axis_v[chart]) * density
+    widths = np.array([f.image.shape[1] for f in street.painted] + [512])
+    heights = np.array([f.image.shape[0] for f in street.painted] + [512])
+    plain = facade == len(street.charts)
+    column = left[facade] + np.where(plain, np.minimum(x % 512, 511), np.clip(x - 0.5, 0, widths[facade] - 1))
+    row = np.where(plain, np.minimum(y % 512, 511), np.clip(y - 0.5, 0, heights[facade] - 1))
+    colour = cv2.remap(sheet, column.astype(np.float32), row.astype(np.float32), cv2.INTER_LINEAR).astype(np.float32)
+    tint = np.random.default_rng(0).uniform(0.5, 1.2, (len(charts) + 1, 3)).astype(np.float32)
+    tint[:-1][charts.kind == GROUND] = [0.75, 0.74, 0.72]
+    tint[list(street.charts)] = 1
+    colour *= tint[chart]
+    rise = np.clip(rays[..., 2:], 0, 1)
+    sky = np.array([225, 232, 240], np.float32) - rise * np.array([70, 45, 10], np.float32)
+    colour = np.where(np.isfinite(distance)[..., None], colour, sky)
+    colour = np.ascontiguousarray(colour, np.float32)
+    _cover(street, origin, rays, distance, colour)
+    return colour
+
+
+def _cover(
+    street: SyntheticStreet, origin: np.ndarray, rays: np.ndarray, nearest: np.ndarray, colour: np.ndarray
+) -> np.ndarray:
+    """Paint the cut-outs that rays (..., 3) meet before `nearest` (in ray lengths) over colour (..., 3), in place; returns how
+    much of each ray they stop (...,)."""
+    charts, fronts = street.scene.charts, list(street.charts)
+    normal = charts.normal()[fronts]
+    corner = charts.origin[fronts] + KERB * normal - origin
+    middle = corner + charts.size[fronts, :1] / 2 * charts.axis_u[fronts]
+    order = np.argsort(-np.linalg.norm(middle[:, :2], axis=1), kind="stable")  # what stands nearer is painted later
+    height = max(len(cutout) for cutout in street.cutouts)
+    sheet = np.concatenate([np.pad(c, ((0, height - len(c)), (0, 0), (0, 0))) for c in street.cutouts], axis=1)
+    sizes = np.array([c.shape[:2] for c in street.cutouts])
+    left = np.cumsum([0, *sizes[:-1, 1]])
+    frame = (corner, normal, charts.axis_u[fronts], charts.axis_v[fronts], order, left, sizes)
+    stopped = np.zeros(rays.shape[:-1], np.float32)
+    flat = (np.ascontiguousarray(rays).reshape(-1, 3), np.ascontiguousarray(nearest).reshape(-1))
+    density = street.scene.spec.texels_per_metre
+    _blend(*flat, *frame, density, sheet, colour.reshape(-1, 3), stopped.reshape(-1))
+    return stopped
+
+
+@njit(cache=True, nogil=True)
+def _blend(rays, nearest, corner, normal, axis_u, axis_v, order, left, sizes, density, sheet, colour, stopped):
+    for k in range(len(rays)):
+        for b in order:
+            ahead, depth = 0.0, 0.0
+            for i in range(3):
+                ahead += rays[k, i] * normal[b, i]
+                depth += corner[b, i] * normal[b, i]
+            if ahead * depth <= 0 or depth / ahead >= nearest[k]:
+                continue
+            t = depth / ahead
+            x, y = 0.0, 0.0
+            for i in range(3):
+                off = t * rays[k, i] - corner[b, i]
+                x += off * axis_u[b, i]
+                y += off * axis_v[b, i]
+            column, row = int(np.floor(x * density)), int(np.floor(y * density))
+            if column < 0 or row < 0 or row >= sizes[b, 0] or column >= sizes[b, 1]:
+                continue
+            alpha = sheet[row, left[b] + column, 3] / 255.0
+            for i in range(3):
+                colour[k, i] += alpha * (sheet[row, left[b] + column, i] - colour[k, i])
+            stopped[k] += alpha * (1.0 - stopped[k])
