@@ -98,7 +98,7 @@ def photograph(
     right, down, ahead = np.moveaxis(view.rays(), -1, 0)
     eye = view.position.astype(np.float32)
 
-    def noise(size: tuple[int, int]) -> np.ndarray:
+    def noise(size: tuple[int, ...]) -> np.ndarray:
         return chance.standard_normal(size, np.float32)
 
     rise = np.clip(-down / np.sqrt(right * right + down * down + ahead * ahead), 0, 1)
@@ -109,7 +109,7 @@ def photograph(
     away = eye[2] + (ground - eye[1]) / np.maximum(down, 1e-6) * ahead
     street = np.where(away > -3.0, 165.0, 95.0) - 25.0 * (np.abs(away + 3.0) < 0.15)
     street += 40 * cv2.GaussianBlur(noise(view.size), (0, 0), 2.0)
-    picture = np.where((down > 1e-6)[..., None], street[..., None], sky).astype(np.float32)
+    picture: np.ndarray = np.where((down > 1e-6)[..., None], street[..., None], sky).astype(np.float32)
     depth = -eye[2] / np.maximum(ahead, 1e-6)
     x, y = eye[0] + depth * right, eye[1] + depth * down
     on = (np.abs(x) <= width / 2) & (np.abs(y) <= height / 2)

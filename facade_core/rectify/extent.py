@@ -18,8 +18,9 @@ LEAST_LEVEL = 0.05
 LEAST_LINES = 12
 # Share of the lines' length at each side that may lie outside the facade.
 STRAY = 0.002
-# Kept around the outermost lines, as a share of the extent; and a strip of the photo this narrow is not cut off.
-MARGIN = 0.03
+# Kept around the outermost lines, as a share of the extent: more above, where roofs and chimneys are poor in lines. A strip of
+# the photo as narrow as NARROW is not cut off.
+MARGIN, ROOF_MARGIN = 0.03, 0.08
 NARROW = 0.06
 # Degrees from the wall's normal beyond which its pixels are too stretched to be of use.
 GRAZING = 77.0
@@ -53,7 +54,7 @@ def extent(segments: np.ndarray, view: View, corners: np.ndarray) -> tuple[float
     size = box[2:] - box[:2]
     if (size <= 0).any():
         return None
-    box += MARGIN * np.concatenate([-size, size])
+    box += np.array([-MARGIN, -ROOF_MARGIN, MARGIN, MARGIN]) * np.tile(size, 2)
     box = np.where(np.abs(limit - box) < NARROW * np.tile(size, 2), limit, box)
     whole = _whole(view, corners)
     if whole is not None and np.prod(size) > COVERED * (whole[2] - whole[0]) * (whole[3] - whole[1]):

@@ -179,7 +179,7 @@ def _agreement(miss: np.ndarray, tolerance: float) -> np.ndarray:
 
 
 def _angles(segments: np.ndarray, points: np.ndarray) -> np.ndarray:
-    """Angles (n, k) in radians, signed, from segments (n, 2, 2) to the rays from their middles to points, (k, 3) or (n, k, 3)."""
+    """Signed angles (n, k) in radians from segments (n, 2, 2) to the rays from their middles to points (k, 3) or (n, k, 3)."""
     step = segments[:, 1] - segments[:, 0]
     step = step / np.maximum(np.linalg.norm(step, axis=1, keepdims=True), 1e-12)
     middle = segments.mean(axis=1)
