@@ -115,8 +115,8 @@ def panorama(street: SyntheticStreet, pose: Pose, width: int, *, gain: float = 1
 
 
 def hidden(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, int], *, supposed: Pose) -> np.ndarray:
-    """Where a facade's raster of size (h, w) shows a cut-out, (h, w) bool: a raster resampled from a panorama taken at `pose` in
-    the belief that it was taken at `supposed`."""
+    """Where a facade's raster of size (h, w) shows a cut-out, (h, w) bool: the raster was resampled from a panorama taken at
+    `pose` in the belief that it was taken at `supposed`."""
     charts, chart = street.scene.charts, street.charts[facade]
     rows, columns = size
     extent = np.array([street.painted[facade].image.shape[i] for i in (1, 0)]) / street.scene.spec.texels_per_metre
