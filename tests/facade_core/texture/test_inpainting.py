@@ -10,7 +10,6 @@ from facade_core.labels import ROOF, WINDOW
 from facade_core.texture import inpaint
 from facade_core.texture.pitch import bay_width, floor_height
 from facade_core.texture.seams import level, seam
-from facade_core.texture.sources import Scene, any_source
 from facade_core.types import Element
 
 
@@ -116,21 +115,6 @@ def test_levels_reproduce_a_constant_difference():
     weight[:4] = 1.0
     offset = level(np.full((60, 80, 3), 20.0, np.float32), weight)
     np.testing.assert_allclose(offset, 20.0, rtol=1e-3)
-
-
-def test_fourier_search_finds_the_exact_copy():
-    rng = np.random.default_rng(3)
-    image = rng.random((80, 90, 3)).astype(np.float32)
-    image[50:74, 52:76] = image[8:32, 20:44]
-    known = np.ones((80, 90), bool)
-    known[56:68, 58:70] = False
-    patch = np.argwhere(~known)
-    band = np.argwhere(cv2.dilate((~known).astype(np.uint8), np.ones((9, 9), np.uint8)).astype(bool) & known)
-    flat = np.zeros((80, 80), np.float32), np.zeros((90, 90), np.float32)
-    scene = Scene(image, known, *flat, np.full((80, 90), 255, np.uint8), None, None)
-    shift, price = any_source(scene, np.where(known[..., None], image, 0), patch, band)
-    assert shift == (-42, -32)
-    assert price < 0.03
 
 
 @pytest.mark.realdata

@@ -1,0 +1,64 @@
+"""Where repeats lie: translations and mirror images under which the visible part of a facade looks like itself."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+from scipy import fft
+
+_NEAR = 6  # px of the working image: shorter translations copy a thing onto itself
+_LEAST_SEEN = 0.04  # share of the image that must be seen twice under a translation
+_STRAIGHT = 3  # px within which a translation is vertical or horizontal
+_FEW, _MANY = 10, 24
+
+
+def repeats(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Maps (n, 3) int64: dy, step, mirrored (0 or 1), the strongest first within each kind.
+
+    A pixel (y, x) is taken from (y + dy, x + step), where mirrored from (y + dy, step - x). grey (H, W) float32 holds
+    detail (mean 0), known (H, W) bool says where. The score is the normalised correlation over what is seen twice.
+    """
+    height, width = known.shape
+    score = _correlation(grey, known, grey, known)
+    dy, dx = np.mgrid[-height + 1 : height, -width + 1 : width]
+    score[(np.abs(dy) < _NEAR) & (np.abs(dx) < _NEAR)] = -1.0
+    level, steep = np.abs(dy) <= _STRAIGHT, np.abs(dx) <= _STRAIGHT
+    kinds = ((level, _MANY), (steep, _MANY), (~level & ~steep, _FEW))
+    ahead = np.concatenate([_peaks(np.where(kind, score, -1.0), count) for kind, count in kinds])
+    mirror = _correlation(grey, known, grey[:, ::-1], known[:, ::-1])
+    axes = _peaks(np.where(level, mirror, -1.0), _FEW)
+    axes[:, 1] = width - 1 - axes[:, 1]
+    found = [np.column_stack([at, np.full(len(at), kind)]) for kind, at in enumerate((ahead, axes))]
+    return np.unique(np.concatenate(found), axis=0)
+
+
+def _correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray) -> np.ndarray:
+    """Of a at p with b at p + t, for all t: (2 H - 1, 2 W - 1), t = 0 in the middle; -1 where too little is seen."""
+    height, width = a.shape
+    shape = [fft.next_fast_len(2 * n - 1, real=True) for n in (height, width)]
+
+    def forward(array: np.ndarray) -> np.ndarray:
+        return fft.rfft2(array.astype(np.float32), shape)
+
+    def correlate(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        whole = fft.irfft2(np.conj(first) * second, shape)
+        return np.roll(whole, (height - 1, width - 1), (0, 1))[: 2 * height - 1, : 2 * width - 1]
+
+    ma, mb = forward(known_a), forward(known_b)
+    product = correlate(forward(a * known_a), forward(b * known_b))
+    squares = correlate(forward(a**2 * known_a), mb), correlate(ma, forward(b**2 * known_b))
+    seen = correlate(ma, mb)
+    norm = np.sqrt(np.maximum(squares[0], 0) * np.maximum(squares[1], 0))
+    score = product / np.maximum(norm, 1e-3 * norm.max() + 1e-9)
+    # what is seen of a long translation is little, and more likely to fit by chance
+    trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
+    return np.where(seen > _LEAST_SEEN * height * width, score * trust, -1.0)
+
+
+def _peaks(score: np.ndarray, count: int) -> np.ndarray:
+    """(n, 2) dy, dx of the highest local maxima."""
+    height, width = (side // 2 for side in score.shape)
+    top = (score == cv2.dilate(score, np.ones((7, 7), np.uint8))) & (score > -1.0)
+    at = np.argwhere(top)
+    best = np.argsort(-score[top], kind="stable")[:count]
+    return at[best] - (height, width)
