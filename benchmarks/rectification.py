@@ -198,7 +198,7 @@ def floor(photos: Sequence[tuple[str, np.ndarray]]) -> dict[str, Any]:
             refused += 1
             continue
         height, width = facade.shape[:2]
-        x, y = np.meshgrid(np.linspace(0, width - 1, 17), np.linspace(0, height - 1, 17))
+        x, y = np.meshgrid(np.linspace(0.02, 0.98, 17) * width, np.linspace(0.02, 0.98, 17) * height)
         points = np.stack([x, y], axis=-1).reshape(-1, 2)
         middle = _through(result.homography, points)
         right, under = (_through(result.homography, points + np.eye(2)[axis]) - middle for axis in (0, 1))
