@@ -81,7 +81,8 @@ def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]
     given, refined, images, poses = [], [], [], {}
     for name, place in stated["camera_positions"].items():
         images.append(_read(folder / "panoramas" / f"{name}.jpg"))
-        given.append(Pose(*map(float, place), heading=0.0))
+        x, y, z = map(float, place)
+        given.append(Pose(x, y, z, heading=0.0))
         result = refine_pose(scene, images[-1], given[-1])
         refined.append(result.pose)
         facts = {key: getattr(result, key) for key in _FACTS}
@@ -126,11 +127,11 @@ def synthetic(*, seed: int = 3, buildings: int = 8, panoramas: int = 4, width: i
     true, given, refined, images = [], [], [], []
     for number in range(panoramas):
         x, y = street.place((number + 0.5) / panoramas * street.length, (-1) ** number * 1.5)
-        pose = Pose(float(x), float(y), 2.5, float(rng.uniform(0, 360)), *map(float, rng.normal(0, 0.5, 2)))
+        pose = Pose(float(x), float(y), 2.5, float(rng.uniform(0, 360)), *rng.normal(0, 0.5, 2).tolist())
         off = rng.normal(0, 1, 3)
         true.append(pose)
         sideways = rng.uniform(0, 2 * np.pi)
-        noise = {
+        noise: dict[str, Any] = {
             "x": pose.x + POSE_NOISE_M * float(np.cos(sideways)),
             "y": pose.y + POSE_NOISE_M * float(np.sin(sideways)),
             "heading": pose.heading + POSE_NOISE_DEG * float(np.sign(off[0])),
