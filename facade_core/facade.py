@@ -25,6 +25,8 @@ HIDDEN_SHARE = 0.3
 # What the parser sees in front of a facade counts from this share of the image on, and hides a rim of this share of
 # its side more: leaves and mirrors reach beyond what a mask holds.
 LEAST_THING, THING_RIM = 0.0005, 0.006
+# The parser, which sees a hole filled from its border, takes some of that border for a thing: not within this share.
+SPILL = 0.05
 # What the parser guesses behind a tree is kept for these; windows and balconies come from the completed layout.
 GUESSED = (classes.ROOF, classes.SKY, classes.SHOP, classes.DOOR)
 
@@ -75,7 +77,7 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facad
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]))
-        in_front, masked = things_in_front(parsing.occluded & ~hidden)
+        in_front, masked = things_in_front(parsing.occluded & ~_grown(hidden, SPILL))
         given, hidden = hidden, hidden | in_front
     if hidden.all():
         raise ImageError("trees, cars and the like hide the whole facade; give a photo that shows some of it, or none")
@@ -101,15 +103,20 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facad
 
 def things_in_front(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
     """The parser's mask (h, w) bool of what stands in front, without specks and with a rim; and the boxes of its parts."""
-    import cv2
     from skimage.measure import label, regionprops
 
     parts = label(occluded)
     things = [thing for thing in regionprops(parts) if thing.area >= LEAST_THING * occluded.size]
     kept = np.isin(parts, [thing.label for thing in things])
-    rim = 1 + round(THING_RIM * np.sqrt(occluded.size))
-    wider = cv2.dilate(kept.astype(np.uint8), np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)).astype(bool)
-    return wider, tuple((thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things)
+    return _grown(kept, THING_RIM), tuple((thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things)
+
+
+def _grown(mask: np.ndarray, share: float) -> np.ndarray:
+    """A mask (h, w) bool and a rim of this share of its side around it."""
+    import cv2
+
+    rim = 1 + round(share * np.sqrt(mask.size))
+    return cv2.dilate(mask.astype(np.uint8), np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)).astype(bool)
 
 
 def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, seed: int = 0) -> Exemplar:

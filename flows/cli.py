@@ -192,8 +192,8 @@ def train() -> None:
 @train.command("parser")
 @click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds facades/ and streetphotos/.")
 @click.option("--out", type=FOLDER, required=True, help="Where the .onnx and its .json go, and where a run goes on.")
-@click.option("--seed", default=1, show_default=True, help="1 is the shipped models'.")
-@click.option("--segmenter", type=click.Choice(["network", "forest"]), default="forest", show_default=True)
+@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's, 1 the shipped forest's.")
+@click.option("--segmenter", type=click.Choice(["network", "forest"]), default="network", show_default=True)
 @click.option(
     "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Go on from the network in OUT, to measure."
 )
@@ -207,7 +207,7 @@ def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | N
     Examples:
       streetloom train parser --data ../shared/data --out parser/
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
-      streetloom train parser --data ../shared/data --out parser/ --segmenter network
+      streetloom train parser --data ../shared/data --out forest/ --segmenter forest --seed 1
     """
     from flows.console import progress
     from tasks.train import train_fold, train_forest, train_network

@@ -14,6 +14,8 @@ from facade_core.errors import ModelError
 from facade_core.labels import CLASSES
 from facade_core.parse.model_file import open_session, read_record, stamp
 
+SHIPPED = Path(__file__).parent / "models" / "network.onnx"
+
 # Raised whenever the meaning of the inputs or outputs changes.
 NETWORK_VERSION = 1
 

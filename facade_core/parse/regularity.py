@@ -1,34 +1,32 @@
-"""What facades have in common, used on a parse: elements are rectangles, and those of a floor or a column share lines.
+"""What facades have in common, used on a parse: windows are rectangles, and those of a floor or a column share lines.
 
-Each element's box is moved, edge by edge, to where the confidence inside is highest; the boxes of one floor (or column)
-then take the line that is best for all of them together, unless a box's own pixels speak against it.
+Each window's box is moved, edge by edge, to where the confidence inside is highest; the boxes of one floor (or column)
+then take the line that is best for all of them together, unless a box's own pixels speak against it. Balconies, doors
+and shops are left as they are: made rectangular in the same way, they lost.
 """
 
 from __future__ import annotations
 
 import numpy as np
 
-from facade_core.labels import BALCONY, CLASSES, WINDOW
+from facade_core.labels import CLASSES, WINDOW
 from facade_core.parse.boxes import elements
 
-# Drawn in this order, each over the one before: railings hide the foot of a window. Doors and shops stand alone: made
-# rectangular in the same way, the held-out doors of ECP lost F1 (0.81 to 0.74) and those of Art-Deco IoU.
-_DRAWN = (WINDOW, BALCONY)
 # An edge is moved by at most this share of the box's side, and at least by a few pixels.
 _REACH, _LEAST_REACH = 0.3, 3
 # A box takes the common line if that loses less than this, in nats per pixel of the edge.
-_TOLERANCE = 1.5
+_TOLERANCE = 0.6
 # Boxes are of one floor (column) where they share this much of their heights (widths).
 _SHARED = 0.6
-# A box is drawn where this share of it was already its class, or one that is drawn over it.
-_FILLED = 0.7
-# The same share for the emptiest row and column inside: two balconies that touch are not one.
-_FILLED_LINE = 0.5
+# A box is drawn where this share of it was window already.
+_FILLED = 0.85
+# The same share for the emptiest row and column inside: two windows that touch are not one.
+_FILLED_LINE = 0.7
 _FLOOR = 1e-3
 
 
 def regularise(confidence: np.ndarray) -> np.ndarray:
-    """A confidence map whose windows and balconies are rectangular and aligned: (H, W, 7) -> (H, W, 7) float32.
+    """A confidence map whose windows are rectangular and aligned: (H, W, 7) -> (H, W, 7) float32.
 
     Where the label changes, the new class and the one that was strongest exchange their confidence.
     """
@@ -43,15 +41,12 @@ def regularise(confidence: np.ndarray) -> np.ndarray:
 def regular_labels(confidence: np.ndarray) -> np.ndarray:
     """The labels that `regularise` brings about: (H, W, 7) float32 -> (H, W) uint8."""
     labels = confidence.argmax(2).astype(np.uint8)
+    found = [(e.x0, e.y0, e.x1, e.y1) for e in elements(labels) if e.label == CLASSES[WINDOW]]
+    if not found:
+        return labels
     score = np.log(np.maximum(confidence, _FLOOR))
-    found = elements(labels)
-    boxes = {}
-    for label in _DRAWN:
-        start = np.array([(e.x0, e.y0, e.x1, e.y1) for e in found if e.label == CLASSES[label]], np.intp).reshape(-1, 4)
-        if len(start):
-            others = np.delete(score, label, axis=2).max(2)
-            boxes[label] = _fit(start, score[..., label] - others)
-    return _draw(labels, confidence, boxes)
+    gain = score[..., WINDOW] - np.delete(score, WINDOW, axis=2).max(2)
+    return _draw(labels, confidence, _fit(np.array(found, np.intp), gain))
 
 
 def _fit(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
@@ -117,23 +112,20 @@ def _common(curves: list[dict[int, float]]) -> int:
     return places[int(np.argmax(sums))]
 
 
-def _draw(labels: np.ndarray, confidence: np.ndarray, boxes: dict[int, np.ndarray]) -> np.ndarray:
-    """Labels with the boxes drawn, and what was their class near them but outside given to the next best class."""
+def _draw(labels: np.ndarray, confidence: np.ndarray, boxes: np.ndarray) -> np.ndarray:
+    """Labels with the windows drawn, and what was window near them but outside given to the next best class."""
+    kept, near = np.zeros(labels.shape, bool), np.zeros(labels.shape, bool)
+    for x0, y0, x1, y1 in boxes:
+        if _is_filled(labels[y0:y1, x0:x1] == WINDOW):
+            kept[y0:y1, x0:x1] = True
+            high, wide = (y1 - y0) // 3 + _LEAST_REACH, (x1 - x0) // 3 + _LEAST_REACH
+            near[max(0, y0 - high) : y1 + high, max(0, x0 - wide) : x1 + wide] = True
     drawn = labels.copy()
-    for order, label in enumerate(_DRAWN):
-        over = np.isin(labels, _DRAWN[order:])
-        kept = np.zeros(labels.shape, bool)
-        near = np.zeros(labels.shape, bool)
-        for x0, y0, x1, y1 in boxes.get(label, ()):
-            if _is_filled(over[y0:y1, x0:x1]):
-                kept[y0:y1, x0:x1] = True
-                high, wide = (y1 - y0) // 3 + _LEAST_REACH, (x1 - x0) // 3 + _LEAST_REACH
-                near[max(0, y0 - high) : y1 + high, max(0, x0 - wide) : x1 + wide] = True
-        spare = near & ~kept & (drawn == label)
-        rest = confidence[spare].copy()
-        rest[:, label] = -1
-        drawn[spare] = rest.argmax(1)
-        drawn[kept] = label
+    spare = near & ~kept & (labels == WINDOW)
+    rest = confidence[spare].copy()
+    rest[:, WINDOW] = -1
+    drawn[spare] = rest.argmax(1)
+    drawn[kept] = WINDOW
     return drawn
 
 
