@@ -2,7 +2,7 @@
 
 from facade_core.rectify.fusion import Fused, View, fuse_views
 from facade_core.rectify.own_texture import own_texture
-from facade_core.rectify.panorama import Sighting, fuse, rectify_panorama, rectify_view, sightings
+from facade_core.rectify.panorama import Sighting, rectify_view, sightings
 from facade_core.rectify.photo import Rectified, rectify
 from facade_core.rectify.refinement import Refined, refine_pose
 
@@ -12,11 +12,9 @@ __all__ = [
     "Refined",
     "Sighting",
     "View",
-    "fuse",
     "fuse_views",
     "own_texture",
     "rectify",
-    "rectify_panorama",
     "rectify_view",
     "refine_pose",
     "sightings",

@@ -1,8 +1,8 @@
-"""Charts from posed panoramas: which show a chart and how well, the chart's raster from one, and from several."""
+"""Charts from posed panoramas: which show a chart and how well, and the chart's raster from one."""
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -26,13 +26,6 @@ SAMPLES = (12, 8)
 SPARSE = 4
 # Rays cast at once, which bounds memory.
 RAYS = 1 << 18
-# Gains beyond these say that two pictures do not show the same thing.
-GAIN = (0.5, 2.0)
-# Texels below which an overlap says nothing of the exposure; nor do texels outside this range of grey.
-LEAST_OVERLAP = 256
-EXPOSED = (8, 247)
-# Texels over which one picture fades into the next.
-FADE = 12
 
 
 @dataclass(frozen=True, slots=True)
@@ -89,14 +82,6 @@ def sightings(
     return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 
-def rectify_panorama(
-    scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int]
-) -> tuple[np.ndarray, np.ndarray]:
-    """A chart as a panorama shows it: rgb and seen of `rectify_view`."""
-    view = rectify_view(scene, chart, image, pose, size)
-    return view.rgb, view.seen
-
-
 def rectify_view(scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int]) -> View:
     """A chart as a panorama shows it: rgb (h, w, 3) uint8, black where not seen, seen and quality (h, w).
 
@@ -134,45 +119,6 @@ def rectify_view(scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: 
     _hide(scene, chart, place, corner, right, down, seen)
     rgb = resample(image, pose.view, footprints, seen)
     return View(rgb, seen, quality * seen)
-
-
-def fuse(views: Iterable[tuple[np.ndarray, np.ndarray]]) -> tuple[np.ndarray, np.ndarray]:
-    """One raster of a chart from one or more, best first: each and the result rgb (h, w, 3) uint8 and seen (h, w) bool.
-
-    The first keeps its texels but for a narrow fade at its border; each next fills what is left, its channels matched to the
-    texels it shares with what is there. No more are taken than fill the raster.
-    """
-    remaining = iter(views)
-    rgb, seen = (array.copy() for array in next(remaining))
-    while not seen.all() and (view := next(remaining, None)) is not None:
-        _fill(rgb, seen, *view)
-    return rgb, seen
-
-
-def _fill(rgb: np.ndarray, seen: np.ndarray, colour: np.ndarray, shown: np.ndarray) -> None:
-    """Put the shown texels of a raster where nothing is seen yet, in place."""
-    import cv2
-
-    fresh = shown & ~seen
-    if not fresh.any():
-        return
-    gained = np.clip(colour * _gain(rgb, colour, seen & shown), 0, 255)
-    away = cv2.distanceTransform((~fresh).astype(np.uint8), cv2.DIST_L2, 3)
-    fading = seen & shown & (away < FADE)
-    share = (away[fading] / FADE)[:, None]
-    rgb[fading] = np.round(share * rgb[fading] + (1 - share) * gained[fading])
-    rgb[fresh] = np.round(gained[fresh])
-    seen |= shown
-
-
-def _gain(rgb: np.ndarray, colour: np.ndarray, shared: np.ndarray) -> np.ndarray:
-    """Factors (3,) float32 that bring `colour` to the exposure of `rgb` over the texels they share."""
-    a, b = rgb[shared], colour[shared]
-    low, high = EXPOSED
-    usable = ((a >= low) & (a <= high) & (b >= low) & (b <= high)).all(axis=1)
-    if usable.sum() < LEAST_OVERLAP:
-        return np.ones(3, np.float32)
-    return np.clip(a[usable].mean(axis=0) / b[usable].mean(axis=0), *GAIN).astype(np.float32)
 
 
 def _hide(scene: Scene, chart: int, place, corner, right, down, seen: np.ndarray) -> None:
