@@ -13,35 +13,48 @@ from facade_core.labels import UNKNOWN
 from facade_core.texture.expansion import choose
 from facade_core.texture.mosaic import paint
 from facade_core.texture.pitch import bay_width, floor_height
-from facade_core.texture.prices import UNUSABLE, offers
+from facade_core.texture.prices import UNUSABLE, Offers, offers
 from facade_core.texture.translations import repeats
 
 _WORKING = 110_000  # px at which translations are chosen
 _SEAM = 0.03  # price of a seam, per colour difference (0-1, three channels)
 # How much the classes stand out from the wall where repeats of a planned layout are looked for.
 _HEAVY = np.array([0.0, 1.0, 0.5, 1.0, 0.0, 0.5, 0.0], np.float32)
+_COARSEST = 8  # px of the image at most in one of those
+_ROUNDS = 4
 _KEPT = 28  # maps that the cuts choose from
+_LEAST_GAIN = 1e-5  # in price, for each hidden pixel, that a map must bring to be one of them
 
 
-def fill_by_floors(
-    image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guide: np.ndarray, rng: np.random.Generator
-) -> np.ndarray:
+def fill_by_floors(image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator) -> np.ndarray:
     """image (H, W, 3) uint8 with the pixels of mask (H, W) filled; guide (H, W) uint8: class ids, 255 unknown."""
-    factor = max(1, int(np.ceil(np.sqrt(mask.size / _WORKING))))
+    out, missing = image, mask
+    for _ in range(_ROUNDS):  # what lies beyond the reach of all translations is filled from what was filled
+        out, done = _copied(out, missing, guide, rng)
+        if done.all() or not (done & missing).any():
+            break
+        missing = ~done
+    return out if done.all() else np.asarray(cv2.inpaint(out, (~done).astype(np.uint8), 3, cv2.INPAINT_TELEA))
+
+
+def _copied(
+    image: np.ndarray, mask: np.ndarray, guide: np.ndarray, rng: np.random.Generator
+) -> tuple[np.ndarray, np.ndarray]:
+    """The image with what could be copied, and what of it is now known (H, W) bool."""
+    factor = int(np.clip(np.ceil(np.sqrt(mask.size / _WORKING)), 1, _COARSEST))
     small, known, plan = _reduced(image, mask, guide, factor)
-    picture = image.astype(np.float32) / np.float32(255.0)
-    pitches = floor_height(image, mask, rng), bay_width(image, mask, rng)
-    found = [repeats(_detail(small.mean(2), known), known), _multiples(pitches, factor, known.shape)]
+    if not known.any():  # what is visible is finer than the blocks
+        factor, (small, known, plan) = 1, _reduced(image, mask, guide, 1)
+    byte = np.rint(small * 255.0).astype(np.uint8)
+    pitches = floor_height(byte, ~known, rng), bay_width(byte, ~known, rng)
+    found = [repeats(_detail(small.mean(2), known), known), _multiples(pitches, known.shape)]
     planned = plan != UNKNOWN
     if (planned & ~known).any():
         found.append(repeats(_detail(_HEAVY[np.where(planned, plan, 0)], planned), planned))
     maps = np.unique(np.concatenate(found), axis=0)
-    chosen = _choose(small, known, plan, maps, reach=max(known.shape) / 24)
-    filled, done = paint(picture, ~mask, chosen, maps, factor, reach=max(known.shape) / 24)
-    out = np.clip(np.rint(filled * 255.0), 0, 255).astype(np.uint8)
-    if not done.all():
-        out = np.asarray(cv2.inpaint(out, (~done).astype(np.uint8), 3, cv2.INPAINT_TELEA))
-    return out
+    reach = max(known.shape) / 24
+    chosen = _choose(small, known, plan, maps, reach)
+    return paint(image, ~mask, chosen, maps, factor, reach)
 
 
 def _reduced(
@@ -68,24 +81,27 @@ def _detail(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
     return np.where(known, grey - local, 0.0).astype(np.float32)
 
 
-def _multiples(pitches: tuple[int | None, int | None], factor: int, shape: tuple[int, int]) -> np.ndarray:
+def _multiples(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -> np.ndarray:
+    """Maps (n, 3), as `repeats` gives them, by multiples of the floor height and of the bay width."""
     found = [np.zeros((0, 3), int)]
     for axis, pitch in enumerate(pitches):
         if pitch is not None:
-            steps = np.arange(1, int(shape[axis] * factor // pitch)) * (pitch / factor)
-            signed = np.rint(np.concatenate([-steps, steps])).astype(int)
-            table = np.zeros((len(signed), 3), int)
-            table[:, axis] = signed
+            steps = np.arange(1, shape[axis] // pitch + 1) * pitch
+            table = np.zeros((2 * len(steps), 3), int)
+            table[:, axis] = np.concatenate([-steps, steps])
             found.append(table)
     return np.concatenate(found)
 
 
 def _choose(image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.ndarray, reach: float) -> np.ndarray:
+    """The number of the map that every hidden pixel is taken from, (h, w) int64; -1 where it is known or has none."""
     hidden = np.argwhere(~known)
     offer = offers(image, known, hidden, plan, maps, reach)
-    offer.price[:] = np.minimum(offer.price, UNUSABLE)
     kept = _useful(offer.price)
-    offer = type(offer)(offer.price[kept], offer.colour[kept])
+    served = (offer.price[kept] < UNUSABLE).any(0)
+    if not served.any():
+        return np.full(known.shape, -1)
+    hidden, offer = hidden[served], Offers(offer.price[kept][:, served], offer.colour[kept][:, served])
     number = np.full(known.shape, -1)
     number[hidden[:, 0], hidden[:, 1]] = np.arange(len(hidden))
     edges = np.concatenate(
@@ -95,7 +111,9 @@ def _choose(image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.nda
         ]
     )
     chosen = np.full(known.shape, -1)
-    chosen[~known] = kept[choose(offer, edges, _rim(image, known, hidden, maps[kept], offer.colour), _SEAM)]
+    chosen[hidden[:, 0], hidden[:, 1]] = kept[
+        choose(offer, edges, _rim(image, known, hidden, maps[kept], offer.colour), _SEAM)
+    ]
     return chosen
 
 
@@ -106,7 +124,7 @@ def _useful(price: np.ndarray) -> np.ndarray:
     while left and len(kept) < _KEPT:
         gains = [float(np.maximum(best - price[k], 0).sum()) for k in left]
         top = int(np.argmax(gains))
-        if gains[top] <= 1e-3 * price.shape[1] * 1e-2 and kept:
+        if gains[top] <= _LEAST_GAIN * price.shape[1] and kept:
             break
         kept.append(left.pop(top))
         best = np.minimum(best, price[kept[-1]])

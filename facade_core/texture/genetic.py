@@ -24,8 +24,9 @@ def evolve(
     usable: np.ndarray,
     generations: int,
     rng: np.random.Generator,
-) -> tuple[np.ndarray, float]:
-    """The fittest tiling (M, N) int32 after some generations, and its energy (Eq. 4).
+) -> tuple[np.ndarray, np.ndarray]:
+    """The fittest tiling (M, N) int32 after some generations, and the lowest energy (Eq. 4) before and after each of them,
+    (generations + 1,) float64: the last is the tiling's own.
 
     population (POPULATION, M, N) int32 holds the first generation; shape is the exemplar grid's. A node (y, x) takes
     tile (i, j) only if rows[y, i], columns[x, j] (bool, (M, rows) and (N, columns)) and usable[i, j]; frozen (M, N)
@@ -80,9 +81,11 @@ def _evolve(population, draws, height, width, rows, columns, frozen, usable,
         refresh(cost[k], population[k], 0, tall, 0, wide,
                 right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
         fitness[k] = total(cost[k])
+    lowest = np.empty(draws.shape[0] + 1)
     heirs, heir_cost, heir_fitness = population.copy(), cost.copy(), fitness.copy()
     for generation in range(draws.shape[0]):
         order = np.argsort(fitness)
+        lowest[generation] = fitness[order[0]]
         for k in range(ELITE):
             heirs[k], heir_cost[k], heir_fitness[k] = population[order[k]], cost[order[k]], fitness[order[k]]
         for pair in range(draws.shape[1]):
@@ -113,4 +116,5 @@ def _evolve(population, draws, height, width, rows, columns, frozen, usable,
         cost, heir_cost = heir_cost, cost
         fitness, heir_fitness = heir_fitness, fitness
     best = np.argmin(fitness)
-    return population[best].copy(), fitness[best]
+    lowest[-1] = fitness[best]
+    return population[best].copy(), lowest

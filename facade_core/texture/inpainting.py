@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import partial
 
 import cv2
 import numpy as np
@@ -17,6 +18,7 @@ from facade_core.types import Element
 
 METHODS = ("auto", "floors", "tiles")
 _HELD_BACK = 12  # px around the hole that are hidden too, to see which method predicts them better
+_WALL_AROUND = 0.3  # of an element's size: how far around it a layout tells that there is wall
 _TRUST = 0.85  # tiles must beat floors by this factor: their wider warps look worse than the band's error says
 
 
@@ -31,14 +33,15 @@ def inpaint(
 ) -> np.ndarray:
     """image (H, W, 3) uint8 with the pixels of mask (H, W) bool filled; all others keep their bits.
 
-    method "floors" clones large patches a whole number of floors away (floors paper); "tiles" lays visible tiles
-    (tiles paper; needs labels (H, W) uint8 or elements); "auto" hides a band of 12 px more, fills it by both at half
-    size and takes the tiles where their squared error on that band is clearly smaller. Without labels and elements it
-    is "floors". Labels count only outside the mask.
+    method "floors" clones what lies whole floors and bays away (floors paper); "tiles" lays visible tiles (tiles
+    paper; needs labels (H, W) uint8 or elements); "auto" hides a band of 12 px more, fills it by both at half size and
+    takes the tiles for those holes whose band they predict clearly better. Without labels and elements it is
+    "floors". Labels count only outside the mask.
 
     elements in pixels, from a completed layout, say where windows go: sources that put elements on elements are
-    preferred. Without any repetition "floors" takes the best patch anywhere, then diffusion. Raises ImageError for bad
-    arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and elements.
+    preferred. Without any repetition "floors" copies from where the rim fits best; what has no source is diffused.
+    Raises ImageError for bad arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and
+    elements.
     """
     check_image(image)
     check_mask(image, mask)
@@ -51,23 +54,26 @@ def inpaint(
     if not mask.any():
         return image.copy()
     guide = _guide(mask, labels, elements)
-    if method == "auto":
-        method = _choose(image, mask, labels, guide, seed)
-    filled = _fill(method, image, mask, labels, guide, seed)
+    fill = _fill_by_better if method == "auto" else partial(_fill, method)
+    filled = fill(image, mask, labels, guide, seed)
     return np.where(mask[..., None], filled, image)
 
 
 def _guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Element] | None) -> np.ndarray:
-    """Class ids (H, W): labels where visible, elements everywhere, wall in the hole if there are elements."""
+    """Class ids (H, W): labels where visible; in the hole elements, wall right around them, and else UNKNOWN.
+
+    A completed layout says where windows go, not that nothing else is there: it often knows of no shop.
+    """
     guide = np.full(mask.shape, UNKNOWN, np.uint8) if labels is None else np.where(mask, UNKNOWN, labels)
-    if elements:
-        guide = np.where(guide == UNKNOWN, WALL, guide).astype(np.uint8)
-        for name in reversed(ELEMENT_CLASSES):
-            for e in elements:
-                if e.label == name:
-                    box = np.s_[max(0, round(e.y0)) : max(0, round(e.y1)), max(0, round(e.x0)) : max(0, round(e.x1))]
-                    free = mask[box] | (labels is None)
-                    guide[box] = np.where(free, CLASSES.index(name), guide[box])
+    free = mask | (labels is None)
+    drawn = [(e, WALL, _WALL_AROUND) for e in elements or ()]
+    for name in reversed(ELEMENT_CLASSES):
+        drawn += [(e, CLASSES.index(name), 0.0) for e in elements or () if e.label == name]
+    for e, label, margin in drawn:
+        x, y = margin * e.width, margin * e.height
+        rows, columns = (e.y0 - y, e.y1 + y), (e.x0 - x, e.x1 + x)
+        box = tuple(slice(*(max(0, round(end)) for end in span)) for span in (rows, columns))
+        guide[box] = np.where(free[box], label, guide[box])
     return guide
 
 
@@ -75,13 +81,11 @@ def _fill(
     method: str, image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guide: np.ndarray, seed: int
 ) -> np.ndarray:
     rng = np.random.default_rng(seed)
-    if labels is not None:
-        guide = np.where(mask & (guide != UNKNOWN), guide, np.where(mask, UNKNOWN, labels)).astype(np.uint8)
-    complete = _carried_along(guide) if (guide != UNKNOWN).any() else guide
     if method == "floors":
-        return fill_by_floors(image, mask, labels, complete, rng)
+        return fill_by_floors(image, mask, guide, rng)
     from facade_core.parse import lattice
 
+    complete = _carried_along(guide) if (guide != UNKNOWN).any() else guide
     return fill_by_tiles(image, mask, complete, lattice(complete), rng)
 
 
@@ -103,24 +107,35 @@ def _carried_along(guide: np.ndarray) -> np.ndarray:
     return np.where(guide == UNKNOWN, voted, guide).astype(np.uint8)
 
 
-def _choose(image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guide: np.ndarray, seed: int) -> str:
-    """The method that predicts a held-back visible band around the hole better, tried at half size."""
-    if labels is None and (guide == UNKNOWN).any():
-        return "floors"
+def _fill_by_better(
+    image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guide: np.ndarray, seed: int
+) -> np.ndarray:
+    """Every hole filled by the method that predicts a held-back visible band around it better, tried at half size."""
+    floors = _fill("floors", image, mask, labels, guide, seed)
+    if (guide == UNKNOWN).all():
+        return floors
     size = max(16, mask.shape[1] // 2), max(16, mask.shape[0] // 2)
     small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
     hole = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_AREA) > 0
-    kinds = None if labels is None else cv2.resize(labels, size, interpolation=cv2.INTER_NEAREST)
-    plan = cv2.resize(guide, size, interpolation=cv2.INTER_NEAREST)
     wider = cv2.dilate(hole.astype(np.uint8), np.ones((_HELD_BACK + 1, _HELD_BACK + 1), np.uint8)) > 0
-    band = wider & ~hole
-    if not band.any() or wider.all():
-        return "floors"
+    if wider.all():
+        return floors
+    plan = cv2.resize(guide, size, interpolation=cv2.INTER_NEAREST)
+    if labels is not None:
+        plan[wider & ~hole] = UNKNOWN
     errors = {}
     for method in ("floors", "tiles"):
         try:
-            filled = _fill(method, small, wider, kinds, plan, seed)
+            filled = _fill(method, small, wider, labels, plan, seed)
         except ImageError:  # no whole tile is left
-            continue
-        errors[method] = float(((filled[band].astype(np.float32) - small[band]) ** 2).mean())
-    return "tiles" if errors.get("tiles", np.inf) < _TRUST * errors.get("floors", np.inf) else "floors"
+            return floors
+        errors[method] = ((filled.astype(np.float32) - small) ** 2).mean(2)
+    count, numbered = cv2.connectedComponents(wider.astype(np.uint8))
+    band = np.where(hole, 0, numbered).ravel()
+    floors_error, tiles_error = (np.bincount(band, errors[method].ravel(), count) for method in ("floors", "tiles"))
+    better = tiles_error < _TRUST * floors_error
+    better[0] = False
+    if not better.any():
+        return floors
+    tiled = cv2.resize(better[numbered].astype(np.uint8), mask.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
+    return np.where(tiled[..., None], _fill("tiles", image, mask, labels, guide, seed), floors)

@@ -8,13 +8,14 @@ from numba import njit
 
 from facade_core.texture.membrane import membrane
 
+_JOINED = 8  # px, holes nearer than twice this are blended together
 _SAMPLES = 4000  # known pixels that a part's translation is fitted to
 
 
 def paint(
     image: np.ndarray, known: np.ndarray, chosen: np.ndarray, maps: np.ndarray, factor: int, reach: float
 ) -> tuple[np.ndarray, np.ndarray]:
-    """image (H, W, 3) float32, 0-1, with hidden pixels copied, and which could be (H, W) bool.
+    """image (H, W, 3) uint8 with hidden pixels copied, and which are known now (H, W) bool.
 
     chosen (h, w) int64: the number of the map for every pixel of the image reduced by factor, -1 where known; maps (k, 3) are
     in its pixels. The translation of each connected part is fitted to what is known around it.
@@ -75,7 +76,7 @@ def _differences(image, known, where, maps):
             if 0 <= v < height and 0 <= u < width and known[y, x] and known[v, u]:
                 seen += 1
                 for c in range(3):
-                    total += abs(image[y, x, c] - image[v, u, c])
+                    total += abs(np.float32(image[y, x, c]) - np.float32(image[v, u, c]))
         if seen >= 20:
             out[k] = total / seen
     return out
@@ -84,10 +85,22 @@ def _differences(image, known, where, maps):
 def _blend(
     image: np.ndarray, known: np.ndarray, number: np.ndarray, fitted: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    copied, wanted_right, wanted_below, filled = _copy(image, known, number, fitted)
-    hidden = filled & ~known
-    offset = membrane(wanted_right, wanted_below, hidden, number)
-    return np.clip(copied + offset, 0.0, 1.0), filled
+    """Copied and blended hole by hole, so that memory is that of the largest."""
+    from scipy import ndimage
+
+    out, done = image.copy(), known.copy()
+    joined = cv2.dilate((~known).astype(np.uint8), np.ones((2 * _JOINED + 1, 2 * _JOINED + 1), np.uint8))
+    numbered, _ = ndimage.label(joined)
+    for k, (rows, columns) in enumerate(ndimage.find_objects(numbered), 1):
+        copied, steps, filled = _copy(image, known, number, fitted, rows.start, rows.stop, columns.start, columns.stop)
+        hidden = filled & ~known[rows, columns] & (numbered[rows, columns] == k)
+        if not hidden.any():
+            continue
+        offset = membrane(steps[0], steps[1], hidden, number[rows, columns])
+        blended = np.clip(np.rint((copied + offset) * 255.0), 0, 255).astype(np.uint8)
+        out[rows, columns][hidden] = blended[hidden]
+        done[rows, columns] |= hidden
+    return out, done
 
 
 @njit(cache=True)
@@ -101,44 +114,51 @@ def _source(known, fitted, part, y, x):
 
 
 @njit(cache=True)
-def _copy(image, known, number, fitted):
-    """The copied image, the steps that make joins invisible (see `membrane`), and what is known or copied."""
-    height, width = known.shape
-    out = image.copy()
-    filled = known.copy()
-    for y in range(height):
-        for x in range(width):
-            if known[y, x]:
-                continue
-            v, u = _source(known, fitted, number[y, x], y, x)
-            filled[y, x] = v >= 0
-            for c in range(3):
-                out[y, x, c] = image[v, u, c] if v >= 0 else np.float32(0)
-    steps = np.full((2, height, width, 3), np.float32(np.nan))
-    for y in range(height):
-        for x in range(width):
+def _copy(image, known, number, fitted, top, bottom, left, right):
+    """Of a box: the copied image, 0-1, the steps that make joins invisible (see `membrane`), and what is known or copied."""
+    unit = np.float32(1.0 / 255.0)
+    tall, wide = bottom - top, right - left
+    out = np.zeros((tall, wide, 3), np.float32)
+    filled = np.zeros((tall, wide), np.bool_)
+    for y in range(top, bottom):
+        for x in range(left, right):
+            v, u = (y, x) if known[y, x] else _source(known, fitted, number[y, x], y, x)
+            filled[y - top, x - left] = v >= 0
+            if v >= 0:
+                for c in range(3):
+                    out[y - top, x - left, c] = image[v, u, c] * unit
+    steps = np.full((2, tall, wide, 3), np.float32(np.nan))
+    for y in range(top, bottom):
+        for x in range(left, right):
             for side in range(2):
                 q, r = y + side, x + 1 - side
-                if q >= height or r >= width or not filled[y, x] or not filled[q, r]:
+                if q >= bottom or r >= right or not filled[y - top, x - left] or not filled[q - top, r - left]:
                     continue
                 if known[y, x] and known[q, r]:
                     continue
                 a, b = number[y, x], number[q, r]
-                for c in range(3):
-                    steps[side, y, x, c] = 0.0
                 if a == b:
+                    for c in range(3):
+                        steps[side, y - top, x - left, c] = 0.0
                     continue
-                # b's picture minus a's at both pixels: what a's offset must exceed b's by
+                # what a's picture shows less what b's shows, at both pixels: b's offset must exceed a's by it
                 total, count = np.zeros(3, np.float32), 0
                 for i, j in ((y, x), (q, r)):
-                    va, ua = (i, j) if a == 0 else _source(known, fitted, a, i, j)
-                    vb, ub = (i, j) if b == 0 else _source(known, fitted, b, i, j)
-                    # what is hidden has no picture of its own
-                    if va < 0 or vb < 0 or (a == 0 and not known[i, j]) or (b == 0 and not known[i, j]):
+                    va, ua = _shown(known, fitted, a, i, j)
+                    vb, ub = _shown(known, fitted, b, i, j)
+                    if va < 0 or vb < 0:
                         continue
                     count += 1
                     for c in range(3):
-                        total[c] += image[va, ua, c] - image[vb, ub, c]
+                        total[c] += np.float32(image[va, ua, c]) * unit - np.float32(image[vb, ub, c]) * unit
                 for c in range(3):
-                    steps[side, y, x, c] = total[c] / count if count else np.float32(np.nan)
-    return out, steps[0], steps[1], filled
+                    steps[side, y - top, x - left, c] = total[c] / count if count else np.float32(np.nan)
+    return out, steps, filled
+
+
+@njit(cache=True)
+def _shown(known, fitted, part, y, x):
+    """Where a part, 0 what is known itself, has its picture of a pixel; -1, -1 if it has none."""
+    if part > 0:
+        return _source(known, fitted, part, y, x)
+    return (y, x) if known[y, x] else (-1, -1)

@@ -209,7 +209,7 @@ def _refine(
     frozen[:, [0, -1]] = True
     if blank:
         frozen[:] = True
-    return evolve(
+    tiles, lowest = evolve(
         tables(plan.image, plan.labels, grid),
         population,
         shape=(tall, wide),
@@ -220,6 +220,7 @@ def _refine(
         generations=GENERATIONS,
         rng=rng,
     )
+    return tiles, float(lowest[-1])
 
 
 def _elastic(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:

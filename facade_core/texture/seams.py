@@ -4,30 +4,33 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
+from numba import njit
 
-_DEEP = 1e6
 
-
-def seam(old: np.ndarray, new: np.ndarray, must_old: np.ndarray, must_new: np.ndarray) -> np.ndarray:
-    """Where to show `new` instead of `old` (both (h, w, 3) float32), by a graph cut: (h, w) bool.
-
-    Only a smoothness term (floors paper, section 3.2.2): a cut between neighbours p, q costs the differences of the
-    two pictures at p and q. must_old and must_new (h, w) bool hold the two sides fixed.
-    """
-    import maxflow
-
-    differ = np.abs(old - new).sum(2).astype(np.float64) + 1.0
-    graph = maxflow.GraphFloat(differ.size, 2 * differ.size)
-    nodes = graph.add_grid_nodes(differ.shape)
-    right = np.zeros_like(differ)
-    right[:, :-1] = differ[:, :-1] + differ[:, 1:]
-    below = np.zeros_like(differ)
-    below[:-1] = differ[:-1] + differ[1:]
-    graph.add_grid_edges(nodes, right, np.array([[0, 0, 0], [0, 0, 1], [0, 0, 0]]), symmetric=True)
-    graph.add_grid_edges(nodes, below, np.array([[0, 0, 0], [0, 0, 0], [0, 1, 0]]), symmetric=True)
-    graph.add_grid_tedges(nodes, np.where(must_new, 0.0, must_old * _DEEP), np.where(must_new, _DEEP, 0.0))
-    graph.maxflow()
-    return graph.get_grid_segments(nodes)
+@njit(cache=True)
+def least_path(error):
+    """The path of least error along the first axis: (n, k) float64 -> (n,) int64, steps of at most 1 (minimum-error cut)."""
+    length, wide = error.shape
+    total = error.copy()
+    for a in range(1, length):
+        for b in range(wide):
+            best = total[a - 1, b]
+            if b > 0:
+                best = min(best, total[a - 1, b - 1])
+            if b + 1 < wide:
+                best = min(best, total[a - 1, b + 1])
+            total[a, b] += best
+    path = np.empty(length, np.int64)
+    for a in range(length - 1, -1, -1):
+        if a == length - 1:
+            path[a] = np.argmin(total[a])
+            continue
+        b = path[a + 1]
+        for other in (b - 1, b + 1):
+            if 0 <= other < wide and total[a, other] < total[a, b]:
+                b = other
+        path[a] = b
+    return path
 
 
 def level(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:

@@ -7,7 +7,7 @@ import numpy as np
 from facade_core.errors import ImageError
 from facade_core.texture.checks import check_image, check_labels
 from facade_core.texture.compose import compose
-from facade_core.texture.consistency import tables
+from facade_core.texture.consistency import Tables, tables
 from facade_core.texture.genetic import POPULATION, evolve
 from facade_core.types import Lattice, Synthesis
 
@@ -39,30 +39,38 @@ def synthesize_on(
     generations: int = GENERATIONS,
 ) -> Synthesis:
     """synthesize on a given lattice: M' = [H' M / H] rows and N' = [W' N / W] columns of tiles."""
-    rng = np.random.default_rng(seed)
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     # No more rows or columns than pixels leave room for: a cell is at least 2 px.
     rows = min(max(1, round(size[0] * tall / image.shape[0])), size[0] // 2)
     columns = min(max(1, round(size[1] * wide / image.shape[1])), size[1] // 2)
-    may_row = np.ones((rows, tall), bool)
+    tiles, lowest = evolved(
+        tables(image, labels, grid), grid, (rows, columns), np.random.default_rng(seed), generations
+    )
+    heights, widths = mean_sizes(grid, tiles)
+    picture, carried = compose(image, labels, grid, tiles, cells(heights, size[0]), cells(widths, size[1]))
+    return Synthesis(picture, carried, tiles, float(lowest[-1]))
+
+
+def evolved(
+    tab: Tables, grid: Lattice, shape: tuple[int, int], rng: np.random.Generator, generations: int = GENERATIONS
+) -> tuple[np.ndarray, np.ndarray]:
+    """Algo. 2: shape (M', N') tiles of the exemplar's grid, from random ones, and the lowest energy of every generation."""
+    tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
+    may_row = np.ones((shape[0], tall), bool)
     may_row[0], may_row[-1] = np.eye(tall, dtype=bool)[[0, -1]]
-    source_row = rng.integers(0, tall, (POPULATION, rows, columns))
+    source_row = rng.integers(0, tall, (POPULATION, *shape))
     source_row[:, 0], source_row[:, -1] = 0, tall - 1
-    population = source_row * wide + rng.integers(0, wide, (POPULATION, rows, columns))
-    tiles, energy = evolve(
-        tables(image, labels, grid),
-        population,
+    return evolve(
+        tab,
+        source_row * wide + rng.integers(0, wide, (POPULATION, *shape)),
         shape=(tall, wide),
         rows=may_row,
-        columns=np.ones((columns, wide), bool),
-        frozen=np.zeros((rows, columns), bool),
+        columns=np.ones((shape[1], wide), bool),
+        frozen=np.zeros(shape, bool),
         usable=np.ones((tall, wide), bool),
         generations=generations,
         rng=rng,
     )
-    heights, widths = mean_sizes(grid, tiles)
-    picture, carried = compose(image, labels, grid, tiles, cells(heights, size[0]), cells(widths, size[1]))
-    return Synthesis(picture, carried, tiles, energy)
 
 
 def mean_sizes(grid: Lattice, tiles: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

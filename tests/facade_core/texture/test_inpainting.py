@@ -6,10 +6,10 @@ import pytest
 from PIL import Image
 
 from facade_core.errors import ImageError
-from facade_core.labels import ROOF, WINDOW
+from facade_core.labels import ROOF, SHOP, WINDOW
 from facade_core.texture import inpaint
 from facade_core.texture.pitch import bay_width, floor_height
-from facade_core.texture.seams import level, seam
+from facade_core.texture.seams import least_path, level
 from facade_core.types import Element
 
 
@@ -92,6 +92,31 @@ def test_without_repetition_it_still_fills():
     assert filled[mask].std() > 40  # noise is continued by a patch, not smeared
 
 
+def test_a_hole_that_touches_all_borders(facade):
+    mask = np.zeros(facade.labels.shape, bool)
+    mask[100:130], mask[:, 60:90] = True, True
+    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, method="floors")
+    np.testing.assert_array_equal(filled[~mask], facade.image[~mask])
+    assert not (filled[mask] == (255, 0, 255)).all(1).any()
+
+
+def test_what_is_visible_may_be_finer_than_the_working_blocks():
+    rng = np.random.default_rng(0)
+    image = np.tile(rng.integers(0, 255, (40, 40, 3), np.uint8), (12, 14, 1))
+    mask = np.indices(image.shape[:2]).sum(0) % 2 == 0
+    filled = inpaint(spoiled(image, mask), mask)
+    assert not (filled[mask] == (255, 0, 255)).all(1).any()
+
+
+def test_a_layout_does_not_wall_up_what_it_does_not_know(facade):
+    mask = np.zeros(facade.labels.shape, bool)
+    mask[-45:, 60:100] = True  # part of the shop
+    window = [Element("window", 10, 40, 26, 60)]
+    filled = inpaint(spoiled(facade.image, mask), mask, labels=facade.labels, elements=window, method="floors")
+    shop = mask & (facade.labels == SHOP)
+    assert error(filled, facade.image, shop) < 20.0
+
+
 def test_pitches(facade, hole):
     rng = np.random.default_rng(0)
     assert floor_height(facade.image, hole, rng) == pytest.approx(40, abs=1)
@@ -100,14 +125,13 @@ def test_pitches(facade, hole):
     assert floor_height(flat, np.zeros((100, 100), bool), rng) is None
 
 
-def test_seam_runs_where_the_pictures_agree():
-    old, new = np.zeros((20, 30, 3), np.float32), np.full((20, 30, 3), 50.0, np.float32)
-    new[:, 17:19] = 0.0
-    left, right = np.zeros((20, 30), bool), np.zeros((20, 30), bool)
-    left[:, :5], right[:, -5:] = True, True
-    shown = seam(old, new, left, right)
-    np.testing.assert_array_equal(shown[:, :17], False)
-    np.testing.assert_array_equal(shown[:, 19:], True)
+def test_the_least_path_bends_to_where_pictures_agree():
+    error = np.ones((12, 7))
+    error[:6, 5], error[6:, 3], error[6, 4] = 0.0, 0.0, 0.0
+    path = least_path(error)
+    np.testing.assert_array_equal(path[:5], 5)
+    np.testing.assert_array_equal(path[7:], 3)
+    assert np.abs(np.diff(path)).max() == 1
 
 
 def test_levels_reproduce_a_constant_difference():

@@ -3,26 +3,14 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from benchmarks.synthesis import plain_energy, reference
 from facade_core.errors import ImageError
 from facade_core.parse import lattice
 from facade_core.texture import synthesize
+from facade_core.texture.compose import compose
 from facade_core.texture.consistency import ORDER, energy, tables
-from facade_core.texture.tiles import cells, synthesize_on
-
-
-def reference(tab, tiles: np.ndarray) -> float:
-    """Eq. 4 written out with numpy."""
-    out = tab.photo_right[tiles[:, :-1], tiles[:, 1:]].sum(dtype=float)
-    out += tab.photo_below[tiles[:-1], tiles[1:]].sum(dtype=float)
-    kinds = tab.kind[tiles]
-    for grid, templates, scale in (
-        (kinds, tab.templates_right, tab.scale_right),
-        (kinds.T, tab.templates_below, tab.scale_below),
-    ):
-        runs = np.lib.stride_tricks.sliding_window_view(grid, templates.shape[1], axis=1)
-        squared = tab.kind_distance[runs[:, :, None], templates[None, None]].sum(-1, dtype=float)
-        out += squared.min(-1).sum() * scale
-    return float(out)
+from facade_core.texture.tiles import cells, evolved, synthesize_on
+from facade_core.types import Lattice
 
 
 def test_energy_equals_the_reference(facade):
@@ -30,7 +18,7 @@ def test_energy_equals_the_reference(facade):
     rng = np.random.default_rng(1)
     for shape in ((5, 6), (9, 4), (ORDER, ORDER)):
         tiles = rng.integers(0, len(tab.kind), shape).astype(np.int32)
-        assert energy(tab, tiles) == pytest.approx(reference(tab, tiles), rel=1e-5)
+        assert energy(tab, tiles) == pytest.approx(plain_energy(tab, tiles), rel=1e-5)
 
 
 def test_the_exemplar_itself_costs_nothing(facade):
@@ -51,6 +39,26 @@ def test_more_generations_give_less_energy(facade):
     grid = lattice(facade.labels)
     few, many = (synthesize_on(*facade, grid, (280, 300), generations=n).energy for n in (10, 1500))
     assert many < 0.7 * few
+
+
+def test_generations_reach_what_the_plain_algorithm_reaches(facade):
+    grid = lattice(facade.labels, max_lines=12)
+    tab, shape = tables(*facade, grid), (5, 6)
+    runs = [evolved(tab, grid, shape, np.random.default_rng(s), 200)[1] for s in range(8)]
+    assert all((np.diff(run) <= 0).all() for run in runs)
+    plain = np.mean([reference(tab, shape, grid, 200, s) for s in range(8)])
+    assert np.mean([run[-1] for run in runs]) < 1.2 * plain
+
+
+def test_tiles_in_their_own_order_show_the_exemplar():
+    image = np.full((40, 60, 3), 100, np.uint8)
+    image[:, 30:] = 200
+    image[:, 27:33] = 150
+    grid = Lattice((0, 40), (0, 30, 60))
+    own, _ = compose(
+        image, np.zeros((40, 60), np.uint8), grid, np.array([[0, 1]]), np.array([0, 40]), np.array([0, 30, 60])
+    )
+    np.testing.assert_allclose(own.astype(int), image, atol=1)
 
 
 def test_size_borders_and_determinism(facade):

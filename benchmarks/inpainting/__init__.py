@@ -1,0 +1,215 @@
+"""Inpainting of facades behind trees, cars and people: `python -m benchmarks.inpainting --data DIR` prints one JSON object.
+
+40 facades of ecp and cmp without much else in view, each with cut-outs of occluders/ put in front until 8 to 30 % are
+hidden. Inside the holes: PSNR (dB) and SSIM, means over facades; perceptual, a distance of EfficientNet-Lite0's
+features (deploy/peers/perceptual.py); gradient_energy, that of the result over the truth's (1 is as sharp), bands the same for
+details of about 1-2, 2-4 and 4-8 px; structure, mIoU of `parse` of the result against the true labels over all holes
+together, beside that of the photo itself; seconds, the median. A method is sharp with gradient_energy 0.8 to 1.2.
+
+Ours is given what the pipeline has: the parse of what is visible, and in "+ layout" the completed layout too. Peers
+are OpenCV's Telea and Navier-Stokes, scikit-image's biharmonic (at a quarter of the size), and in environments of their
+own pypatchmatch and opencv-contrib's shift map.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import statistics
+import tempfile
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.inpainting import peers
+from benchmarks.inpainting.cases import Case, cases
+from benchmarks.parsing import confusion, scores
+from facade_core.labels import CLASSES, UNKNOWN
+from facade_core.parse import elements, parse
+from facade_core.texture import inpaint
+from facade_core.types import Element
+
+OURS = tuple(f"{method}{given}" for method in ("floors", "tiles", "auto") for given in ("", " + layout"))
+SHARP = (0.8, 1.2)
+_HIDDEN = 0.3  # an element hidden by more than this share was not observed
+
+
+def observe(case: Case) -> tuple[np.ndarray, list[Element]]:
+    """What the pipeline knows: labels parsed from the visible part, and the layout completed from its elements."""
+    from facade_core.facade import visible_boxes
+    from facade_core.layout import complete
+
+    parsing = parse(np.dstack([case.image, np.where(case.mask, 0, 255).astype(np.uint8)]))
+    seen = [e for e in elements(parsing) if _hidden_share(case.mask, e) <= _HIDDEN]
+    if not seen:
+        return parsing.labels, []
+    height, width = case.mask.shape
+    region = visible_boxes(case.mask) + [(e.x0, e.y0, e.x1, e.y1) for e in seen]
+    return parsing.labels, list(complete(seen, (0, 0, width, height), region)[0].elements)
+
+
+def _hidden_share(mask: np.ndarray, element: Element) -> float:
+    part = mask[int(element.y0) : int(np.ceil(element.y1)), int(element.x0) : int(np.ceil(element.x1))]
+    return float(part.mean()) if part.size else 0.0
+
+
+def in_process(case: Case) -> dict[str, Callable[[], np.ndarray]]:
+    """The methods that run here: those of OpenCV and scikit-image, and ours."""
+    import cv2
+
+    hidden, mask = case.image, case.mask.astype(np.uint8)
+    calls: dict[str, Callable[[], np.ndarray]] = {
+        "telea": lambda: cv2.inpaint(hidden, mask, 3, cv2.INPAINT_TELEA),
+        "navier_stokes": lambda: cv2.inpaint(hidden, mask, 3, cv2.INPAINT_NS),
+        "biharmonic": lambda: _biharmonic(hidden, case.mask),
+    }
+    labels, layout = observe(case)
+    for name in OURS:
+        method, _, given = name.partition(" + ")
+        known = {"labels": labels, "elements": layout if given else None, "method": method}
+        calls[name] = lambda known=known: inpaint(hidden, case.mask, **known)  # type: ignore[misc]
+    return calls
+
+
+def _biharmonic(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """At a quarter of the size: its time grows with the cube of a hole's."""
+    import cv2
+    from skimage.restoration import inpaint_biharmonic
+
+    size = tuple(max(16, side // 4) for side in mask.shape[::-1])
+    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
+    hole = cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0
+    filled = np.clip(inpaint_biharmonic(small, hole, channel_axis=2) * 255.0, 0, 255).astype(np.uint8)
+    return np.where(mask[..., None], cv2.resize(filled, mask.shape[::-1], interpolation=cv2.INTER_CUBIC), image)
+
+
+def similarity(result: np.ndarray, truth: np.ndarray, mask: np.ndarray) -> dict[str, float]:
+    """PSNR, SSIM and the energy of gradients and of three bands of detail in the hole."""
+    from skimage.metrics import structural_similarity
+
+    squared = (result[mask].astype(float) - truth[mask]) ** 2
+    _, similar = structural_similarity(truth, result, channel_axis=2, full=True)
+    found = {"psnr": 10 * np.log10(255.0**2 / max(squared.mean(), 1e-9)), "ssim": similar[mask].mean()}
+    ours, true = (_energies(image, mask) for image in (result, truth))
+    found |= dict(zip(("gradient_energy", *BANDS), ours / np.maximum(true, 1e-9), strict=True))
+    return {name: float(value) for name, value in found.items()}
+
+
+BANDS = ("band_1_2", "band_2_4", "band_4_8")
+
+
+def _energies(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Mean squared gradient, and mean square of three differences of Gaussians, in the hole."""
+    import cv2
+
+    grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.float32)
+    across, down = cv2.Sobel(grey, cv2.CV_32F, 1, 0), cv2.Sobel(grey, cv2.CV_32F, 0, 1)
+    blurred = [grey, *(cv2.GaussianBlur(grey, (0, 0), sigma) for sigma in (1.0, 2.0, 4.0))]
+    details = [(a - b) ** 2 for a, b in zip(blurred, blurred[1:], strict=False)]
+    return np.array([band[mask].mean() for band in (across**2 + down**2, *details)])
+
+
+def measure(chosen: Sequence[Case], work: Path, environments: Path, only: Sequence[str] = ()) -> dict[str, Any]:
+    """All figures by method; pictures are left in `work` as CASE.METHOD.png."""
+    from PIL import Image
+
+    from facade_core.texture.pitch import bay_width, floor_height
+
+    seconds: dict[str, list[float]] = {}
+    for case in chosen:
+        rng = np.random.default_rng(0)
+        pitch = [p or 64 for p in (floor_height(case.image, case.mask, rng), bay_width(case.image, case.mask, rng))]
+        (work / f"{case.name}.pitch.json").write_text(json.dumps(pitch))
+        files = {"truth": case.truth, "image": case.image, "mask": case.mask.astype(np.uint8) * 255}
+        for kind, picture in files.items():
+            Image.fromarray(picture).save(work / f"{case.name}.{kind}.png")
+    first = True
+    for case in chosen:
+        for name, call in in_process(case).items():
+            if only and name not in only:
+                continue
+            if first:
+                call()  # compiles
+            start = time.perf_counter()
+            filled = call()
+            seconds.setdefault(name, []).append(time.perf_counter() - start)
+            Image.fromarray(filled).save(work / f"{case.name}.{name}.png")
+        first = False
+    for peer in ("pypatchmatch", "shiftmap"):
+        seconds |= {k: v for k, v in peers.run(peer, environments, work, work).items() if not only or k in only}
+    perceptual = peers.run("perceptual", environments, work, work, *seconds)
+    figures = {name: _figures(name, chosen, work) for name in seconds}
+    for name, values in perceptual.items():
+        figures[name]["perceptual"] = round(float(np.mean(values)), 3)
+        figures[name]["seconds"] = round(statistics.median(seconds[name]), 3)
+    return figures
+
+
+def _figures(method: str, chosen: Sequence[Case], work: Path) -> dict[str, Any]:
+    from PIL import Image
+
+    rows, counts = [], np.zeros((len(CLASSES), len(CLASSES)), np.int64)
+    for case in chosen:
+        filled = np.asarray(Image.open(work / f"{case.name}.{method}.png"))
+        rows.append(similarity(filled, case.truth, case.mask))
+        counts += confusion(np.where(case.mask, case.labels, UNKNOWN), parse(filled).labels)
+    means = {name: round(float(np.mean([row[name] for row in rows])), 3) for name in rows[0]}
+    found = scores(counts)
+    return {**means, "structure_miou": found["mean_iou"], "structure_iou": found["iou"]}
+
+
+def goals(figures: dict[str, Any], ours: str = "auto + layout") -> dict[str, Any]:
+    """Ours beside the best sharp peer, by what is to be reached."""
+    sharp = {
+        name: row
+        for name, row in figures.items()
+        if name not in (*OURS, "truth") and SHARP[0] <= row["gradient_energy"] <= SHARP[1]
+    }
+    own = figures[ours]
+    best = {key: max(row[key] for row in sharp.values()) for key in ("psnr", "ssim", "structure_miou")}
+    nearest = min(row["perceptual"] for row in sharp.values())
+    return {
+        "sharp_peers": sorted(sharp),
+        "psnr_gain": round(own["psnr"] - best["psnr"], 3),
+        "ssim": own["ssim"],
+        "best_ssim": best["ssim"],
+        "perceptual_ratio": round(own["perceptual"] / nearest, 3),
+        "structure_gain": round(100 * (own["structure_miou"] - best["structure_miou"]), 1),
+    }
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description="Inpainting of facades, ours and others', measured on the same holes.")
+    parser.add_argument("--data", type=Path, default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")))
+    parser.add_argument("--count", type=int, default=40, help="facades [40]")
+    parser.add_argument("--out", type=Path, help="folder that keeps the pictures")
+    parser.add_argument(
+        "--environments",
+        type=Path,
+        default=Path.home() / ".cache" / "streetloom" / "peers",
+        help="folder for the peers' environments, made on demand: some gigabytes",
+    )
+    options = parser.parse_args(arguments)
+    chosen = list(cases(options.data, options.count))
+    with tempfile.TemporaryDirectory() as scratch:
+        work = options.out or Path(scratch)
+        work.mkdir(parents=True, exist_ok=True)
+        figures = measure(chosen, work, options.environments)
+        counts = sum(confusion(np.where(c.mask, c.labels, UNKNOWN), parse(c.truth).labels) for c in chosen)
+    result = {
+        "benchmark": "inpainting",
+        "facades": len(chosen),
+        "hidden": [round(float(f([c.mask.mean() for c in chosen])), 3) for f in (min, np.mean, max)],
+        "structure_miou_of_photo": scores(np.asarray(counts))["mean_iou"],
+        "methods": figures,
+        "goals": {name: goals(figures, name) for name in OURS},
+    }
+    print(json.dumps(result))
+
+
+if __name__ == "__main__":
+    main()
