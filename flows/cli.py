@@ -222,6 +222,26 @@ def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | N
     click.echo(model)
 
 
+@train.command("layout")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds layouts/.")
+@click.option("--out", type=FOLDER, required=True, help="Where layouts.json goes.")
+@click.option("--seed", default=1, show_default=True, help="1 is the shipped model's.")
+@click.option("--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Every fifth facade to hold out.")
+def train_layout_model(data: Path, out: Path, seed: int, fold: int) -> None:
+    """Train the layout model on layouts/cmp.jsonl without a fifth, and on the layouts in metres.
+
+    \b
+    Example:
+      streetloom train layout --data ../shared/data --out layout/
+    """
+    from flows.console import progress
+    from tasks.train_layout import train_layout
+
+    with progress(quiet=False):
+        model = train_layout(data, out, seed=seed, fold=fold)
+    click.echo(model)
+
+
 @main.command(context_settings={"ignore_unknown_options": True})
 @click.argument("name", required=False)
 @click.argument("options", nargs=-1, type=click.UNPROCESSED)

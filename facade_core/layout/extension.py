@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from statistics import median
 
 import numpy as np
 
@@ -26,33 +27,53 @@ class Extension:
     trim_column: bool
 
 
-def extend(
-    seen: Sequence[Element], fitted: Sequence[Grid], domain: tuple[float, float, float, float], how: Extension
-) -> Iterator[Element]:
-    """Proposals in order of trust, not yet cleared of overlaps: windows with balconies, shops, doors, other balconies.
+@dataclass(frozen=True, slots=True, eq=False)
+class Known:
+    """What extensions of one layout share: its grids, the widths of their columns and heights of their rows by position,
+    and how windows carry balconies."""
 
-    fitted: the grids of `seen`.
-    """
+    fitted: Sequence[Grid]
+    widths: Sequence[dict[float, float]]
+    heights: Sequence[dict[float, float]]
+    balconies: _Attachments | None
+
+
+def known(seen: Sequence[Element], fitted: Sequence[Grid]) -> Known:
+    """fitted: the grids of `seen`."""
+    box = boxes(seen)
+    side = (box[:, 2:] - box[:, :2]).tolist()
+    return Known(
+        fitted,
+        [{x: _median(side, grid.cells[:, k], 0) for k, x in enumerate(grid.columns)} for grid in fitted],
+        [{y: _median(side, grid.cells[k], 1) for k, y in enumerate(grid.rows)} for grid in fitted],
+        _balconies(seen),
+    )
+
+
+def extend(what: Known, domain: tuple[float, float, float, float], how: Extension) -> Iterator[Element]:
+    """Proposals in order of trust, not yet cleared of overlaps: windows with balconies, shops, doors, other balconies."""
     x0, y0, x1, y1 = domain
-    balcony_of = _balconies(seen)
+    balcony_of = what.balconies
     for label in ("window", "shop", "door", "balcony"):
-        for grid in (g for g in fitted if g.label == label):
-            columns = _lengthen(grid.columns, grid.width, x0, x1, how.balanced, how.trim_column)
+        for number, grid in enumerate(what.fitted):
+            if grid.label != label:
+                continue
+            columns = lengthen(grid.columns, grid.width, x0, x1, how.balanced, how.trim_column)
             if how.mirrored or len(grid.columns) == 1:
-                columns = _mirrored(columns, grid.width, x0 + x1)
+                columns = mirrored(columns, grid.width, x0 + x1)
             # Doors and shops stand on the ground, so only their row is carried on.
             rows = np.array(grid.rows)
             if label in ("window", "balcony"):
-                rows = _lengthen(grid.rows, grid.height, y0, y1, False, how.trim_row)
+                rows = lengthen(grid.rows, grid.height, y0, y1, False, how.trim_row)
             if label == "door" and (grid.cells >= 0).sum() < 3 and not how.mirrored:
                 continue
-            for e in _cells(grid, seen, rows, columns):
+            for e in _cells(grid, what.widths[number], what.heights[number], rows, columns):
                 yield e
                 if label == "window" and balcony_of:
                     yield from _balcony_at(e, balcony_of)
 
 
-def _lengthen(known: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool) -> np.ndarray:
+def lengthen(known: Sequence[float], size: float, low: float, high: float, balanced: bool, trim: bool) -> np.ndarray:
     """Positions with gaps of whole multiples filled and both ends carried on as far as [low, high] reaches."""
     spacing = np.diff(known)
     if not len(spacing):
@@ -76,8 +97,8 @@ def _lengthen(known: Sequence[float], size: float, low: float, high: float, bala
         before.append(at)
         k += 1
     if balanced and len(pattern) == 1:
-        after = _balance(positions[-1], after, high - (positions[0] - low), pitch) if not before else after
-        before = _balance(positions[0], before, low + (high - positions[-1]), pitch) if not after else before
+        after = balance(positions[-1], after, high - (positions[0] - low), pitch) if not before else after
+        before = balance(positions[0], before, low + (high - positions[-1]), pitch) if not after else before
     if trim:
         before, after = before[:-1], after[:-1]
     return np.array(before[::-1] + positions + after)
@@ -95,7 +116,7 @@ def _pattern(spacing: np.ndarray) -> np.ndarray:
     return np.sort(spacing)[[(len(spacing) - 1) // 2]]
 
 
-def _balance(start: float, new: list[float], target: float, pitch: float) -> list[float]:
+def balance(start: float, new: list[float], target: float, pitch: float) -> list[float]:
     """The new positions bent so that the last one meets `target`, when the spacing hardly changes by that."""
     steps = round(abs(target - start) / pitch)
     if steps < 1 or abs(abs(target - start) / steps - pitch) > _SPACING_TOLERANCE * pitch:
@@ -103,26 +124,24 @@ def _balance(start: float, new: list[float], target: float, pitch: float) -> lis
     return np.linspace(start, target, steps + 1)[1:].tolist()
 
 
-def _mirrored(columns: np.ndarray, width: float, twice_middle: float) -> np.ndarray:
+def mirrored(columns: np.ndarray, width: float, twice_middle: float) -> np.ndarray:
     mirror = twice_middle - columns
     free = np.abs(mirror[:, None] - columns).min(axis=1) >= width
     return np.sort(np.concatenate([columns, mirror[free]]))
 
 
-def _cells(grid: Grid, seen: Sequence[Element], rows: np.ndarray, columns: np.ndarray) -> Iterator[Element]:
+def _cells(
+    grid: Grid, widths: dict[float, float], heights: dict[float, float], rows: np.ndarray, columns: np.ndarray
+) -> Iterator[Element]:
     """An element at every cell, as wide as its column and as high as its row where these are seen."""
-    box = boxes(seen)
-    width = {c: _median(box, grid.cells[:, k], 0) for k, c in enumerate(grid.columns)}
-    height = {r: _median(box, grid.cells[k], 1) for k, r in enumerate(grid.rows)}
     for y in rows.tolist():
         for x in columns.tolist():
-            w, h = width.get(x, grid.width) / 2, height.get(y, grid.height) / 2
+            w, h = widths.get(x, grid.width) / 2, heights.get(y, grid.height) / 2
             yield Element(grid.label, x - w, y - h, x + w, y + h)
 
 
-def _median(box: np.ndarray, cells: np.ndarray, axis: int) -> float:
-    used = box[cells[cells >= 0]]
-    return float(np.median(used[:, 2 + axis] - used[:, axis]))
+def _median(side: list[list[float]], cells: np.ndarray, axis: int) -> float:
+    return median(side[k][axis] for k in cells.tolist() if k >= 0)
 
 
 @dataclass(frozen=True, slots=True)
@@ -158,8 +177,8 @@ def _balcony_at(window: Element, known: _Attachments) -> Iterator[Element]:
     """The balcony of a proposed window when most windows of its floor, or of all floors if none is seen, have one."""
     middle = (window.y0 + window.y1) / 2
     floor = (known.windows[:, 1] < middle) & (middle < known.windows[:, 3])
-    share = known.has[floor].mean() if floor.any() else known.has.mean()
-    if share > 0.5:
+    seen = known.has[floor] if floor.any() else known.has
+    if 2 * np.count_nonzero(seen) > len(seen):
         x, y = (window.x0 + window.x1) / 2, window.y1
         x0, y0, x1, y1 = known.offset
         yield Element("balcony", x + x0, y + y0, x + x1, y + y1)

@@ -1,0 +1,138 @@
+"""Layout completion on hidden parts of real facades that the model never saw: `python -m benchmarks.layout` prints JSON.
+
+Cases are made from every fifth layout of layouts/cmp.jsonl, those the model does not name as trained on: right or lower half
+hidden, a rectangle of 30-50 % hidden, or 25-35 % of the elements seen. F1 counts hidden elements found (one to one, same
+label, IoU 0.5 or 0.3) over all cases. spacing: how far the median column spacing of the windows is off (share);
+alignment: distance of a proposed window to the nearest true column (window widths, at most 1); count: |proposed - hidden|
+/ hidden; overlaps and outside are counts. The baselines run on the same cases; `policy search` is the paper's method alone.
+--ablation leaves out each score, and the trees; --plausibility asks one classifier to tell real from completed layouts;
+--speed times 10,000 candidates of the policy search.
+"""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.layout.baselines import (
+    Method,
+    annealing,
+    extension,
+    low_rank,
+    median_pitch,
+    nearest_layout,
+    ours,
+    policy_search,
+)
+from benchmarks.layout.figures import run
+from catalogs.layouts import LayoutRecord, read_layouts
+from facade_core.labels import ELEMENT_CLASSES
+from facade_core.layout import cases, load
+from facade_core.layout.completion import start_of
+from facade_core.layout.extension import Extension
+from facade_core.layout.model import SHIPPED, LayoutModel
+from facade_core.layout.optimisation import search
+from facade_core.layout.scores import TERMS, terms
+
+
+def held_out(path: Path, model: LayoutModel) -> list[LayoutRecord]:
+    """The layouts of a file that the model did not learn from."""
+    return [record for record in read_layouts(path) if record.name not in model.training_set]
+
+
+def plausibility(records: Sequence[LayoutRecord], methods: dict[str, Method], model: LayoutModel) -> dict[str, float]:
+    """Accuracy of one fixed classifier that tells completed layouts (right half hidden) from real ones, by held-out facades."""
+    from sklearn.ensemble import RandomForestClassifier
+    from sklearn.model_selection import GroupKFold, cross_val_score
+
+    found: dict[str, float] = {}
+    for name, method in methods.items():
+        rows, real, group = [], [], []
+        for i, record in enumerate(records):
+            elements, domain = list(record.elements), record.domain
+            seen, region = cases.hide("right", elements, domain, np.random.default_rng([0, i]))
+            if not seen or len(seen) == len(elements):
+                continue
+            for layout, truth in ((elements, True), ([*seen, *method(seen, domain, region)[0]], False)):
+                labels = [e.label for e in layout]
+                share = [labels.count(label) / len(labels) for label in ELEMENT_CLASSES]
+                rows.append([*terms(layout, domain, model), *share, len(labels) / len(elements)])
+                real.append(truth)
+                group.append(i)
+        forest = RandomForestClassifier(200, min_samples_leaf=3, random_state=0)
+        scores = cross_val_score(forest, np.array(rows), np.array(real), groups=group, cv=GroupKFold(5))
+        found[name] = round(float(scores.mean()), 3)
+    return found
+
+
+def ablation(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, Any]:
+    """F1@0.5 of the policy search with each score left out, and of `complete` without the trees' choice."""
+    found = {"all scores": run(records, policy_search(model))["all"]["f1@0.5"]}
+    for k, term in enumerate(TERMS):
+        without = dataclasses.replace(model, weights=np.where(np.arange(len(TERMS)) == k, 0.0, model.weights))
+        found[f"without {term}"] = run(records, policy_search(without))["all"]["f1@0.5"]
+    other = dataclasses.replace(model, mean=not model.mean)
+    found["sums" if model.mean else "means"] = run(records, policy_search(other))["all"]["f1@0.5"]
+    return found
+
+
+def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, float]:
+    """CPU seconds for 10,000 candidates, right half hidden: median and largest over a few facades."""
+    seconds = []
+    for record in records[:7]:
+        seen, region = cases.hide("right", record.elements, record.domain, np.random.default_rng(0))
+        start = start_of(seen, record.domain, np.array(region), model)
+        search(model.policies, start, model.densities, model.weights, model.mean, 1, 1, 0)
+        begin = time.process_time()
+        search(model.policies, start, model.densities, model.weights, model.mean, 10, 10, 0)
+        seconds.append(10 * (time.process_time() - begin))
+    return {"median": round(float(np.median(seconds)), 2), "largest": round(max(seconds), 2)}
+
+
+def main() -> None:
+    """Print the report."""
+    parser = argparse.ArgumentParser(prog="benchmarks.layout", description=__doc__)
+    data = os.environ.get("STREETLOOM_DATA", Path(__file__).resolve().parents[3] / "shared" / "data")
+    parser.add_argument("--data", type=Path, default=data)
+    parser.add_argument("--model", type=Path, default=SHIPPED)
+    parser.add_argument("--every", type=int, default=1, help="only every so many of the held-out facades")
+    parser.add_argument("--ablation", action="store_true")
+    parser.add_argument("--plausibility", action="store_true")
+    parser.add_argument("--speed", action="store_true")
+    options = parser.parse_args()
+    model = load(options.model)
+    path = options.data / "layouts" / "cmp.jsonl"
+    records = held_out(path, model)[:: options.every]
+    train = [record for record in read_layouts(path) if record.name in model.training_set]
+    report: dict[str, Any] = {"model": options.model.name, "facades": len(records)}
+    balanced = extension(Extension(False, True, False, False))
+    if options.ablation:
+        report["ablation"] = ablation(records, model)
+    elif options.plausibility:
+        report["plausibility"] = plausibility(
+            records, {"complete": ours(model, 1), "grid extension": median_pitch}, model
+        )
+    elif options.speed:
+        report["seconds for 10,000 candidates"] = speed(records, model)
+    else:
+        methods = {
+            "complete": ours(model, 1),
+            "complete, best of 5": ours(model, 5),
+            "policy search": policy_search(model),
+            "grid extension by median pitch": median_pitch,
+            "grid extension, balanced": balanced,
+            "mirror and extension": extension(Extension(True, False, False, False)),
+            "nearest layout": nearest_layout(train),
+            "low rank": low_rank,
+            "simulated annealing": annealing(model),
+        }
+        report.update({name: run(records, method) for name, method in methods.items()})
+    print(json.dumps(report, indent=1))

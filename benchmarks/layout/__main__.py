@@ -1,0 +1,3 @@
+from benchmarks.layout import main
+
+main()

@@ -1,0 +1,91 @@
+"""Figures of one method on cases made from whole layouts."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from benchmarks.layout.baselines import Method, rows_of
+from catalogs.layouts import LayoutRecord
+from facade_core.labels import ELEMENT_CLASSES
+from facade_core.layout import cases
+from facade_core.layout.grids import boxes
+from facade_core.layout.proposals import Box, frame, iou, may_overlap, overlaps
+from facade_core.types import Element
+
+
+def matches(truth: Sequence[Element], proposed: Sequence[Element], threshold: float) -> np.ndarray:
+    """(LABELS, 3) pairs of one label that reach the IoU threshold, one to one; proposed; true."""
+    from scipy.optimize import linear_sum_assignment
+
+    counts = np.zeros((len(ELEMENT_CLASSES), 3))
+    for k, label in enumerate(ELEMENT_CLASSES):
+        a, b = (boxes([e for e in s if e.label == label]) for s in (truth, proposed))
+        good = iou(a, b) >= threshold
+        counts[k] = good[linear_sum_assignment(~good)].sum(), len(b), len(a)
+    return counts
+
+
+def f1(counts: np.ndarray) -> float:
+    """F1 from (matched, proposed, true) counts."""
+    return round(float(2 * counts[0] / max(counts[1] + counts[2], 1)), 3)
+
+
+def _errors(seen: list[Element], hidden: list[Element], proposed: list[Element], domain: Box) -> list[float]:
+    """spacing, alignment and count errors, pairs that overlap, elements outside the domain."""
+    truth = frame([*seen, *hidden], domain)
+    guess = frame([*seen, *proposed], domain)
+    spacing = np.nan
+    if len(truth.columns) > 1 and len(guess.columns) > 1:
+        wide = float(np.median(np.diff(truth.columns)))
+        spacing = abs(float(np.median(np.diff(guess.columns))) / wide - 1)
+    window = boxes([e for e in proposed if e.label == "window"])
+    away = np.abs((window[:, [0]] + window[:, [2]]) / 2 - truth.columns) / truth.size[0]
+    aligned = float(np.minimum(away.min(axis=1), 1).mean()) if away.size else np.nan
+    rows = rows_of([*proposed, *seen])
+    both = overlaps(rows[:, 1:], rows[:, 1:]) & ~may_overlap(rows[:, 0], rows[:, 0])
+    np.fill_diagonal(both, False)
+    new = rows[: len(proposed), 1:]
+    outside = ((new[:, :2] < domain[:2]) | (new[:, 2:] > domain[2:])).any(axis=1).sum()
+    return [spacing, aligned, abs(len(proposed) - len(hidden)) / len(hidden), both[: len(proposed)].sum(), outside]
+
+
+def run(records: Sequence[LayoutRecord], method: Method, kinds: Sequence[str] = cases.MEASURED) -> dict[str, Any]:
+    """The figures of one method by kind of case, the best of the layouts it gives counting; and all kinds together."""
+    report: dict[str, Any] = {}
+    everything = np.zeros((2, len(ELEMENT_CLASSES), 3))
+    for kind in kinds:
+        counts, errors, start, number = np.zeros_like(everything), [], time.process_time(), 0
+        for i, record in enumerate(records):
+            elements, domain = list(record.elements), record.domain
+            seen, region = cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
+            hidden = [e for e in elements if e not in set(seen)]
+            if not seen or not hidden:
+                continue
+            number += 1
+            options = method(seen, domain, region)
+            measured = [np.stack([matches(hidden, option, t) for t in (0.5, 0.3)]) for option in options]
+            best = int(np.argmax([f1(m[0].sum(axis=0)) for m in measured]))
+            counts += measured[best]
+            errors.append(_errors(seen, hidden, options[best], domain))
+        everything += counts
+        mean = np.nanmean(np.array(errors), axis=0).round(3).tolist()
+        report[kind] = {
+            **_figures(counts),
+            **dict(zip(("spacing", "alignment", "count"), mean[:3], strict=True)),
+            **dict(
+                zip(("overlaps", "outside"), np.sum([e[3:] for e in errors], axis=0).astype(int).tolist(), strict=True)
+            ),
+            "cases": number,
+            "cpu seconds a case": round((time.process_time() - start) / max(number, 1), 3),
+        }
+    report["all"] = _figures(everything)
+    return report
+
+
+def _figures(counts: np.ndarray) -> dict[str, Any]:
+    by_label = {label: f1(counts[0, k]) for k, label in enumerate(ELEMENT_CLASSES)}
+    return {"f1@0.5": f1(counts[0].sum(axis=0)), "f1@0.3": f1(counts[1].sum(axis=0)), "by label": by_label}

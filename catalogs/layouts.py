@@ -1,0 +1,90 @@
+"""Facade layouts as JSON lines: one facade a line, with its size and its labelled rectangles."""
+
+from __future__ import annotations
+
+import json
+from collections import Counter
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.errors import InputError
+from facade_core.types import Element
+
+# What layout files call their rectangles, in terms of facade_core.labels; all else is dropped and counted.
+LABELS: Mapping[str, str] = {
+    "window": "window",
+    "balcony": "balcony",
+    "balcony-fence": "balcony",
+    "door": "door",
+    "shop": "shop",
+    "store": "shop",
+}
+# Rectangles of this label are the facade itself, where a file has them: the domain is what they span together.
+_FACADE = "facade"
+
+
+@dataclass(frozen=True, slots=True)
+class LayoutRecord:
+    """One facade: elements inside domain = (x0, y0, x1, y1), in the file's unit, y down; dropped: (label, count) of what has
+    no class, no area or lies outside."""
+
+    name: str
+    elements: tuple[Element, ...]
+    domain: tuple[float, float, float, float]
+    dropped: tuple[tuple[str, int], ...]
+
+
+def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
+    """The facades of a file, in its order, named by image or source and line number.
+
+    Raises InputError for a file that is missing and for a line that is no layout.
+    """
+    path = Path(path)
+    try:
+        lines = path.read_text(encoding="utf-8").splitlines()
+    except (OSError, UnicodeDecodeError) as error:
+        raise InputError(f"{path}: cannot be read ({error}); give a .jsonl file of layouts") from error
+    for number, line in enumerate(lines, 1):
+        if line.strip():
+            try:
+                yield _record(json.loads(line), number)
+            except (KeyError, TypeError, ValueError) as error:
+                raise InputError(f"{path}: line {number} is no layout ({error!r}); correct or remove it") from error
+
+
+def split_layouts(
+    layouts: Sequence[LayoutRecord], fold: int = 0, every: int = 5
+) -> tuple[list[LayoutRecord], list[LayoutRecord]]:
+    """The fixed division for measuring: (training, held out), every fifth layout held out, counted from number `fold` on."""
+    held_out = list(layouts[fold::every])
+    return [layout for index, layout in enumerate(layouts) if index % every != fold], held_out
+
+
+def _record(record: Mapping[str, Any], number: int) -> LayoutRecord:
+    width, height = float(record["width"]), float(record["height"])
+    things = [
+        (str(o["label"]), (float(o["x0"]), float(o["y0"]), float(o["x1"]), float(o["y1"]))) for o in record["objects"]
+    ]
+    if not np.isfinite([width, height, *(side for _, sides in things for side in sides)]).all():
+        raise ValueError("numbers must be finite")
+    walls = [sides for label, sides in things if label == _FACADE] or [(0.0, 0.0, width, height)]
+    x0, y0 = min(w[0] for w in walls), min(w[1] for w in walls)
+    x1, y1 = max(w[2] for w in walls), max(w[3] for w in walls)
+    if not (x0 < x1 and y0 < y1):
+        raise ValueError("the facade has no area")
+    dropped: Counter[str] = Counter()
+    elements: dict[Element, None] = {}
+    for label, (a0, b0, a1, b1) in things:
+        if label == _FACADE:
+            continue
+        inside = x0 <= (a0 + a1) / 2 <= x1 and y0 <= (b0 + b1) / 2 <= y1
+        if label in LABELS and a0 < a1 and b0 < b1 and inside:
+            elements[Element(LABELS[label], a0, b0, a1, b1)] = None
+        else:
+            dropped[label] += 1
+    name = f"{record.get('image') or record.get('source') or 'layout'}#{number}"
+    return LayoutRecord(name, tuple(elements), (x0, y0, x1, y1), tuple(sorted(dropped.items())))

@@ -1,0 +1,317 @@
+"""Elements that may stand in the hidden part of a facade: many simple guesses, each with who agrees on it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import product
+
+import numpy as np
+from numba import njit
+
+from facade_core.labels import ELEMENT_CLASSES
+from facade_core.layout.extension import Extension, extend, known, lengthen, mirrored
+from facade_core.layout.grids import Grid, boxes
+from facade_core.types import Element
+
+Box = tuple[float, float, float, float]
+
+WINDOW, BALCONY, DOOR, SHOP = range(len(ELEMENT_CLASSES))
+# Guesses of one label that overlap by this share of their union are one.
+_SAME = 0.75
+# A guess that reaches into what is seen, or out of the domain, by less than this share of its side is moved clear.
+_MOVED = 0.3
+# Windows whose centres differ by less than this share of their size stand in one column or floor.
+_ONE_LINE = 0.35
+
+EXTENSIONS = (
+    *(Extension(mirrored, balanced, False, False) for mirrored, balanced in product((False, True), repeat=2)),
+    Extension(False, True, True, False),
+    Extension(False, True, False, True),
+)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Proposals:
+    """Guesses, none of which overlaps what is seen.
+
+    box (N, 4) x0, y0, x1, y1; label (N,) int8, index into ELEMENT_CLASSES; support (N, variants) float32, the largest
+    IoU with a guess of the same label of each variant that made guesses.
+    """
+
+    box: np.ndarray
+    label: np.ndarray
+    support: np.ndarray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sizes:
+    """What the database says of doors and shops where none is seen: (K, 3) width and height in window widths and heights, and
+    gap below to the ground line in window heights."""
+
+    door: np.ndarray
+    shop: np.ndarray
+
+
+def propose(
+    seen: Sequence[Element],
+    fitted: Sequence[Grid],
+    domain: Box,
+    region: np.ndarray,
+    sizes: Sizes,
+    planned: Sequence[np.ndarray] = (),
+) -> Proposals:
+    """Guesses for what is hidden. fitted: the grids of `seen`; region (M, 4): what is visible; planned: the additions of whole
+    layouts, (N, 5) label and corners, that are proposed as well but do not count as agreement."""
+    variants: list[np.ndarray] = []
+    shared = known(seen, fitted)
+    for how in EXTENSIONS:
+        variants.append(_array(extend(shared, domain, how)))
+    facade = frame(seen, domain)
+    for balanced, mirror in product((False, True), repeat=2):
+        variants.append(_pooled(seen, facade, domain, balanced, mirror))
+    variants.append(_mirror(seen, domain))
+    variants.append(_ground(seen, facade, domain, DOOR, sizes.door))
+    variants.append(_ground(seen, facade, domain, SHOP, sizes.shop))
+    variants.append(_stretched(seen, fitted, domain))
+    variants.append(_stacked(seen, facade, domain))
+    variant = np.repeat(np.arange(len(variants) + len(planned)), [len(v) for v in (*variants, *planned)])
+    raw = np.concatenate([*variants, *planned])
+    raw[:, 1:], inside = _moved_clear(raw[:, 1:], domain, region)
+    inside &= _clear_of(raw, seen)
+    raw, variant = raw[inside], variant[inside]
+    kept = _distinct(raw)
+    counted = variant < len(variants)
+    support = _support(raw[kept], raw[counted], variant[counted], len(variants))
+    return Proposals(raw[kept, 1:], raw[kept, 0].astype(np.int8), support)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Frame:
+    """The facade's columns and floors as its windows show them: centres, and the windows' median size.
+
+    floor_size (floors, 2): median width and height of the windows of a floor; ground: where doors and shops stand.
+    """
+
+    columns: np.ndarray
+    floors: np.ndarray
+    floor_size: np.ndarray
+    size: np.ndarray
+    ground: float
+
+
+def frame(seen: Sequence[Element], domain: Box) -> Frame:
+    """The frame of what is seen; sizes come from all elements where no window is seen, from the domain without any."""
+    standing = [e.y1 for e in seen if e.label in ("door", "shop")]
+    ground = max(standing) if standing and max(standing) > domain[3] - 0.15 * (domain[3] - domain[1]) else domain[3]
+    box = boxes([e for e in seen if e.label == "window"] or seen)
+    if not len(box):
+        extent = np.array([domain[2] - domain[0], domain[3] - domain[1]])
+        return Frame(np.zeros(0), np.zeros(0), np.zeros((0, 2)), extent * (0.06, 0.09), ground)
+    centre, side = (box[:, :2] + box[:, 2:]) / 2, box[:, 2:] - box[:, :2]
+    size = np.median(side, axis=0)
+    columns, _ = _lines(centre[:, 0], _ONE_LINE * size[0])
+    floors, floor = _lines(centre[:, 1], _ONE_LINE * size[1])
+    floor_size = np.array([np.median(side[floor == k], axis=0) for k in range(len(floors))])
+    return Frame(columns, floors, floor_size, size, ground)
+
+
+@njit(cache=True)
+def _iou(p: np.ndarray, q: np.ndarray) -> float:
+    w = min(p[2], q[2]) - max(p[0], q[0])
+    h = min(p[3], q[3]) - max(p[1], q[1])
+    if w <= 0 or h <= 0:
+        return 0.0
+    return w * h / ((p[2] - p[0]) * (p[3] - p[1]) + (q[2] - q[0]) * (q[3] - q[1]) - w * h)
+
+
+@njit(cache=True)
+def iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(N, M) intersection over union of (N, 4) and (M, 4) rectangles."""
+    out = np.empty((len(a), len(b)))
+    for i in range(len(a)):
+        for j in range(len(b)):
+            out[i, j] = _iou(a[i], b[j])
+    return out
+
+
+@njit(cache=True)
+def overlaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(N, M) bool: the open rectangles share area."""
+    out = np.empty((len(a), len(b)), np.bool_)
+    for i in range(len(a)):
+        for j in range(len(b)):
+            p, q = a[i], b[j]
+            out[i, j] = min(p[2], q[2]) > max(p[0], q[0]) and min(p[3], q[3]) > max(p[1], q[1])
+    return out
+
+
+@njit(cache=True)
+def _support(kept: np.ndarray, raw: np.ndarray, variant: np.ndarray, variants: int) -> np.ndarray:
+    out = np.zeros((len(kept), variants), np.float32)
+    for i in range(len(kept)):
+        for j in range(len(raw)):
+            if kept[i, 0] == raw[j, 0]:
+                out[i, variant[j]] = max(out[i, variant[j]], _iou(kept[i, 1:], raw[j, 1:]))
+    return out
+
+
+def _lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+    """Means of the runs of values that lie less than `gap` apart, and the run of each value."""
+    order = np.argsort(values, kind="stable")
+    run = np.empty(len(values), int)
+    run[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
+    return np.bincount(run, values) / np.bincount(run), run
+
+
+def _array(elements: Iterator[Element]) -> np.ndarray:
+    rows = [(ELEMENT_CLASSES.index(e.label), e.x0, e.y0, e.x1, e.y1) for e in elements]
+    return np.array(rows, float).reshape(-1, 5)
+
+
+def _pooled(seen: Sequence[Element], facade: Frame, domain: Box, balanced: bool, mirror: bool) -> np.ndarray:
+    """A window on every column of every floor, those of all grids pooled, carried on to the domain's ends."""
+    if not len(facade.floors) or not any(e.label == "window" for e in seen):
+        return np.zeros((0, 5))
+    x0, y0, x1, y1 = domain
+    width, height = facade.size.tolist()
+    columns = lengthen(facade.columns.tolist(), width, x0, x1, balanced, False)
+    if mirror:
+        columns = mirrored(facade.columns, width, x0 + x1)
+        columns = lengthen(columns.tolist(), width, x0, x1, False, False)
+    rows = lengthen(facade.floors.tolist(), height, y0, y1, False, False)
+    nearest = np.abs(rows[:, None] - facade.floors).argmin(axis=1)
+    side = facade.floor_size[nearest]
+    y, x = np.repeat(rows, len(columns)), np.tile(columns, len(rows))
+    half = np.repeat(side, len(columns), axis=0) / 2
+    return np.column_stack([np.full(len(x), WINDOW), x - half[:, 0], y - half[:, 1], x + half[:, 0], y + half[:, 1]])
+
+
+def _mirror(seen: Sequence[Element], domain: Box) -> np.ndarray:
+    found = _array(e for e in seen if e.label in ELEMENT_CLASSES)
+    found[:, 1:] = _mirrored_boxes(found[:, 1:], domain)
+    return found
+
+
+def _ground(seen: Sequence[Element], facade: Frame, domain: Box, label: int, sizes: np.ndarray) -> np.ndarray:
+    """Doors or shops on the ground line: under every column, between two, and in the facade's middle."""
+    same = boxes([e for e in seen if e.label == ELEMENT_CLASSES[label]])
+    columns = np.array([(domain[0] + domain[2]) / 2])
+    if len(facade.columns):
+        width = float(facade.size[0])
+        carried = lengthen(facade.columns.tolist(), width, domain[0], domain[2], True, False)
+        both = lengthen(
+            mirrored(facade.columns, width, domain[0] + domain[2]).tolist(), width, domain[0], domain[2], False, False
+        )
+        columns = np.concatenate([carried, (carried[1:] + carried[:-1]) / 2, both, columns])
+    if len(same):
+        size = np.median(same[:, 2:] - same[:, :2], axis=0)
+        own = np.array([[*size, max(0.0, facade.ground - float(np.median(same[:, 3])))]])
+    else:
+        own = sizes * np.array([facade.size[0], facade.size[1], facade.size[1]])
+    x = np.repeat(columns, len(own))
+    w, h, gap = np.tile(own, (len(columns), 1)).T
+    foot = facade.ground - gap
+    return np.column_stack([np.full(len(x), label), x - w / 2, foot - h, x + w / 2, foot])
+
+
+def _stretched(seen: Sequence[Element], fitted: Sequence[Grid], domain: Box) -> np.ndarray:
+    """Every grid on the columns of all windows and on its own floors: what one grid lacks another one shows."""
+    facade = frame(seen, domain)
+    found = []
+    for grid in fitted:
+        label = ELEMENT_CLASSES.index(grid.label) if grid.label in ELEMENT_CLASSES else -1
+        if label < 0 or not len(facade.columns):
+            continue
+        columns = lengthen(facade.columns.tolist(), grid.width, domain[0], domain[2], True, False)
+        y, x = np.repeat(grid.rows, len(columns)), np.tile(columns, len(grid.rows))
+        w, h = grid.width / 2, grid.height / 2
+        found.append(np.column_stack([np.full(len(x), label), x - w, y - h, x + w, y + h]))
+    return np.concatenate(found) if found else np.zeros((0, 5))
+
+
+def _stacked(seen: Sequence[Element], facade: Frame, domain: Box) -> np.ndarray:
+    """Every balcony, and its mirror image, on every other floor at the height it has on its own."""
+    box = boxes([e for e in seen if e.label == "balcony"])
+    if not len(box) or not len(facade.floors):
+        return np.zeros((0, 5))
+    box = np.concatenate([box, _mirrored_boxes(box, domain)])
+    floors = lengthen(facade.floors.tolist(), float(facade.size[1]), domain[1], domain[3], False, False)
+    own = np.abs((box[:, 1] + box[:, 3])[:, None] / 2 - floors).argmin(axis=1)
+    shift = (floors - floors[own][:, None]).ravel()
+    found = np.repeat(box, len(floors), axis=0)
+    found[:, [1, 3]] += shift[:, None]
+    return np.column_stack([np.full(len(found), BALCONY), found])
+
+
+def _mirrored_boxes(box: np.ndarray, domain: Box) -> np.ndarray:
+    out = box.copy()
+    out[:, [0, 2]] = domain[0] + domain[2] - box[:, [2, 0]]
+    return out
+
+
+def _moved_clear(box: np.ndarray, domain: Box, region: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The rectangles pushed out of what is seen and into the domain where little is missing, and which are clear now."""
+    box = box.copy()
+    side = box[:, 2:] - box[:, :2]
+    for r in region:
+        inward = np.stack([box[:, 2] - r[0], r[2] - box[:, 0], box[:, 3] - r[1], r[3] - box[:, 1]], axis=1)
+        share = inward / side[:, [0, 0, 1, 1]]
+        way = share.argmin(axis=1)
+        least = share[np.arange(len(box)), way]
+        for k, (axis, sign) in enumerate(((0, -1), (0, 1), (1, -1), (1, 1))):
+            moved = (way == k) & (least > 0) & (least < _MOVED)
+            if moved.any():
+                edge = r[axis] if sign < 0 else r[axis + 2]
+                box[moved, axis] = edge - side[moved, axis] if sign < 0 else edge
+                box[moved, axis + 2] = edge if sign < 0 else edge + side[moved, axis]
+    low, high = np.array(domain[:2]), np.array(domain[2:])
+    for step in (np.clip(low - box[:, :2], 0, _MOVED * side), -np.clip(box[:, 2:] - high, 0, _MOVED * side)):
+        box[:, :2] += step
+        box[:, 2:] += step
+    slack = 1e-6 * (high - low)
+    inside = (box[:, :2] >= low - slack).all(axis=1) & (box[:, 2:] <= high + slack).all(axis=1)
+    box[:, :2], box[:, 2:] = np.maximum(box[:, :2], low), np.minimum(box[:, 2:], high)
+    if len(region):
+        inside &= ~overlaps(box, region).any(axis=1)
+    return box, inside & (box[:, 2:] > box[:, :2]).all(axis=1)
+
+
+def may_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+    """(N, M) bool for labels: a balcony stands before its window; nothing else shares a place."""
+    return ((a[:, None] == WINDOW) & (b == BALCONY)) | ((a[:, None] == BALCONY) & (b == WINDOW))
+
+
+def _clear_of(raw: np.ndarray, seen: Sequence[Element]) -> np.ndarray:
+    other = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
+    return ~(overlaps(raw[:, 1:], boxes(seen)) & ~may_overlap(raw[:, 0], other)).any(axis=1)
+
+
+def _distinct(raw: np.ndarray) -> np.ndarray:
+    """Indices of guesses that stand for all others: each is alike to one of them."""
+    found: list[np.ndarray] = []
+    for label in np.unique(raw[:, 0]):
+        index = np.flatnonzero(raw[:, 0] == label)
+        step = 0.02 * (raw[index, 3:] - raw[index, 1:3]).min(axis=0)[[0, 1, 0, 1]]
+        _, first, count = np.unique(np.round(raw[index, 1:] / step), axis=0, return_index=True, return_counts=True)
+        order = np.lexsort((first, -count))
+        index = index[first[order]]
+        found.append(index[_representatives(raw[index, 1:])])
+    return np.concatenate(found) if found else np.zeros(0, int)
+
+
+@njit(cache=True)
+def _representatives(box: np.ndarray) -> np.ndarray:
+    """Rectangles, first come first served, none of which is alike to an earlier one."""
+    kept = np.empty(len(box), np.int64)
+    n = 0
+    for i in range(len(box)):
+        new = True
+        for k in range(n):
+            if _iou(box[i], box[kept[k]]) >= _SAME:
+                new = False
+                break
+        if new:
+            kept[n] = i
+            n += 1
+    return kept[:n]

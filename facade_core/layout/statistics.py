@@ -1,0 +1,260 @@
+"""What the ten scores are read from: spacings, alignment, border and symmetry of a layout's grids (Fan et al. 2014, 4.1-4.3).
+
+Compiled: `measure` is called for every candidate layout. Elements come as arrays: box (N, 4) x0, y0, x1, y1; label (N,)
+index into ELEMENT_CLASSES; grid (N,) the grid each lies in, numbered from 0 without holes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from facade_core.labels import ELEMENT_CLASSES
+
+LABELS = len(ELEMENT_CLASSES)
+DOOR = ELEMENT_CLASSES.index("door")
+# Centres closer than this share of the element size lie on one row or column.
+ALIGNED = 0.35
+# Interleaved patterns of Eq. 5, as many repetitions of the pattern as the two grids show; the last is any other.
+PATTERNS = ("AB", "ABA", "AAB", "AABB", "other")
+
+# Columns of the arrays that `measure` returns; NaN where a term does not apply.
+ASPECT, WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, LABEL = range(7)
+PATTERN, ALIGN_X, GAP_X, ALIGN_Y, GAP_Y = range(5)
+COVERAGE, BORDER_LEFT, BORDER_RIGHT, BORDER_TOP, BORDER_BOTTOM, SYMMETRY, DOOR_AT, TYPES = range(8)
+UNARY, BINARY, OVERALL = 7, 5, 8
+
+
+@njit(cache=True)
+def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+    """Means of runs of values that lie at most `gap` apart, ascending, and the run of each value."""
+    order = np.argsort(values)
+    run = np.empty(len(values), np.int64)
+    means = np.empty(len(values))
+    count, total, k = 0, 0.0, -1
+    for j in range(len(order)):
+        v = values[order[j]]
+        if j == 0 or v - values[order[j - 1]] > gap:
+            k += 1
+            count, total = 0, 0.0
+        count += 1
+        total += v
+        means[k] = total / count
+        run[order[j]] = k
+    return means[: k + 1], run
+
+
+@njit(cache=True)
+def measure(
+    box: np.ndarray, label: np.ndarray, grid: np.ndarray, domain: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Statistics of a layout: (grids, UNARY), (pairs, BINARY) and (OVERALL,) float64, NaN where a term does not apply."""
+    n = len(box)
+    grids = grid.max() + 1 if n else 0
+    unary = np.full((grids, UNARY), np.nan)
+    extent = np.empty((grids, 4))
+    size = np.empty((grids, 2))
+    of_label = np.empty(grids, np.int64)
+    columns = np.empty((grids, n))
+    rows = np.empty((grids, n))
+    column_count, row_count = np.zeros(grids, np.int64), np.zeros(grids, np.int64)
+    for g in range(grids):
+        index = np.flatnonzero(grid == g)
+        own = box[index]
+        of_label[g] = label[index[0]]
+        width, height = np.median(own[:, 2] - own[:, 0]), np.median(own[:, 3] - own[:, 1])
+        size[g, 0], size[g, 1] = width, height
+        xs, _ = lines((own[:, 0] + own[:, 2]) / 2, ALIGNED * width)
+        ys, _ = lines((own[:, 1] + own[:, 3]) / 2, ALIGNED * height)
+        column_count[g], row_count[g] = len(xs), len(ys)
+        columns[g, : len(xs)] = xs
+        rows[g, : len(ys)] = ys
+        extent[g, 0], extent[g, 1] = own[:, 0].min(), own[:, 1].min()
+        extent[g, 2], extent[g, 3] = own[:, 2].max(), own[:, 3].max()
+        _of_grid(unary[g], len(index), width, height, xs, ys, extent[g])
+        unary[g, LABEL] = of_label[g]
+    pairs = np.full((grids * (grids - 1) // 2, BINARY), np.nan)
+    k = 0
+    for i in range(grids):
+        for j in range(i + 1, grids):
+            _of_pair(
+                pairs[k],
+                columns[i, : column_count[i]],
+                columns[j, : column_count[j]],
+                rows[i, : row_count[i]],
+                rows[j, : row_count[j]],
+                extent[i],
+                extent[j],
+                size[i],
+                size[j],
+                domain,
+            )
+            k += 1
+    return unary, pairs, _overall(box, label, extent, of_label, domain)
+
+
+@njit(cache=True)
+def _of_grid(
+    out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray, extent: np.ndarray
+) -> None:
+    """Eq. 1-4 of one grid: aspect ratio, size to spacing, spread of the spacing to the grid's extent, share of cells filled."""
+    out[ASPECT] = np.log(height / width)
+    if len(xs) > 1:
+        gaps = np.diff(xs)
+        out[WIDTH_RATIO] = width / gaps.mean()
+        out[REGULAR_X] = gaps.std() / (extent[2] - extent[0])
+    if len(ys) > 1:
+        gaps = np.diff(ys)
+        out[HEIGHT_RATIO] = height / gaps.mean()
+        out[REGULAR_Y] = gaps.std() / (extent[3] - extent[1])
+    out[COMPLETE] = count / (len(xs) * len(ys))
+
+
+@njit(cache=True)
+def _of_pair(
+    out: np.ndarray,
+    xa: np.ndarray,
+    xb: np.ndarray,
+    ya: np.ndarray,
+    yb: np.ndarray,
+    a: np.ndarray,
+    b: np.ndarray,
+    size_a: np.ndarray,
+    size_b: np.ndarray,
+    domain: np.ndarray,
+) -> None:
+    """Eq. 5-6 of two grids: the pattern of interleaved lines; the share of overlapping lines that align, with the gap."""
+    apart_x = max(a[0], b[0]) - min(a[2], b[2])
+    apart_y = max(a[1], b[1]) - min(a[3], b[3])
+    if apart_x < 0 and apart_y < 0:  # the bounding boxes cut: their lines may take turns
+        pattern = _pattern(xa, xb)
+        if pattern < 0:
+            pattern = _pattern(ya, yb)
+        if pattern >= 0:
+            out[PATTERN] = pattern
+    if apart_x < 0:
+        share = _aligned(xa, xb, ALIGNED * min(size_a[0], size_b[0]), a[0], a[2], b[0], b[2])
+        if share >= 0:
+            out[ALIGN_Y], out[GAP_Y] = share, max(0.0, apart_y) / (domain[3] - domain[1])
+    if apart_y < 0:
+        share = _aligned(ya, yb, ALIGNED * min(size_a[1], size_b[1]), a[1], a[3], b[1], b[3])
+        if share >= 0:
+            out[ALIGN_X], out[GAP_X] = share, max(0.0, apart_x) / (domain[2] - domain[0])
+
+
+@njit(cache=True)
+def _aligned(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0: float, b1: float) -> float:
+    """Share of the lines in the common stretch that have a partner; -1 where no line lies in it."""
+    low, high = max(a0, b0), min(a1, b1)
+    overlapping, aligned = 0, 0
+    for k in range(len(p)):
+        if low <= p[k] <= high:
+            near = False
+            for j in range(len(q)):
+                near = near or abs(q[j] - p[k]) <= gap
+            overlapping += 1
+            aligned += near
+    for j in range(len(q)):
+        if low <= q[j] <= high:
+            near = False
+            for k in range(len(p)):
+                near = near or abs(q[j] - p[k]) <= gap
+            overlapping += not near  # one with a partner is counted already
+    return aligned / overlapping if overlapping else -1.0
+
+
+@njit(cache=True)
+def _pattern(p: np.ndarray, q: np.ndarray) -> int:
+    """Index into PATTERNS of the order in which two grids' lines take turns; -1 where one lies wholly beside the other."""
+    n = len(p) + len(q)
+    values = np.empty(n)
+    values[: len(p)], values[len(p) :] = p, q
+    order = np.argsort(values)
+    turns, first = 0, order[0] >= len(p)
+    runs = np.zeros(n, np.int64)
+    previous = first
+    for k in range(n):
+        second = order[k] >= len(p)
+        if second != previous:
+            turns += 1
+            previous = second
+        runs[turns] += 1
+    if turns < 1:
+        return -1
+    lengths = runs[: turns + 1]
+    if turns == 1:
+        return -1
+    inner = lengths[1:-1]
+    if (lengths == 1).all():
+        return 1 if turns == 2 else 0
+    if (inner == 2).all() and lengths[0] <= 2 and lengths[-1] <= 2:
+        return 3
+    odd, even = lengths[0::2], lengths[1::2]
+    if ((odd[1:-1] == 2).all() and (even == 1).all()) or ((even[:-1] == 2).all() and (odd == 1).all()):
+        return 2
+    return 4
+
+
+@njit(cache=True)
+def _overall(
+    box: np.ndarray, label: np.ndarray, extent: np.ndarray, of_label: np.ndarray, domain: np.ndarray
+) -> np.ndarray:
+    """Eq. 8-11: types present as bits, coverage by grids, borders in mean element sizes, symmetric share, doors' place."""
+    out = np.full(OVERALL, np.nan)
+    n = len(box)
+    types = 0
+    for g in range(len(of_label)):
+        types |= 1 << of_label[g]
+    out[TYPES] = types
+    width, height = domain[2] - domain[0], domain[3] - domain[1]
+    if n == 0:
+        out[COVERAGE] = 0.0
+        return out
+    out[COVERAGE] = _union(extent) / (width * height)
+    w, h = (box[:, 2] - box[:, 0]).mean(), (box[:, 3] - box[:, 1]).mean()
+    out[BORDER_LEFT], out[BORDER_RIGHT] = (box[:, 0].min() - domain[0]) / w, (domain[2] - box[:, 2].max()) / w
+    out[BORDER_TOP], out[BORDER_BOTTOM] = (box[:, 1].min() - domain[1]) / h, (domain[3] - box[:, 3].max()) / h
+    doors, at = 0, 0.0
+    for i in range(n):
+        if label[i] == DOOR:
+            doors += 1
+            at += ((box[i, 0] + box[i, 2]) / 2 - domain[0]) / width
+    out[DOOR_AT] = at / doors if doors else 0.0
+    out[SYMMETRY] = symmetry(box, label, domain)
+    return out
+
+
+@njit(cache=True)
+def symmetry(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
+    """Share of the elements' area whose mirror image about the domain's middle meets an element of the label."""
+    twice = domain[0] + domain[2]
+    met, total = 0.0, 0.0
+    for i in range(len(box)):
+        area = (box[i, 2] - box[i, 0]) * (box[i, 3] - box[i, 1])
+        total += area
+        low, high = twice - box[i, 2], twice - box[i, 0]
+        best = 0.0
+        for j in range(len(box)):
+            if label[j] == label[i]:
+                dx = min(high, box[j, 2]) - max(low, box[j, 0])
+                dy = min(box[i, 3], box[j, 3]) - max(box[i, 1], box[j, 1])
+                if dx > 0 and dy > 0:
+                    best = max(best, dx * dy)
+        met += best
+    return min(1.0, met / total)
+
+
+@njit(cache=True)
+def _union(rectangles: np.ndarray) -> float:
+    """Area of the union of rectangles."""
+    xs = np.unique(np.concatenate((rectangles[:, 0], rectangles[:, 2])))
+    ys = np.unique(np.concatenate((rectangles[:, 1], rectangles[:, 3])))
+    area = 0.0
+    for i in range(len(xs) - 1):
+        for j in range(len(ys) - 1):
+            for r in range(len(rectangles)):
+                e = rectangles[r]
+                if e[0] <= xs[i] and xs[i + 1] <= e[2] and e[1] <= ys[j] and ys[j + 1] <= e[3]:
+                    area += (xs[i + 1] - xs[i]) * (ys[j + 1] - ys[j])
+                    break
+    return area

@@ -1,0 +1,135 @@
+import dataclasses
+
+import numpy as np
+import pytest
+
+from facade_core.errors import LayoutError
+from facade_core.layout import score
+from facade_core.layout.densities import FLOOR, fit_mixture, log_conditional, log_density
+from facade_core.layout.model import shipped
+from facade_core.layout.scores import TERMS, measured, terms
+from facade_core.layout.statistics import (
+    ALIGN_Y,
+    COMPLETE,
+    COVERAGE,
+    DOOR_AT,
+    PATTERN,
+    PATTERNS,
+    REGULAR_X,
+    SYMMETRY,
+    WIDTH_RATIO,
+)
+from facade_core.types import Element
+
+DOMAIN = (0.0, 0.0, 200.0, 160.0)
+
+
+def window(cx, cy, w=16.0, h=24.0, label="window"):
+    return Element(label, cx - w / 2, cy - h / 2, cx + w / 2, cy + h / 2)
+
+
+def block(xs=(20, 60, 100, 140, 180), ys=(30, 70, 110)):
+    return [window(x, y) for y in ys for x in xs]
+
+
+def test_statistics_of_a_regular_grid():
+    unary, pairs, overall = measured([*block(), window(100, 148, label="door")], DOMAIN)
+    assert unary[0, WIDTH_RATIO] == pytest.approx(16 / 40)
+    assert unary[0, REGULAR_X] == 0
+    assert unary[0, COMPLETE] == 1
+    assert pairs[0, ALIGN_Y] == 1  # the door stands under a column
+    assert overall[SYMMETRY] == 1
+    assert overall[DOOR_AT] == 0.5
+    assert overall[COVERAGE] == pytest.approx((176 * 104 + 16 * 24) / (200 * 160))
+
+
+def test_a_missing_cell_and_a_shifted_column_are_seen():
+    missing = block()[:7] + block()[8:]
+    assert measured(missing, DOMAIN)[0][0, COMPLETE] == pytest.approx(14 / 15)
+    shifted = block(xs=(20, 60, 100, 150, 180))
+    assert measured(shifted, DOMAIN)[0][0, REGULAR_X] > 0.03
+
+
+def test_interleaved_grids_have_a_pattern():
+    layout = block(xs=(20, 60, 100), ys=(20, 80)) + [window(x, y) for x in (40, 80) for y in (50, 110)]
+    pairs = measured(layout, DOMAIN)[1]
+    assert PATTERNS[int(pairs[0, PATTERN])] == "AB"
+
+
+def test_score_does_not_depend_on_order_and_counts_duplicates_once():
+    layout = [*block(), window(100, 148, label="door"), window(60, 148, label="door")]
+    shuffled = [layout[k] for k in np.random.default_rng(0).permutation(len(layout))]
+    assert score(layout, DOMAIN) == score(shuffled, DOMAIN) == score([*layout, layout[0]], DOMAIN)
+
+
+def test_score_does_not_depend_on_the_unit():
+    big = [Element(e.label, *(3 * v for v in (e.x0, e.y0, e.x1, e.y1))) for e in block()]
+    assert score(big, tuple(3 * v for v in DOMAIN)) == pytest.approx(score(block(), DOMAIN))
+
+
+def test_a_regular_layout_scores_higher_than_disturbed_ones_on_average():
+    rng = np.random.default_rng(1)
+    disturbed = [[window(e.x0 + 8 + rng.normal() * 7, e.y0 + 12 + rng.normal() * 4) for e in block()] for _ in range(8)]
+    assert score(block(), DOMAIN) > np.mean([score(layout, DOMAIN) for layout in disturbed])
+
+
+@pytest.mark.realdata
+def test_real_layouts_score_higher_than_the_same_disturbed(data):
+    from catalogs.layouts import read_layouts, split_layouts
+
+    records = split_layouts(list(read_layouts(data / "layouts" / "cmp.jsonl")))[1][::3]
+    higher = []
+    for number, record in enumerate(records):
+        shift = np.random.default_rng(number).normal(size=(len(record.elements), 2)) * 0.3
+        x0, y0, x1, y1 = record.domain
+        disturbed = []
+        for e, (dx, dy) in zip(record.elements, shift * [[e.width, e.height] for e in record.elements], strict=True):
+            moved = Element(e.label, e.x0 + dx, e.y0 + dy, e.x1 + dx, e.y1 + dy)
+            if x0 <= (moved.x0 + moved.x1) / 2 <= x1 and y0 <= (moved.y0 + moved.y1) / 2 <= y1:
+                disturbed.append(moved)
+        higher.append(score(record.elements, record.domain) > score(disturbed, record.domain))
+    assert np.mean(higher) >= 0.85
+
+
+def test_score_is_the_weighted_sum_of_its_terms():
+    model = shipped()
+    assert score(block(), DOMAIN) == pytest.approx(float(model.weights @ terms(block(), DOMAIN, model)))
+    only = dataclasses.replace(model, weights=np.eye(len(TERMS))[0])
+    assert score(block(), DOMAIN, model=only) == pytest.approx(terms(block(), DOMAIN, model)[0])
+
+
+def test_every_term_is_floored():
+    strange = [window(100, 80, w=199, h=0.5)]
+    assert (terms(strange, DOMAIN, shipped()) >= 4 * FLOOR - 1e-9).all()
+    assert np.isfinite(score([], DOMAIN))
+
+
+@pytest.mark.parametrize(
+    ("elements", "domain", "message"),
+    [
+        ([window(300, 10)], DOMAIN, "outside the domain"),
+        ([window(30, 10, w=0)], DOMAIN, "no area"),
+        ([window(30, 10, label="gate")], DOMAIN, "unknown label"),
+        ([], (0, 0, 0, 10), "domain"),
+        ([], (0, 0, float("nan"), 10), "domain"),
+    ],
+)
+def test_bad_input(elements, domain, message):
+    with pytest.raises(LayoutError, match=message):
+        score(elements, domain)
+
+
+def test_bic_finds_two_components_and_the_density_integrates_to_one():
+    rng = np.random.default_rng(2)
+    mixture = fit_mixture(np.concatenate([rng.normal(0, 0.2, 300), rng.normal(3, 0.3, 300)]), 0)
+    assert (mixture[:, 0] > 0).sum() == 2
+    xs = np.linspace(-3, 6, 2000)
+    total = sum(np.exp(log_density(x, mixture)) for x in xs) * (xs[1] - xs[0])
+    assert total == pytest.approx(1, abs=0.02)
+
+
+def test_conditional_density_follows_its_condition():
+    rng = np.random.default_rng(3)
+    near, far = rng.normal((1, 0), 0.1, (200, 2)), rng.normal((0, 1), 0.1, (200, 2))
+    mixture = fit_mixture(np.concatenate([near, far]), 0)
+    assert log_conditional(1.0, 0.0, mixture) > log_conditional(1.0, 1.0, mixture) + 2
