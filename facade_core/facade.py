@@ -65,11 +65,11 @@ class Exemplar:
     columns: int
 
 
-def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facade:
+def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, seed: int = 0) -> Facade:
     """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade.
 
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
-    number plate. Raises ImageError when nothing of the facade is visible.
+    number plate. A clean photo is known to show the facade alone. Raises ImageError when nothing of the facade is visible.
     """
     if hidden.all():
         raise ImageError("the whole facade is hidden; give a photo that shows some of it, or none")
@@ -77,7 +77,8 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, seed: int = 0) -> Facad
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]))
-        in_front, masked = things_in_front(parsing.occluded & ~_grown(hidden, SPILL))
+        found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
+        in_front, masked = things_in_front(found)
         given, hidden = hidden, hidden | in_front
     if hidden.all():
         raise ImageError("trees, cars and the like hide the whole facade; give a photo that shows some of it, or none")
@@ -108,7 +109,9 @@ def things_in_front(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
     parts = label(occluded)
     things = [thing for thing in regionprops(parts) if thing.area >= LEAST_THING * occluded.size]
     kept = np.isin(parts, [thing.label for thing in things])
-    return _grown(kept, THING_RIM), tuple((thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things)
+    return _grown(kept, THING_RIM), tuple(
+        (thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things
+    )
 
 
 def _grown(mask: np.ndarray, share: float) -> np.ndarray:

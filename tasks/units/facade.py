@@ -38,13 +38,15 @@ SHOWN = 0.3
 @dataclass(frozen=True)
 class _Evidence:
     """What pictures show of a facade: image (h, w, 3); hidden (h, w) bool; confidence (h, w), 0 to 1, the share of the
-    raster's resolution that the picture has and how squarely it looks; name of the source; boxes of things masked."""
+    raster's resolution that the picture has and how squarely it looks; name of the source; boxes of things masked; clean,
+    whether nothing else can be in front."""
 
     image: np.ndarray
     hidden: np.ndarray
     confidence: np.ndarray
     source: str
     masked: tuple[Box, ...] = ()
+    clean: bool = False
 
 
 def facade_unit(
@@ -106,7 +108,7 @@ def _make(
     seed = unit_seed(run, facades.id[facade], "facade")
     evidence = _evidence(plan, chart, size, imagery, textures)
     if evidence is not None:
-        made = from_photo(evidence.image, evidence.hidden, seed=seed)
+        made = from_photo(evidence.image, evidence.hidden, clean=evidence.clean, seed=seed)
         confidence = np.where(made.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
         return replace(made, masked=evidence.masked + made.masked), evidence.source, confidence
     if run.walls == "translate":
@@ -148,7 +150,8 @@ def _evidence(
         images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart == chart])
         image, covered = own_texture(plan.scene, chart, images)
         if covered.mean() >= SHOWN:
-            return _Evidence(image, ~covered, covered, "own texture")
+            # what a model brings is its wall as its makers want it, and may be drawn: the parser is not asked for trees
+            return _Evidence(image, ~covered, covered, "own texture", clean=True)
     return None
 
 
