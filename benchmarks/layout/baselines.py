@@ -15,7 +15,8 @@ from facade_core.layout.grids import boxes
 from facade_core.layout.model import LayoutModel
 from facade_core.layout.optimisation import value_of
 from facade_core.layout.picking import pick
-from facade_core.layout.proposals import Box, iou, may_overlap, overlaps
+from facade_core.layout.proposals import Box
+from facade_core.layout.rectangles import iou, may_overlap, overlaps
 from facade_core.types import Element
 
 Method = Callable[[list[Element], Box, list[Box]], list[list[Element]]]
@@ -90,10 +91,10 @@ def nearest_layout(database: Sequence[LayoutRecord]) -> Method:
 
 
 def low_rank(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
-    """Each label's occupancy on a raster of 96 x 96, its hidden cells filled by a matrix of rank two."""
+    """Each label's occupancy on a raster of 64 x 64, its hidden cells filled by a matrix of rank two."""
     from scipy import ndimage
 
-    side = 96
+    side = 64
     scale = side / np.subtract(domain[2:], domain[:2])
 
     def cells(b: Sequence[float]) -> tuple[slice, slice]:
@@ -111,7 +112,7 @@ def low_rank(seen: list[Element], domain: Box, region: list[Box]) -> list[list[E
                 filled[cells((e.x0, e.y0, e.x1, e.y1))] = 1
         truth, hidden_mean = filled.copy(), filled[visible].mean() if visible.any() else 0.0
         filled[~visible] = hidden_mean
-        for _ in range(30):
+        for _ in range(15):
             u, s, v = np.linalg.svd(filled, full_matrices=False)
             filled = np.where(visible, truth, (u[:, :2] * s[:2]) @ v[:2])
         parts, _ = ndimage.label((filled > 0.5) & ~visible)

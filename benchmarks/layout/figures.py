@@ -13,7 +13,8 @@ from catalogs.layouts import LayoutRecord
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases
 from facade_core.layout.grids import boxes
-from facade_core.layout.proposals import Box, frame, iou, may_overlap, overlaps
+from facade_core.layout.proposals import Box, frame
+from facade_core.layout.rectangles import iou, may_overlap, overlaps
 from facade_core.types import Element
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.errors import LayoutError
 from facade_core.layout.grids import boxes, check
-from facade_core.layout.proposals import overlaps
+from facade_core.layout.rectangles import overlaps
 from facade_core.types import Element
 
 Box = tuple[float, float, float, float]

@@ -15,9 +15,11 @@ from facade_core.layout.evidence import weighed
 from facade_core.layout.grids import boxes, grids
 from facade_core.layout.optimisation import search
 from facade_core.layout.picking import aligned, pick
-from facade_core.layout.policy import Start, roll_out
+from facade_core.layout.placement import Start, spacings
+from facade_core.layout.policy import roll_out
 from facade_core.layout.proposals import Box, frame, propose
 from facade_core.layout.ranking import probability
+from facade_core.layout.rectangles import DOOR
 from facade_core.layout.scores import arrays, score
 from facade_core.layout.styles import sample_layouts
 from facade_core.types import Completion, Element, Parsing
@@ -33,6 +35,8 @@ _LIKELY = np.array([0.25, 0.15, 0.09, 0.11])
 _SHARES = (1.0, 0.7, 1.5, 2.0)
 # In an alternative, what one way of carrying grids on proposes is picked down to this share of it.
 _DOUBTED = 0.4
+# At most so many doors are added, or as many as are seen.
+_DOORS = 2
 # Two completions are distinct when at least this share of their proposals differs.
 _DISTINCT = 0.08
 # Weight of the statistical model beside the share that is likely right.
@@ -112,9 +116,12 @@ def candidates(
     for of_one in found.support.T:
         own = of_one > 0.8
         choices.append((likely + own, (likely >= wanted) | (own & (likely >= _DOUBTED * wanted))))
+    # unlikely doors under every column would each be worth a try, and together no facade
+    doors = max(_DOORS, sum(e.label == "door" for e in things))
     made: dict[tuple[Element, ...], float] = {}
     for preference, free in choices if alternatives else choices[:1]:
         kept = pick(found.box, found.label, preference, free, blocked)
+        kept = kept[(found.label[kept] != DOOR) | (np.cumsum(found.label[kept] == DOOR) <= doors)]
         layout = aligned(found, kept, likely, things, domain, region, blocked)
         right = float(likely[kept].sum())
         value = 2 * right / max(len(kept) + max(expected, right), 1e-9)
@@ -133,6 +140,7 @@ def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: La
         np.ascontiguousarray(box),
         label,
         grid,
+        spacings(np.ascontiguousarray(box), grid),
         int(grid.max()) + 1 if len(grid) else 0,
         np.array(domain, float),
         np.ascontiguousarray(region),

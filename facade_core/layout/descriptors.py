@@ -8,7 +8,8 @@ import numpy as np
 
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.grids import Grid, boxes
-from facade_core.layout.proposals import EXTENSIONS, SHOP, Box, Frame, Proposals, iou
+from facade_core.layout.proposals import EXTENSIONS, Box, Frame, Proposals
+from facade_core.layout.rectangles import SHOP, iou
 from facade_core.types import Element
 
 _FAR = 20.0

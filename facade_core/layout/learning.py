@@ -19,8 +19,9 @@ from facade_core.layout.grids import boxes, grids
 from facade_core.layout.model import LayoutModel
 from facade_core.layout.optimisation import POPULATION, random_policies, search
 from facade_core.layout.policy import LENGTH, roll_out
-from facade_core.layout.proposals import Box, Sizes, frame, iou, propose
+from facade_core.layout.proposals import Box, Sizes, frame, propose
 from facade_core.layout.ranking import Trees, train_trees
+from facade_core.layout.rectangles import iou
 from facade_core.layout.scores import (
     ALIGN_X,
     ALIGN_Y,

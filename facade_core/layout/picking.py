@@ -8,7 +8,8 @@ import numpy as np
 
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.grids import boxes
-from facade_core.layout.proposals import Box, Proposals, may_overlap, overlaps
+from facade_core.layout.proposals import Box, Proposals
+from facade_core.layout.rectangles import may_overlap, overlaps
 from facade_core.types import Element
 
 # Edges of one label nearer than this share of the side are meant to be one line.

@@ -7,18 +7,24 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
-from numba import njit
 
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.extension import Extension, extend, known, lengthen, mirrored
 from facade_core.layout.grids import Grid, boxes
+from facade_core.layout.rectangles import (
+    BALCONY,
+    DOOR,
+    SHOP,
+    WINDOW,
+    best_agreement,
+    may_overlap,
+    overlaps,
+    representatives,
+)
 from facade_core.types import Element
 
 Box = tuple[float, float, float, float]
 
-WINDOW, BALCONY, DOOR, SHOP = range(len(ELEMENT_CLASSES))
-# Guesses of one label that overlap by this share of their union are one.
-_SAME = 0.75
 # A guess that reaches into what is seen, or out of the domain, by less than this share of its side is moved clear.
 _MOVED = 0.3
 # Windows whose centres differ by less than this share of their size stand in one column or floor.
@@ -82,7 +88,7 @@ def propose(
     raw, variant = raw[inside], variant[inside]
     kept = _distinct(raw)
     counted = variant < len(variants)
-    support = _support(raw[kept], raw[counted], variant[counted], len(variants))
+    support = best_agreement(raw[kept], raw[counted], variant[counted], len(variants))
     return Proposals(raw[kept, 1:], raw[kept, 0].astype(np.int8), support)
 
 
@@ -114,46 +120,6 @@ def frame(seen: Sequence[Element], domain: Box) -> Frame:
     floors, floor = _lines(centre[:, 1], _ONE_LINE * size[1])
     floor_size = np.array([np.median(side[floor == k], axis=0) for k in range(len(floors))])
     return Frame(columns, floors, floor_size, size, ground)
-
-
-@njit(cache=True)
-def _iou(p: np.ndarray, q: np.ndarray) -> float:
-    w = min(p[2], q[2]) - max(p[0], q[0])
-    h = min(p[3], q[3]) - max(p[1], q[1])
-    if w <= 0 or h <= 0:
-        return 0.0
-    return w * h / ((p[2] - p[0]) * (p[3] - p[1]) + (q[2] - q[0]) * (q[3] - q[1]) - w * h)
-
-
-@njit(cache=True)
-def iou(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, M) intersection over union of (N, 4) and (M, 4) rectangles."""
-    out = np.empty((len(a), len(b)))
-    for i in range(len(a)):
-        for j in range(len(b)):
-            out[i, j] = _iou(a[i], b[j])
-    return out
-
-
-@njit(cache=True)
-def overlaps(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, M) bool: the open rectangles share area."""
-    out = np.empty((len(a), len(b)), np.bool_)
-    for i in range(len(a)):
-        for j in range(len(b)):
-            p, q = a[i], b[j]
-            out[i, j] = min(p[2], q[2]) > max(p[0], q[0]) and min(p[3], q[3]) > max(p[1], q[1])
-    return out
-
-
-@njit(cache=True)
-def _support(kept: np.ndarray, raw: np.ndarray, variant: np.ndarray, variants: int) -> np.ndarray:
-    out = np.zeros((len(kept), variants), np.float32)
-    for i in range(len(kept)):
-        for j in range(len(raw)):
-            if kept[i, 0] == raw[j, 0]:
-                out[i, variant[j]] = max(out[i, variant[j]], _iou(kept[i, 1:], raw[j, 1:]))
-    return out
 
 
 def _lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
@@ -277,11 +243,6 @@ def _moved_clear(box: np.ndarray, domain: Box, region: np.ndarray) -> tuple[np.n
     return box, inside & (box[:, 2:] > box[:, :2]).all(axis=1)
 
 
-def may_overlap(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-    """(N, M) bool for labels: a balcony stands before its window; nothing else shares a place."""
-    return ((a[:, None] == WINDOW) & (b == BALCONY)) | ((a[:, None] == BALCONY) & (b == WINDOW))
-
-
 def _clear_of(raw: np.ndarray, seen: Sequence[Element]) -> np.ndarray:
     other = np.array([ELEMENT_CLASSES.index(e.label) if e.label in ELEMENT_CLASSES else -1 for e in seen], int)
     return ~(overlaps(raw[:, 1:], boxes(seen)) & ~may_overlap(raw[:, 0], other)).any(axis=1)
@@ -296,22 +257,5 @@ def _distinct(raw: np.ndarray) -> np.ndarray:
         _, first, count = np.unique(np.round(raw[index, 1:] / step), axis=0, return_index=True, return_counts=True)
         order = np.lexsort((first, -count))
         index = index[first[order]]
-        found.append(index[_representatives(raw[index, 1:])])
+        found.append(index[representatives(raw[index, 1:])])
     return np.concatenate(found) if found else np.zeros(0, int)
-
-
-@njit(cache=True)
-def _representatives(box: np.ndarray) -> np.ndarray:
-    """Rectangles, first come first served, none of which is alike to an earlier one."""
-    kept = np.empty(len(box), np.int64)
-    n = 0
-    for i in range(len(box)):
-        new = True
-        for k in range(n):
-            if _iou(box[i], box[kept[k]]) >= _SAME:
-                new = False
-                break
-        if new:
-            kept[n] = i
-            n += 1
-    return kept[:n]

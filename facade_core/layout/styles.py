@@ -81,11 +81,13 @@ def _layout(domain: Box, style: np.ndarray, columns: int, floors: int) -> list[E
             for y in ys[ys < ys[-1]].tolist()
             for x in xs.tolist()
         ]
-    space = y1 - ys[-1] - h
-    if space < 1.2 * h:
+    space, door = y1 - float(ys[-1]) - h, columns // 2 if style[DOORS] else -1
+    if space < 3 * h:  # the ground floor has windows, and the door takes the place of one
+        if door >= 0:
+            window = found.pop((floors - 1) * columns + door)
+            found.append(Element("door", window.x0, window.y0 + 0.2 * h, window.x1, y1))
         return found
     tall = min(2.6 * h, 0.85 * space)
-    door = columns // 2 if style[DOORS] else -1
     for k, x in enumerate(xs.tolist()):
         if k == door:
             found.append(Element("door", x - 1.1 * w, y1 - tall, x + 1.1 * w, y1))
