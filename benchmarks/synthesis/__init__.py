@@ -13,6 +13,7 @@ import json
 import os
 import time
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -122,11 +123,8 @@ def measure(facades: Sequence[LabelledFacade], *, seeds: int, generations: int) 
     seconds, energies = [], []
     for facade in facades:
         image, labels = resized(facade, SIZE)
-        taken, made = timed(
-            lambda image=image, labels=labels: synthesize_on(
-                image, labels, lattice(labels), SIZE, seed=1, generations=generations
-            )
-        )
+        make = partial(synthesize_on, image, labels, lattice(labels), SIZE, seed=1, generations=generations)
+        taken, made = timed(make)
         seconds.append(taken)
         energies.append(round(made.energy, 2))
     image, labels = first
@@ -140,12 +138,8 @@ def measure(facades: Sequence[LabelledFacade], *, seeds: int, generations: int) 
         label_map = np.where(facade.labels == UNKNOWN, WALL, facade.labels).astype(np.uint8)
         scale = exemplar_scale(facade.image, label_map)
         for size, floors in WALLS:
-            taken, _ = timed(
-                lambda f=facade, m=label_map, size=size, floors=floors, scale=scale: retarget(
-                    f.image, m, size, floors=floors, metres_per_pixel=scale
-                )
-            )
-            walls.append(taken)
+            fit = partial(retarget, facade.image, label_map, size, floors=floors, metres_per_pixel=scale)
+            walls.append(timed(fit)[0])
     return {
         "generations": generations,
         "tiles": shape[0] * shape[1],

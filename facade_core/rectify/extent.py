@@ -110,7 +110,7 @@ def _together(segments: np.ndarray, view: View) -> np.ndarray:
         total.append(cv2.boxFilter(amount, -1, (GAP, GAP), normalize=False, borderType=cv2.BORDER_CONSTANT))
     # Walls of other directions share the vertical with this one, so it is the level lines that tell. A small facade before much
     # clutter has too few of them anywhere.
-    shared = (near[0] & near[1]).astype(np.bool_)
+    shared = np.logical_and(near[0], near[1])
     found = np.zeros(len(segments), np.bool_)
     for share in (LEVEL_SHARE, 0.0):
         region = shared & (total[0] >= share * (total[0] + total[2]))
