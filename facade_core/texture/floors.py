@@ -17,10 +17,13 @@ from facade_core.texture.prices import UNUSABLE, Offers, offers
 from facade_core.texture.translations import repeats
 
 _WORKING = 110_000  # px at which translations are chosen
-_SEAM = 0.03  # price of a seam, per colour difference (0-1, three channels)
+_SEAM = 0.015  # price of a seam, per colour difference (0-1, three channels)
 # How much the classes stand out from the wall where repeats of a planned layout are looked for.
 _HEAVY = np.array([0.0, 1.0, 0.5, 1.0, 0.0, 0.5, 0.0], np.float32)
 _COARSEST = 8  # px of the image at most in one of those
+_REACH = 24  # parts of the longer side: how far surroundings count
+_DOUBT = 0.1  # of the usual best price: how much dearer an offer is that counts a third in the mean of all
+_ODD = 1.0  # price of a squared difference from that mean
 _ROUNDS = 4
 _KEPT = 28  # maps that the cuts choose from
 _LEAST_GAIN = 1e-5  # in price, for each hidden pixel, that a map must bring to be one of them
@@ -52,7 +55,7 @@ def _copied(
     if (planned & ~known).any():
         found.append(repeats(_detail(_HEAVY[np.where(planned, plan, 0)], planned), planned))
     maps = np.unique(np.concatenate(found), axis=0)
-    reach = max(known.shape) / 24
+    reach = max(known.shape) / _REACH
     chosen = _choose(small, known, plan, maps, reach)
     return paint(image, ~mask, chosen, maps, factor, reach)
 
@@ -96,7 +99,7 @@ def _multiples(pitches: tuple[int | None, int | None], shape: tuple[int, int]) -
 def _choose(image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.ndarray, reach: float) -> np.ndarray:
     """The number of the map that every hidden pixel is taken from, (h, w) int64; -1 where it is known or has none."""
     hidden = np.argwhere(~known)
-    offer = offers(image, known, hidden, plan, maps, reach)
+    offer = _agreed(offers(image, known, hidden, plan, maps, reach))
     kept = _useful(offer.price)
     served = (offer.price[kept] < UNUSABLE).any(0)
     if not served.any():
@@ -115,6 +118,17 @@ def _choose(image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.nda
         choose(offer, edges, _rim(image, known, hidden, maps[kept], offer.colour), _SEAM)
     ]
     return chosen
+
+
+def _agreed(offer: Offers) -> Offers:
+    """Prices raised by how far an offer is from the mean of all, the cheap ones counting most: what most repeats show is
+    what is likely to be hidden, and what one of them alone shows (an open window, a passer-by) is not."""
+    best = offer.price.min(0)
+    usable = offer.price < UNUSABLE
+    trust = np.where(usable, np.exp((best - offer.price) / (_DOUBT * np.median(best))), 0.0).astype(np.float32)
+    mean = np.einsum("kn,knc->nc", trust, offer.colour) / np.maximum(trust.sum(0), 1e-6)[:, None]
+    apart = ((offer.colour - mean) ** 2).mean(2)
+    return Offers(np.where(usable, offer.price + _ODD * apart, UNUSABLE).astype(np.float32), offer.colour)
 
 
 def _useful(price: np.ndarray) -> np.ndarray:

@@ -19,6 +19,7 @@ from facade_core.types import Element
 METHODS = ("auto", "floors", "tiles")
 _HELD_BACK = 12  # px around the hole that are hidden too, to see which method predicts them better
 _WALL_AROUND = 0.3  # of an element's size: how far around it a layout tells that there is wall
+_AGREED = 0.7  # share of the votes of other bays that a plan for "floors" needs
 _TRUST = 0.85  # tiles must beat floors by this factor: their wider warps look worse than the band's error says
 
 
@@ -82,15 +83,19 @@ def _fill(
 ) -> np.ndarray:
     rng = np.random.default_rng(seed)
     if method == "floors":
-        return fill_by_floors(image, mask, guide, rng)
+        return fill_by_floors(image, mask, _carried_along(guide, agreed=_AGREED), rng)
     from facade_core.parse import lattice
 
-    complete = _carried_along(guide) if (guide != UNKNOWN).any() else guide
+    complete = _carried_along(guide, agreed=0.0)
     return fill_by_tiles(image, mask, complete, lattice(complete), rng)
 
 
-def _carried_along(guide: np.ndarray) -> np.ndarray:
-    """Labels with unknown pixels voted for by the same rows of other bays; where none is known, the row's usual one."""
+def _carried_along(guide: np.ndarray, *, agreed: float) -> np.ndarray:
+    """Labels with unknown pixels voted for by the same rows of other bays; where none is known, the row's usual one.
+
+    A pixel on which less than the share `agreed` of the votes agree stays unknown."""
+    if (guide == UNKNOWN).all():
+        return guide
     classes = np.arange(len(CLASSES))
     counts = (guide[..., None] == classes).sum(1)
     usual = counts.argmax(1).astype(np.uint8)
@@ -104,7 +109,9 @@ def _carried_along(guide: np.ndarray) -> np.ndarray:
                 a, b = max(left, -shift), min(right, guide.shape[1] - shift)
                 votes[:, a:b] += guide[:, a + shift : b + shift, None] == classes
     voted = np.where(votes.any(2), votes.argmax(2).astype(np.uint8), usual[:, None])
-    return np.where(guide == UNKNOWN, voted, guide).astype(np.uint8)
+    cast = np.where(votes.any(2, keepdims=True), votes, counts[:, None])
+    split = cast.max(2) < agreed * cast.sum(2)
+    return np.where(guide != UNKNOWN, guide, np.where(split, UNKNOWN, voted)).astype(np.uint8)
 
 
 def _fill_by_better(
