@@ -25,7 +25,7 @@ COARSEST, PLACE_STRIDE, LOGIT_STRIDE = 32, 8, 2
 # Constant, so that results do not depend on the machine's number of cores.
 _INTRA_OP_THREADS = 2
 # Views that are averaged: the share of the working size that their sides have, and whether they are mirrored.
-VIEWS = tuple((scale, mirrored) for scale in (0.8, 1.0, 1.25) for mirrored in (False, True))
+VIEWS = tuple((scale, mirrored) for scale in (0.85, 1.2) for mirrored in (False, True))
 _WHOLE = np.array([-1.0, -1.0, 1.0, 1.0])
 
 
