@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import asyncio
 import os
 import signal
 import threading
@@ -38,11 +39,12 @@ def prepared(ours: bool) -> Any:
     from distributed import WorkerPlugin
 
     class Prepared(WorkerPlugin):
-        def setup(self, worker: Any) -> None:
-            limit_threads()
-            threading.Thread(target=_load, name="imports", daemon=True).start()
+        async def setup(self, worker: Any) -> None:
             if ours:  # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
                 signal.signal(signal.SIGINT, signal.SIG_IGN)
+            limit_threads()
+            # Awaited: a unit that arrives meanwhile would import the same modules from another thread, the other way round.
+            await asyncio.to_thread(_load)
 
     return Prepared()
 
