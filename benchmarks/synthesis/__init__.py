@@ -25,6 +25,7 @@ from facade_core.parse import lattice
 from facade_core.texture import exemplar_scale, retarget
 from facade_core.texture.consistency import Tables, tables
 from facade_core.texture.genetic import BLOCK, ELITE, POPULATION
+from facade_core.texture.structure import structure
 from facade_core.texture.tiles import GENERATIONS, evolved, synthesize_on
 from facade_core.types import Lattice
 
@@ -33,7 +34,7 @@ SIZE = (700, 500)
 WALLS = (((12.0, 9.0), 3), ((19.0, 24.0), 6), ((16.0, 8.0), 4), ((25.0, 14.0), 8))
 SHOWN = {
     "ecp": ("monge_10", "monge_21", "monge_55", "monge_68", "monge_74", "monge_87"),
-    "cmp": ("cmp_b0012", "cmp_b0079", "cmp_b0142", "cmp_b0182"),
+    "cmp": ("cmp_b0012", "cmp_b0079", "cmp_b0044", "cmp_b0182"),
 }
 _AFTER = (0, 10, 30, 100, 300, 1000, 3000, 5000)
 
@@ -153,7 +154,7 @@ def measure(facades: Sequence[LabelledFacade], *, seeds: int, generations: int) 
     }
 
 
-def picture(data: Path, path: Path, *, height: int = 260) -> None:
+def picture(data: Path, path: Path, *, height: int = 170) -> None:
     """A JPEG: each row an exemplar, quilting, seam carving and ours, half as wide again and a floor less."""
     import cv2
     from PIL import Image
@@ -167,7 +168,8 @@ def picture(data: Path, path: Path, *, height: int = 260) -> None:
                 continue
             image, labels = resized(facade, (500, round(500 * facade.labels.shape[1] / facade.labels.shape[0])))
             scale = exemplar_scale(image, labels)
-            floors = max(2, round(image.shape[0] * scale / 3.2) - 1)
+            found = structure(labels)
+            floors = max(2, len(found.floors) - 1 if found else 2)
             size = round(0.85 * image.shape[0]), round(1.5 * image.shape[1])
             metres = size[0] * scale, size[1] * scale
             ours = retarget(image, labels, metres, floors=floors, metres_per_pixel=scale, seed=1)[0].image

@@ -17,7 +17,7 @@ from facade_core.texture.prices import UNUSABLE, Offers, offers
 from facade_core.texture.translations import repeats
 
 _WORKING = 110_000  # px at which translations are chosen
-_SEAM = 0.015  # price of a seam, per colour difference (0-1, three channels)
+_SEAM = 0.02  # price of a seam, per colour difference (0-1, three channels)
 # How much the classes stand out from the wall where repeats of a planned layout are looked for.
 _HEAVY = np.array([0.0, 1.0, 0.5, 1.0, 0.0, 0.5, 0.0], np.float32)
 _COARSEST = 8  # px of the image at most in one of those

@@ -14,6 +14,7 @@ UNUSABLE = np.float32(1e4)
 # many pixels, or which share of a window, the prior is worth.
 _ROW, _COLUMN, _NEAR = 0.4, 0.1, 0.45
 _PRIOR_LINE, _PRIOR_NEAR = 40.0, 0.05
+_MIX, _FEW = 2.0, 4.0  # rows over which their colours are mixed, and pixels of the whole image that each is worth
 # Price, in the image's spread, of a pixel of another class than planned, and of surroundings of other classes.
 _WRONG, _WRONG_NEAR = 0.25, 0.25
 
@@ -32,43 +33,65 @@ def offers(
     """Offers for the pixels hidden (n, 2) of image (H, W, 3) float32, 0-1, under maps (k, 3) as `repeats` gives them.
 
     A price is the squared colour difference to expect: what the map leaves in the rows and the columns it
-    connects and within about `reach` px of the pixel, each drawn towards the image's spread where little is seen;
+    connects and within about `reach` px of the pixel. Where little of that is seen it is drawn towards what any two pixels
+    of the two rows (columns) differ by, so that a floor is dearer from a shop than from elsewhere in the same floor.
     guide (H, W) uint8 are class ids that should agree, 255 where none is known.
     """
+    down, across = (_moments(image, known, axis) for axis in (1, 0))
     spread = 2.0 * float(image[known].var(0).mean())
     price = np.empty((len(maps), len(hidden)), np.float32)
     colour = np.zeros((len(maps), len(hidden), 3), np.float32)
     size = 2 * round(reach) + 1
     for k, (dy, step, mirrored) in enumerate(maps):
         error, seen = _errors(image, known, dy, step, mirrored)
-        rows, columns = (_along(error, seen, axis, spread) for axis in (1, 0))
+        ys = np.clip(np.arange(known.shape[0]) + dy, 0, known.shape[0] - 1)
+        xs = np.arange(known.shape[1])
+        xs = np.clip(step - xs if mirrored else xs + step, 0, known.shape[1] - 1)
+        any_rows, any_columns = _between(down, ys), _between(across, xs)
+        rows, columns = _along(error, seen, 1, any_rows), _along(error, seen, 0, any_columns)
         wrong, told = _disagreements(guide, dy, step, mirrored)
-        near = np.float32(_NEAR) * _around(error, seen, size, spread)
-        near += np.float32(_WRONG_NEAR * spread) * _around(wrong, told, size, 0.5)
+        near = np.float32(_NEAR) * _around(error, seen, size, any_rows[:, None])
+        near += np.float32(_WRONG_NEAR * spread) * _around(wrong, told, size, np.full(1, 0.5, np.float32))
         _offer(
             image, known, guide, hidden, dy, step, mirrored, rows, columns, near, _WRONG * spread, price[k], colour[k]
         )
     return Offers(price, colour)
 
 
-def _along(error: np.ndarray, seen: np.ndarray, axis: int, spread: float) -> np.ndarray:
+def _moments(image: np.ndarray, known: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
+    """Mean (n, 3) and mean square (n,), over colours, of what is known of every row (axis 1) or column (axis 0)."""
+    visible = image[known]
+    count = gaussian_filter1d(known.sum(axis, dtype=np.float64), _MIX, mode="constant")[:, None] + _FEW
+    first = gaussian_filter1d((image * known[..., None]).sum(axis, dtype=np.float64), _MIX, axis=0, mode="constant")
+    second = gaussian_filter1d((image**2 * known[..., None]).sum(axis, dtype=np.float64), _MIX, axis=0, mode="constant")
+    mean = (first + _FEW * visible.mean(0)) / count
+    return mean, ((second + _FEW * (visible**2).mean(0)) / count).mean(1)
+
+
+def _between(moments: tuple[np.ndarray, np.ndarray], other: np.ndarray) -> np.ndarray:
+    """The squared difference to expect of any pixel of a row and any of the row other[row], (n,) float32."""
+    mean, square = moments
+    return (square + square[other] - 2.0 * (mean * mean[other]).mean(1)).astype(np.float32)
+
+
+def _along(error: np.ndarray, seen: np.ndarray, axis: int, usual: np.ndarray) -> np.ndarray:
     """Mean error of every row (axis 1) or column (axis 0)."""
-    total, count = (gaussian_filter1d(of.sum(axis), 2.0, mode="constant") for of in (error, seen))
-    return _towards(total, count, _PRIOR_LINE, spread)
+    total, count = (gaussian_filter1d(of.sum(axis), _MIX, mode="constant") for of in (error, seen))
+    return _towards(total, count, _PRIOR_LINE, usual)
 
 
-def _around(error: np.ndarray, seen: np.ndarray, side: int, spread: float) -> np.ndarray:
+def _around(error: np.ndarray, seen: np.ndarray, side: int, usual: np.ndarray) -> np.ndarray:
     """Mean error about every pixel, in a square window blurred twice."""
     window = side, side
     total, count = (
         cv2.blur(cv2.blur(of, window, borderType=cv2.BORDER_CONSTANT), window, borderType=cv2.BORDER_CONSTANT)
         for of in (error, seen)
     )
-    return _towards(total, count, _PRIOR_NEAR, spread)
+    return _towards(total, count, _PRIOR_NEAR, usual)
 
 
-def _towards(total: np.ndarray, count: np.ndarray, prior: float, spread: float) -> np.ndarray:
-    return ((total + prior * spread) / (count + prior)).astype(np.float32)
+def _towards(total: np.ndarray, count: np.ndarray, prior: float, usual: np.ndarray) -> np.ndarray:
+    return ((total + prior * usual) / (count + prior)).astype(np.float32)
 
 
 @njit(cache=True)
