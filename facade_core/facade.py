@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -92,7 +92,8 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
             if observed:
                 # an element between the leaves of a tree is seen, though it lies in the hole's bounding box
                 seen = visible_boxes(hidden) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
-                completion = complete(observed, (0, 0, width, height), seen, seed=seed)[0]
+                shown = replace(parsing, occluded=hidden | parsing.occluded)
+                completion = complete(observed, (0, 0, width, height), seen, seed=seed, evidence=shown)[0]
                 layout = completion.elements
             guessed = in_front & ~given & np.isin(parsing.labels, GUESSED)
             complete_labels = _draw(parsing.labels, hidden & ~guessed, layout)

@@ -20,6 +20,7 @@ import statistics
 import tempfile
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +50,8 @@ def observe(case: Case) -> tuple[np.ndarray, list[Element]]:
         return parsing.labels, []
     height, width = case.mask.shape
     region = visible_boxes(case.mask) + [(e.x0, e.y0, e.x1, e.y1) for e in seen]
-    return parsing.labels, list(complete(seen, (0, 0, width, height), region)[0].elements)
+    shown = replace(parsing, occluded=case.mask | parsing.occluded)
+    return parsing.labels, list(complete(seen, (0, 0, width, height), region, evidence=shown)[0].elements)
 
 
 def _hidden_share(mask: np.ndarray, element: Element) -> float:
