@@ -227,7 +227,8 @@ def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | N
 @click.option("--out", type=FOLDER, required=True, help="Where layouts.json goes.")
 @click.option("--seed", default=1, show_default=True, help="1 is the shipped model's.")
 @click.option("--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Every fifth facade to hold out.")
-def train_layout_model(data: Path, out: Path, seed: int, fold: int) -> None:
+@click.option("--size", type=click.IntRange(10), help="Learn from so many of the facades only.")
+def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | None) -> None:
     """Train the layout model on layouts/cmp.jsonl without a fifth, and on the layouts in metres.
 
     \b
@@ -238,7 +239,7 @@ def train_layout_model(data: Path, out: Path, seed: int, fold: int) -> None:
     from tasks.train_layout import train_layout
 
     with progress(quiet=False):
-        model = train_layout(data, out, seed=seed, fold=fold)
+        model = train_layout(data, out, seed=seed, fold=fold, size=size)
     click.echo(model)
 
 

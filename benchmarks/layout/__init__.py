@@ -5,8 +5,9 @@ hidden, a rectangle of 30-50 % hidden, or 25-35 % of the elements seen. F1 count
 label, IoU 0.5 or 0.3) over all cases. spacing: how far the median column spacing of the windows is off (share);
 alignment: distance of a proposed window to the nearest true column (window widths, at most 1); count: |proposed - hidden|
 / hidden; overlaps and outside are counts. The baselines run on the same cases; `policy search` is the paper's method alone.
---ablation leaves out each score, and the trees; --plausibility asks one classifier to tell real from completed layouts;
---speed times 10,000 candidates of the policy search.
+--ablation leaves out each score, and the trees; --regularity has the facades in two halves, by the share of the cells of all
+rows and columns of windows that hold one; --only-complete leaves out the baselines; --plausibility asks one classifier to tell
+real from completed layouts; --speed times 10,000 candidates of the policy search.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from facade_core.layout.completion import start_of
 from facade_core.layout.extension import Extension
 from facade_core.layout.model import SHIPPED, LayoutModel
 from facade_core.layout.optimisation import search
+from facade_core.layout.proposals import frame
 from facade_core.layout.scores import TERMS, terms
 
 
@@ -84,6 +86,25 @@ def ablation(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, A
     return found
 
 
+def by_regularity(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, Any]:
+    """The figures of `complete` and of grid extension on the more and the less regular half of the facades."""
+    regular = []
+    for record in records:
+        lines = frame(record.elements, record.domain)
+        windows = sum(e.label == "window" for e in record.elements)
+        regular.append(windows / max(len(lines.columns) * len(lines.floors), 1))
+    middle = float(np.median(regular))
+    halves = {
+        "regular": [r for r, share in zip(records, regular, strict=True) if share >= middle],
+        "irregular": [r for r, share in zip(records, regular, strict=True) if share < middle],
+    }
+    methods = {"complete": ours(model, 1), "grid extension by median pitch": median_pitch}
+    return {
+        "cells that hold a window, median": round(middle, 3),
+        **{half: {name: run(of, method)["all"] for name, method in methods.items()} for half, of in halves.items()},
+    }
+
+
 def speed(records: Sequence[LayoutRecord], model: LayoutModel) -> dict[str, float]:
     """CPU seconds for 10,000 candidates, right half hidden: median and largest over a few facades."""
     seconds = []
@@ -106,7 +127,9 @@ def main() -> None:
     parser.add_argument("--every", type=int, default=1, help="only every so many of the held-out facades")
     parser.add_argument("--ablation", action="store_true")
     parser.add_argument("--plausibility", action="store_true")
+    parser.add_argument("--regularity", action="store_true")
     parser.add_argument("--speed", action="store_true")
+    parser.add_argument("--only-complete", action="store_true")
     options = parser.parse_args()
     model = load(options.model)
     path = options.data / "layouts" / "cmp.jsonl"
@@ -120,8 +143,12 @@ def main() -> None:
         report["plausibility"] = plausibility(
             records, {"complete": ours(model, 1), "grid extension": median_pitch}, model
         )
+    elif options.regularity:
+        report["regularity"] = by_regularity(records, model)
     elif options.speed:
         report["seconds for 10,000 candidates"] = speed(records, model)
+    elif options.only_complete:
+        report["complete"] = run(records, ours(model, 1))
     else:
         methods = {
             "complete": ours(model, 1),
