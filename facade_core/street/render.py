@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.atlas.provenance import UNSEEN
 from facade_core.errors import GeometryError
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
+from facade_core.street.sampling import shade_pixels
 from facade_core.street.scene import Scene
 from facade_core.street.window import Window
 
@@ -53,22 +53,27 @@ def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, i
             f"an equirectangular panorama is twice as wide as high, not {width} x {height}; change the size"
         )
     rays, depth, chart = scene.look(viewpoint, width)
-    seen = chart != MISS
-    hit = chart[seen]
-    points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
-    row, column = scene.locate(points[seen], hit)
-    held = atlas.rasters.offset[hit] >= 0
-    texel = (atlas.rasters.offset[hit] + row * scene.placement.width[hit] + column)[held]
-
-    grey = (255 * shade(scene.charts.normal())).astype(np.uint8)
-    pixels = np.repeat(grey[hit][:, None], 3, axis=1)
-    known = np.zeros(len(hit), bool)
-    known[held] = atlas.provenance[texel] > UNSEEN
-    pixels[known] = atlas.colour[texel[known[held]]]
-
+    charts, placement, rasters = scene.charts, scene.placement, atlas.rasters
+    normal = charts.normal()
+    grey = (255 * shade(normal)).astype(np.uint8)[chart]
     rgb = np.zeros((height, width, 3), np.uint8)
-    rgb[np.isfinite(depth) & ~seen] = BEYOND
-    rgb[seen] = pixels
+    rgb[np.isfinite(depth) & (chart == MISS)] = BEYOND
     textured = np.zeros((height, width), bool)
-    textured[seen] = known
-    return Panorama(viewpoint, rgb, textured, depth.astype(np.float32), chart, points)
+    shade_pixels(
+        rays,
+        depth,
+        chart,
+        viewpoint.position,
+        (charts.origin, charts.axis_u, charts.axis_v, normal),
+        scene.spec.texels_per_metre,
+        rasters.offset,
+        placement.width,
+        placement.height,
+        atlas.colour,
+        atlas.provenance,
+        grey,
+        rgb,
+        textured,
+    )
+    points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
+    return Panorama(viewpoint, rgb, textured, depth, chart, points)

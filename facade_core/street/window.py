@@ -7,27 +7,26 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.atlas.provenance import resolve
+from facade_core.atlas.provenance import UNSEEN
 from facade_core.atlas.rasters import Rasters
 from facade_core.geometry.packing import Placement
-from facade_core.street.blend import BlendState, blend
+from facade_core.street.blend import PINNED, BlendState, Weighting
 
 
 @dataclass(frozen=True)
 class Window:
     """Texels laid out by `rasters`, the writable charts first, so that they share their index with `state`.
 
-    writable (k,) chart ids; seed (t, 3) and evidence (t,) uint8 from the facade stages; colour (t, 3) and provenance (t,) uint8
-    resolved, kept up to date by `refresh`; state holds the writable texels only.
+    writable (k,) chart ids; colour (t, 3) and provenance (t,) uint8: the facade stages' seed where it has evidence, elsewhere
+    what the views make by `weighting`, black and UNSEEN before the first; state holds the writable texels only.
     """
 
     rasters: Rasters
     writable: np.ndarray
-    seed: np.ndarray
-    evidence: np.ndarray
     colour: np.ndarray
     provenance: np.ndarray
     state: BlendState
+    weighting: Weighting
 
     @staticmethod
     def layout(placement: Placement, writable: Iterable[int], readable: Iterable[int]) -> tuple[Rasters, np.ndarray]:
@@ -38,17 +37,19 @@ class Window:
 
     @classmethod
     def of(
-        cls, placement: Placement, rasters: Rasters, writable: np.ndarray, seed: np.ndarray, evidence: np.ndarray
+        cls,
+        placement: Placement,
+        rasters: Rasters,
+        writable: np.ndarray,
+        seed: np.ndarray,
+        evidence: np.ndarray,
+        *,
+        visibility_range: float = 40.0,
+        weighting: Weighting = PINNED,
     ) -> Window:
-        """A window without views yet: colour is the seed."""
-        size = placement.width[writable].astype(np.int64) * placement.height[writable]
-        return cls(rasters, writable, seed, evidence, seed.copy(), evidence.copy(), BlendState.empty(int(size.sum())))
-
-    def refresh(self, placement: Placement, charts: np.ndarray) -> None:
-        """Resolve colour and provenance of some writable charts again, in place."""
-        for chart in charts:
-            texels = self.rasters.slice(placement, int(chart))
-            street, views = blend(self.state, texels)
-            colour, provenance = resolve(self.seed[texels], self.evidence[texels], street, views)
-            self.colour[texels] = colour
-            self.provenance[texels] = provenance
+        """A window without views yet: colour is the seed (t, 3), provenance its evidence (t,). The range, in metres, is that of
+        the scene whose views it takes."""
+        total = int((placement.width[writable].astype(np.int64) * placement.height[writable]).sum())
+        state = BlendState.empty(total, farthest=round(1000 * visibility_range), resolution=weighting.resolution)
+        colour = np.where((evidence > UNSEEN)[:, None], seed, np.uint8(0))
+        return cls(rasters, writable, colour, evidence.copy(), state, weighting)

@@ -11,6 +11,7 @@ import zarr
 
 from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.ingest import Plan
 from facade_core.street.blend import blend
 from facade_core.street.propagate import propagate
 from facade_core.street.render import render
@@ -37,7 +38,7 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     here = context(run)
     group: StoreGroup = zarr.open_group(fork.store)
     progress = _progress(run, here, group, street, step, street_key)
-    viewpoint = _of_street(here, street)[step]
+    viewpoint = here.plan.of_street(street)[step]
     size = (run.panorama_width // 2, run.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
     clock = time.perf_counter()
@@ -94,34 +95,30 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     }
 
 
-def _of_street(here: Context, street: int) -> list:
-    return [v for v in here.plan.viewpoints if v.street == street]
-
-
 def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int, street_key: str) -> _Progress:
     """The street's window with its first `step` viewpoints in it: from this process, else replayed from panoramas."""
     entry = (run, street, street_key)
     for other in [held for held in list(_streets) if held[0] != run]:
         _streets.pop(other, None)
     if entry not in _streets or _streets[entry].done != step:
-        _streets[entry] = _replay(here, group, street, step)
+        _streets[entry] = _Progress(replay(here.plan, group, street, step), step)
     return _streets[entry]
 
 
-def _replay(here: Context, group: StoreGroup, street: int, step: int) -> _Progress:
-    """Rebuild a window: seeds, then every panorama of earlier waves that shows one of its charts, then the street's own."""
-    plan = here.plan
+def replay(plan: Plan, group: StoreGroup, street: int, step: int) -> Window:
+    """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that shows one of its
+    charts, then the street's own."""
     scene = plan.scene
-    own = _of_street(here, street)
+    own = plan.of_street(street)
     is_own = np.isin(plan.views[:, 0], [v.id for v in own])
     charts = np.unique(plan.views[is_own, 1])
     rasters, writable = Window.layout(scene.placement, charts[plan.writable[charts]], charts)
     atlas = group["atlas"]
     seed, evidence = (read_rasters(atlas[name], scene.placement, rasters) for name in ("seed", "seed_evidence"))
-    window = Window.of(scene.placement, rasters, writable, seed, evidence)
+    window = Window.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
     shows = np.unique(plan.views[np.isin(plan.views[:, 1], writable), 0])
     earlier = [plan.viewpoints[v] for v in shows if plan.wave[plan.viewpoints[v].street] < plan.wave[street]]
     for viewpoint in [*earlier, *own[:step]]:
         propagate(scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id])
-    return _Progress(window, step)
+    return window

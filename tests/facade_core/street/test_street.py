@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 from dataclasses import replace
 
 import numpy as np
@@ -12,6 +13,7 @@ from facade_core.atlas import PHOTO, TRANSLATED, UNSEEN, AtlasSpec
 from facade_core.errors import GeometryError
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
+from facade_core.street.footprints import mark_tiles
 from facade_core.types import Building, Roof, Street
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -169,3 +171,49 @@ def test_swatches_know_every_kind_of_surface_and_dirt_starts_at_the_foot_of_the_
 def test_only_equirectangular_shapes(scene: Scene) -> None:
     with pytest.raises(GeometryError, match="twice as wide"):
         render(scene, window(scene, []), camera(), (100, 100))
+
+
+def test_only_tiles_under_pixels_are_visited(scene: Scene, monkeypatch) -> None:
+    """Marked tiles give what all tiles give, but for slivers of pieces that no pixel beside theirs shows."""
+    module = importlib.import_module("facade_core.street.propagate")
+    rgb = np.random.default_rng(0).integers(0, 256, (128, 256, 3), dtype=np.uint8)
+    marked, everywhere = (window(scene, range(len(scene.charts))) for _ in range(2))
+    visited = []
+
+    def mark(*arguments):
+        tiles = mark_tiles(*arguments)
+        visited.append(tiles.mean())
+        return tiles
+
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "mark_tiles", mark)
+        propagate(scene, marked, camera(), rgb)
+        patched.setattr(module, "mark_tiles", lambda *arguments: np.ones_like(mark_tiles(*arguments)))
+        propagate(scene, everywhere, camera(), rgb)
+    assert visited[0] < 0.8
+    found, all_found = marked.provenance > UNSEEN, everywhere.provenance > UNSEEN
+    assert not (found & ~all_found).any()
+    assert (all_found & ~found).sum() < 2e-3 * all_found.sum()
+    np.testing.assert_array_equal(marked.colour[found], everywhere.colour[found])
+
+
+def test_pixels_average_the_texels_under_them(scene: Scene) -> None:
+    """Stripes finer than a pixel become their mean, not one of them."""
+    wall = south_wall(scene, 0)
+    rasters, _ = Window.layout(scene.placement, [], range(len(scene.charts)))
+    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.full(rasters.total, PHOTO, np.uint8)
+    texels = rasters.slice(scene.placement, wall)
+    width, height = int(scene.placement.width[wall]), int(scene.placement.height[wall])
+    seed[texels] = np.tile(
+        np.where(np.arange(width) % 2, 200, 0).astype(np.uint8)[None, :, None], (height, 1, 3)
+    ).reshape(-1, 3)
+    panorama = render(scene, window(scene, [], seed, evidence), camera(), (32, 64))
+    on_wall = panorama.chart == wall
+    assert panorama.textured[on_wall].all()
+    assert np.abs(panorama.rgb[on_wall].astype(int) - 100).max() <= 30
+
+
+def test_a_window_for_a_shorter_range_is_refused(scene: Scene) -> None:
+    far = replace(scene, visibility_range=150.0)
+    with pytest.raises(GeometryError, match="visibility_range"):
+        propagate(far, window(scene, range(len(scene.charts))), camera(), np.zeros((64, 128, 3), np.uint8))

@@ -1,0 +1,83 @@
+"""Which tiles of the charts a panorama's pixels can fall on: all others need no look."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+# Texels along a tile's side.
+TILE = 16
+# Texels that a pixel's edges may bulge between its corners.
+MARGIN = 1.0
+
+
+@njit(cache=True, nogil=True)
+def mark_tiles(seen, surface, place, camera, origin, axis_u, axis_v, normal, farthest, step, tiles_wide, tiles_high):
+    """Tiles that lie under a pixel that shows their chart, or that is beside one that does and shows the same surface.
+
+    seen, surface (h, w) chart and surface of each pixel; place (charts,) position of a chart among the held ones, -1 where it
+    is not; camera (3, 3) rotation; of the held charts: origin (k, 3) from the camera, axes, normal, farthest (k,) metres at
+    which a texel counts, tiles_wide, tiles_high (k,). Returns one flag per tile, charts one after another, row-major.
+    """
+    rows, columns = seen.shape
+    first = np.zeros(len(origin) + 1, np.int64)
+    for k in range(len(origin)):
+        first[k + 1] = first[k] + tiles_wide[k] * tiles_high[k]
+    marked = np.zeros(first[-1], np.bool_)
+    longitude = (np.arange(columns + 1) / columns - 0.5) * 2 * np.pi
+    latitude = (0.5 - np.arange(rows + 1) / rows) * np.pi
+    sine, cosine = np.sin(longitude), np.cos(longitude)
+    rise, level = np.sin(latitude), np.cos(latitude)
+    facing = np.empty(len(origin))
+    for k in range(len(origin)):
+        facing[k] = -(normal[k] * origin[k]).sum()
+    near = np.empty(9, np.int64)
+    for r in range(rows):
+        for c in range(columns):
+            if seen[r, c] < 0:
+                continue
+            count = 0
+            for dr in range(-1, 2):
+                for dc in range(-1, 2):
+                    row, column = min(max(r + dr, 0), rows - 1), (c + dc) % columns
+                    if seen[row, column] < 0 or surface[row, column] != surface[r, c]:
+                        continue
+                    k = place[seen[row, column]]
+                    fresh = k >= 0
+                    for i in range(count):
+                        if near[i] == k:
+                            fresh = False
+                    if fresh:
+                        near[count] = k
+                        count += 1
+            for i in range(count):
+                k = near[i]
+                if facing[k] <= 0:
+                    continue
+                low_x, low_y, high_x, high_y = np.inf, np.inf, -np.inf, -np.inf
+                for corner in range(4):
+                    across, down = c + corner % 2, r + corner // 2
+                    right, ahead = level[down] * sine[across], level[down] * cosine[across]
+                    x, y, fall = 0.0, 0.0, 0.0
+                    for axis in range(3):
+                        ray = camera[0, axis] * right - camera[1, axis] * rise[down] + camera[2, axis] * ahead
+                        x += ray * axis_u[k, axis]
+                        y += ray * axis_v[k, axis]
+                        fall -= ray * normal[k, axis]
+                    t = facing[k] / fall if fall * farthest[k] > facing[k] else farthest[k]
+                    x, y = t * x, t * y
+                    low_x, high_x = min(low_x, x), max(high_x, x)
+                    low_y, high_y = min(low_y, y), max(high_y, y)
+                left, top = 0.0, 0.0
+                for axis in range(3):
+                    left += origin[k, axis] * axis_u[k, axis]
+                    top += origin[k, axis] * axis_v[k, axis]
+                x0 = max(0, int(np.floor(((low_x - left) / step - MARGIN) / TILE)))
+                y0 = max(0, int(np.floor(((low_y - top) / step - MARGIN) / TILE)))
+                x1 = min(tiles_wide[k] - 1, int(np.floor(((high_x - left) / step + MARGIN) / TILE)))
+                y1 = min(tiles_high[k] - 1, int(np.floor(((high_y - top) / step + MARGIN) / TILE)))
+                for tile_row in range(y0, y1 + 1):
+                    start = first[k] + tile_row * tiles_wide[k]
+                    for tile in range(start + x0, start + x1 + 1):
+                        marked[tile] = True
+    return marked

@@ -1,0 +1,97 @@
+"""Atlas texels as a panorama's pixels see them: averaged over each pixel's footprint on its chart."""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from facade_core.atlas.provenance import UNSEEN
+
+# Samples of a footprint along either of its sides, at most: a longer one belongs to a pixel near the horizon.
+MOST_SAMPLES = 16
+
+
+@njit(cache=True, nogil=True)
+def shade_pixels(
+    rays, depth, chart, camera, charts, density, offset, width, height, atlas, provenance, grey, rgb, textured
+):
+    """Colour the pixels (h, w) that show a chart, into rgb and textured.
+
+    rays (h, w, 3), unit; depth (h, w) metres; chart (h, w), negative pixels are left alone; camera (3,); charts: origin,
+    axis_u, axis_v, normal (n, 3) each; density texels per metre; offset, width, height (n,) of the held rasters in atlas
+    (t, 3) and provenance (t,), offset negative where a chart is not held; grey (h, w) uint8. A pixel is textured when at
+    least half of the texels under it are known; its colour is the mean of those, bilinear where it is smaller than a texel.
+    """
+    rows, columns = chart.shape
+    origin, axis_u, axis_v, normal = charts
+    for r in range(rows):
+        for c in range(columns):
+            k = chart[r, c]
+            if k < 0:
+                continue
+            rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = grey[r, c]
+            if offset[k] < 0:
+                continue
+            ahead, t = 0.0, float(depth[r, c])
+            for i in range(3):
+                ahead += normal[k, i] * rays[r, c, i]
+            if ahead > -1e-6:
+                ahead = -1e-6
+            # the texel hit, and how far it moves with a step to the right and one down
+            beside, below = (c + 1) % columns, min(r + 1, rows - 1)
+            above = below - 1
+            leave_right, leave_down = 0.0, 0.0
+            for i in range(3):
+                leave_right += normal[k, i] * (rays[r, beside, i] - rays[r, c, i])
+                leave_down += normal[k, i] * (rays[below, c, i] - rays[above, c, i])
+            x, y, ax, ay, bx, by = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+            for i in range(3):
+                ray = rays[r, c, i]
+                point = camera[i] + t * ray - origin[k, i]
+                right = t * (rays[r, beside, i] - ray - ray * leave_right / ahead)
+                down = t * (rays[below, c, i] - rays[above, c, i] - ray * leave_down / ahead)
+                x += point * axis_u[k, i]
+                y += point * axis_v[k, i]
+                ax += right * axis_u[k, i]
+                ay += right * axis_v[k, i]
+                bx += down * axis_u[k, i]
+                by += down * axis_v[k, i]
+            x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
+            first = offset[k]
+            w, h = width[k], height[k]
+            across = min(max(int(np.ceil(np.sqrt(ax * ax + ay * ay))), 1), MOST_SAMPLES)
+            along = min(max(int(np.ceil(np.sqrt(bx * bx + by * by))), 1), MOST_SAMPLES)
+            known, red, green, blue = 0.0, 0.0, 0.0, 0.0
+            if across == 1 and along == 1:
+                total = 1.0
+                u, v = x - 0.5, y - 0.5
+                u0, v0 = int(np.floor(u)), int(np.floor(v))
+                for dv in range(2):
+                    row = min(max(v0 + dv, 0), h - 1)
+                    for du in range(2):
+                        texel = first + row * w + min(max(u0 + du, 0), w - 1)
+                        if provenance[texel] > UNSEEN:
+                            weight = (1.0 - abs(u - u0 - du)) * (1.0 - abs(v - v0 - dv))
+                            known += weight
+                            red += weight * atlas[texel, 0]
+                            green += weight * atlas[texel, 1]
+                            blue += weight * atlas[texel, 2]
+            else:
+                total = float(across * along)
+                for j in range(along):
+                    share_down = (j + 0.5) / along - 0.5
+                    for i in range(across):
+                        share_right = (i + 0.5) / across - 0.5
+                        column = int(np.floor(x + share_right * ax + share_down * bx))
+                        row = int(np.floor(y + share_right * ay + share_down * by))
+                        texel = first + min(max(row, 0), h - 1) * w + min(max(column, 0), w - 1)
+                        if provenance[texel] > UNSEEN:
+                            known += 1.0
+                            red += atlas[texel, 0]
+                            green += atlas[texel, 1]
+                            blue += atlas[texel, 2]
+            if known >= 0.5 * total:
+                textured[r, c] = True
+                rgb[r, c, 0] = int(red / known + 0.5)
+                rgb[r, c, 1] = int(green / known + 0.5)
+                rgb[r, c, 2] = int(blue / known + 0.5)
