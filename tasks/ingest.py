@@ -81,6 +81,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
             key=run.key,
             crs=run.crs,
             seed=run.seed,
+            geoid_separation=block.geoid_separation,
             notes=_notes(block, plan),
             set_aside=set_aside,
             ingested=time.time(),

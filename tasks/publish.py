@@ -32,7 +32,7 @@ from tasks.facade_report import facade_sheets, item_rows, made_at, masked_region
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run, code_version
-from tasks.standing import current_snapshot, published_summary
+from tasks.standing import current_snapshot, page_path, published_summary
 
 PICTURE_SIZE = (900, 1440)
 # A facade from a photo is so much more worth showing than one from an exemplar.
@@ -76,10 +76,15 @@ def _write(run: Run, session: Any, folder: Path) -> None:
     pictures = _aim(plan, records)
     pages: dict[int, bytes] = {}
 
+    buildings = open_table(session, "buildings").load()
+    (folder / "pages").mkdir()
+
     def page_jpeg(page: int) -> tuple[int, np.ndarray, bytes]:
         colour, provenance = group["atlas/colour"][page], group["atlas/provenance"][page]
         filled = fill_unseen(scene, swatches, page, colour, provenance)
-        return page, filled, _jpeg(filled, 95)  # the model's writer encodes it once more
+        # exports cut their pictures from these pages: as little as can be is lost to being encoded twice
+        page_path(folder, page).write_bytes(_jpeg(filled, 95, subsampling=0))
+        return page, filled, _jpeg(filled, 90)
 
     with ThreadPoolExecutor(2) as threads:
         # a few pages at a time: memory stays bounded however many there are
@@ -88,7 +93,7 @@ def _write(run: Run, session: Any, folder: Path) -> None:
                 pages[page] = jpeg
                 for picture in pictures.values():
                     picture.paint(page, filled)
-    write_glb(folder / "block.glb", scene, pages)
+    write_glb(folder / "block.glb", scene, pages, dict(enumerate(map(str, buildings.id.values))))
 
     images = folder / "report" / "images"
     images.mkdir(parents=True)
@@ -99,7 +104,6 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         (images / f"panorama-{viewpoint}.jpg").write_bytes(_jpeg(group["panoramas/rgb"][viewpoint], 88))
     facade_sheets(group, plan, records, images)
 
-    buildings = open_table(session, "buildings").load()
     ingested = datetime.fromtimestamp(group.attrs["ingested"], UTC)
     rows = item_rows(run, plan, buildings, records, code_version(), ingested)
     kinds = {"poses": "panorama", "exemplars": "exemplar", "textures": "building"}
@@ -175,9 +179,9 @@ def _halve(rgb: np.ndarray) -> np.ndarray:
     return cv2.resize(rgb, (rgb.shape[1] // 2, rgb.shape[0] // 2), interpolation=cv2.INTER_AREA)
 
 
-def _jpeg(rgb: np.ndarray, quality: int) -> bytes:
+def _jpeg(rgb: np.ndarray, quality: int, **options: int) -> bytes:
     from PIL import Image
 
     buffer = io.BytesIO()
-    Image.fromarray(rgb).save(buffer, "JPEG", quality=quality)
+    Image.fromarray(rgb).save(buffer, "JPEG", quality=quality, **options)
     return buffer.getvalue()

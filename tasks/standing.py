@@ -34,6 +34,11 @@ def current_snapshot(out: Path) -> str | None:
     return snapshot if snapshot and (out / "published" / snapshot / "summary.json").is_file() else None
 
 
+def page_path(published: Path, page: int) -> Path:
+    """Where a page of the atlas, filled, lies in the folder of a published snapshot."""
+    return published / "pages" / f"{page:04}.jpg"
+
+
 def nothing_due(run: Run) -> dict[str, Any] | None:
     """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
 

@@ -1,59 +1,47 @@
-"""The textured block as binary glTF."""
+"""The published block as binary glTF: the atlas as it is, one node per building."""
 
 from __future__ import annotations
 
-import io
 import os
 from collections.abc import Mapping
 from pathlib import Path
 
 import numpy as np
 
+from facade_core.export.glb import Node, Primitive, glb_bytes
+from facade_core.export.models import GROUND_NODE, local_frame
 from facade_core.street.scene import Scene
 
 
-def write_glb(path: Path, scene: Scene, pages: Mapping[int, bytes]) -> None:
-    """Write a block as GLB: one primitive per atlas page, textured with the page's JPEG in `pages`.
+def write_glb(path: Path, scene: Scene, pages: Mapping[int, bytes], names: Mapping[int, str] | None = None) -> None:
+    """Write a block as GLB: a node per building and one for the ground, textured with the atlas pages' JPEGs in `pages`.
 
-    glTF's frame is y up: (x, y, z) = (east, up, -north) metres around the block's centre on its lowest ground, which is kept
-    in the scene's extras as `origin` (easting, northing, height). The file appears whole or not at all.
+    names: building -> name of its node, its number where there is none. glTF's frame is y up: (x, y, z) = (east, up, -north)
+    metres around the block's centre on its lowest ground, which is kept in the scene's extras as `origin` (easting, northing,
+    height). The file appears whole or not at all.
     """
-    import trimesh
-    from PIL import Image
-
     charts, placement, mesh, spec = scene.charts, scene.placement, scene.mesh, scene.spec
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
-    origin = np.append(((low + high) / 2)[:2].round(), np.floor(low[2]))
-    local = mesh.vertices - origin
-    position = np.column_stack([local[:, 0], local[:, 2], -local[:, 1]])
+    frame = local_frame(mesh)
+    position = frame.points(mesh.vertices).astype(np.float32)
     xy = mesh.chart_coordinates(charts) * spec.texels_per_metre
-    corner = np.column_stack([placement.x, placement.y])[mesh.vertex_chart]
-    uv = (corner + xy) / spec.page
-    uv[:, 1] = 1 - uv[:, 1]  # trimesh counts v upwards and turns it over when it writes glTF
-    normals = charts.normal()[mesh.vertex_chart]
-    normals = np.column_stack([normals[:, 0], normals[:, 2], -normals[:, 1]])
+    uv = (np.column_stack([placement.x, placement.y])[mesh.vertex_chart] + xy) / spec.page
+    normals = frame.directions(charts.normal()[mesh.vertex_chart])
 
-    model = trimesh.Scene(metadata={"origin": origin.tolist()})
-    triangle_page = placement.page[mesh.chart]
-    for page, jpeg in sorted(pages.items()):
-        triangles = mesh.triangles[triangle_page == page]
-        if len(triangles) == 0:
+    shown = sorted(pages)
+    parts: dict[int, list[Primitive]] = {}
+    owner, page = charts.building[mesh.chart], placement.page[mesh.chart]
+    for building, picture in np.unique(np.column_stack([owner, page]), axis=0).tolist():
+        if picture not in pages:
             continue
-        used, local_index = np.unique(triangles, return_inverse=True)
-        material = trimesh.visual.material.PBRMaterial(
-            name=f"page-{page}",
-            baseColorTexture=Image.open(io.BytesIO(jpeg)),
-            metallicFactor=0.0,
-            roughnessFactor=1.0,
-        )
-        part = trimesh.Trimesh(
-            vertices=position[used],
-            faces=local_index.reshape(-1, 3),
-            vertex_normals=normals[used],
-            visual=trimesh.visual.TextureVisuals(uv=uv[used], material=material),
-            process=False,
-        )
-        model.add_geometry(part, node_name=f"page-{page}", geom_name=f"page-{page}")
+        used, index = np.unique(mesh.triangles[(owner == building) & (page == picture)], return_inverse=True)
+        part = Primitive(position[used], normals[used], uv[used], index.reshape(-1, 3), shown.index(picture))
+        parts.setdefault(building, []).append(part)
+    names = names or {}
+    nodes = [
+        Node(names.get(building, str(building)) if building >= 0 else GROUND_NODE, tuple(parts[building]))
+        for building in sorted(parts, key=lambda b: (b < 0, b))
+    ]
+    data = glb_bytes(nodes, [pages[page] for page in shown], extras={"origin": frame.origin.tolist()})
     temporary = path.with_suffix(".tmp")
-    temporary.write_bytes(trimesh.exchange.gltf.export_glb(model, include_normals=True))
+    temporary.write_bytes(data)
     os.replace(temporary, path)

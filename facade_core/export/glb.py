@@ -1,0 +1,162 @@
+"""Binary glTF 2.0, written directly: pictures go in byte for byte as they were encoded."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+# glTF's numbers for component types, buffer targets, filters and wrapping.
+UNSIGNED_INT, FLOAT = 5125, 5126
+VERTICES, INDICES = 34962, 34963
+LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
+
+
+@dataclass(frozen=True)
+class Primitive:
+    """Triangles that show one picture, in glTF's frame (y up).
+
+    position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, u right and v down; triangles (t, 3) vertex indices,
+    counter-clockwise seen from outside; picture, the index of the picture they show.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    uv: np.ndarray
+    triangles: np.ndarray
+    picture: int
+
+
+@dataclass(frozen=True)
+class Node:
+    """A named part of a model."""
+
+    name: str
+    primitives: tuple[Primitive, ...]
+
+
+def glb_bytes(
+    nodes: Sequence[Node],
+    jpegs: Sequence[bytes],
+    *,
+    extras: Mapping[str, Any] | None = None,
+    asset_extras: Mapping[str, Any] | None = None,
+) -> bytes:
+    """A model as GLB: one glTF node per Node, every picture in `jpegs` embedded as it is. extras are the scene's.
+
+    Surfaces are unlit: their pictures hold the light of the day they were taken on.
+    """
+    nodes = [node for node in nodes if node.primitives]
+    primitives = [primitive for node in nodes for primitive in node.primitives]
+    position = [np.ascontiguousarray(p.position, "<f4") for p in primitives]
+    arrays = {
+        "position": position,
+        "normal": [np.ascontiguousarray(p.normal, "<f4") for p in primitives],
+        "uv": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
+        "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
+    }
+    views: list[dict[str, Any]] = []
+    chunks: list[bytes] = []
+    offset = 0
+
+    def add_view(data: bytes, **more: Any) -> None:
+        nonlocal offset
+        views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(data), **more})
+        padded = data + b"\0" * (-len(data) % 4)
+        chunks.append(padded)
+        offset += len(padded)
+
+    accessors: list[dict[str, Any]] = []
+    first: dict[str, int] = {}
+    for name, parts in arrays.items():
+        kind = "SCALAR" if name == "triangles" else f"VEC{2 if name == 'uv' else 3}"
+        first[name] = len(accessors)
+        start = 0
+        for part in parts:
+            accessor: dict[str, Any] = {
+                "bufferView": len(views),
+                "byteOffset": start,
+                "componentType": UNSIGNED_INT if name == "triangles" else FLOAT,
+                "count": len(part),
+                "type": kind,
+            }
+            if name == "position":
+                accessor |= {"min": part.min(axis=0).tolist(), "max": part.max(axis=0).tolist()}
+            accessors.append(accessor)
+            start += part.nbytes
+        if parts:
+            stride = {} if name == "triangles" else {"byteStride": 4 * parts[0].shape[1]}
+            target = INDICES if name == "triangles" else VERTICES
+            add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
+    pictures = len(views)
+    for jpeg in jpegs:
+        add_view(jpeg)
+
+    meshes: list[dict[str, Any]] = []
+    count = 0
+    for node in nodes:
+        drawn = []
+        for primitive in node.primitives:
+            attributes = {"POSITION": "position", "NORMAL": "normal", "TEXCOORD_0": "uv"}
+            drawn.append(
+                {
+                    "attributes": {key: first[name] + count for key, name in attributes.items()},
+                    "indices": first["triangles"] + count,
+                    "material": primitive.picture,
+                }
+            )
+            count += 1
+        meshes.append({"name": node.name, "primitives": drawn})
+    document: dict[str, Any] = {
+        "asset": {
+            "version": "2.0",
+            "generator": "Streetloom",
+            **({"extras": dict(asset_extras)} if asset_extras else {}),
+        },
+        "scene": 0,
+        "scenes": [
+            {**({"nodes": list(range(len(nodes)))} if nodes else {}), **({"extras": dict(extras)} if extras else {})}
+        ],
+    }
+    if nodes:
+        document |= {
+            "extensionsUsed": ["KHR_materials_unlit"],
+            "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
+            "meshes": meshes,
+            "materials": [_material(i) for i in range(len(jpegs))],
+            "textures": [{"source": i, "sampler": 0} for i in range(len(jpegs))],
+            "images": [{"bufferView": pictures + i, "mimeType": "image/jpeg"} for i in range(len(jpegs))],
+            "samplers": [
+                {
+                    "magFilter": LINEAR,
+                    "minFilter": LINEAR_MIPMAP_LINEAR,
+                    "wrapS": CLAMP_TO_EDGE,
+                    "wrapT": CLAMP_TO_EDGE,
+                }
+            ],
+            "accessors": accessors,
+            "bufferViews": views,
+            "buffers": [{"byteLength": offset}],
+        }
+    text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
+    text += b" " * (-len(text) % 4)
+    body = [struct.pack("<II", len(text), 0x4E4F534A), text]
+    if offset:
+        body += [struct.pack("<II", offset, 0x004E4942), *chunks]
+    return b"".join([struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, body))), *body])
+
+
+def _material(picture: int) -> dict[str, Any]:
+    return {
+        "name": f"page-{picture}",
+        "pbrMetallicRoughness": {
+            "baseColorTexture": {"index": picture},
+            "metallicFactor": 0.0,
+            "roughnessFactor": 1.0,
+        },
+        "extensions": {"KHR_materials_unlit": {}},
+    }

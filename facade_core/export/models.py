@@ -1,0 +1,202 @@
+"""Parts of a block as textured models: their charts' rasters on pages of their own, one node per building."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import lru_cache
+from typing import Protocol
+
+import numpy as np
+
+from facade_core.export.glb import Node, Primitive
+from facade_core.export.pages import GUTTER, LARGEST_PAGE, Layout, draw_page, encode, lay_out, scaled
+from facade_core.geometry.charts import Charts, Mesh
+from facade_core.street.scene import Scene
+
+GROUND_NODE = "ground"
+# Triangles smaller than this show nothing, m2.
+SMALLEST_M2 = 1e-8
+# Atlas pages that are held decoded; charts of a building lie on few that follow one another.
+PAGES_HELD = 12
+
+
+class Frame(Protocol):
+    """From world metres (n, 3) to a model's own frame, as glTF has it: y up. Directions keep their length."""
+
+    def points(self, world: np.ndarray) -> np.ndarray: ...
+
+    def directions(self, world: np.ndarray) -> np.ndarray: ...
+
+
+@dataclass(frozen=True)
+class LocalFrame:
+    """x east, y up, z south of the grid, around `origin` (3,) in world metres."""
+
+    origin: np.ndarray
+
+    def points(self, world: np.ndarray) -> np.ndarray:
+        return y_up(world - self.origin)
+
+    def directions(self, world: np.ndarray) -> np.ndarray:
+        return y_up(world)
+
+
+def y_up(points: np.ndarray) -> np.ndarray:
+    """(n, 3) with z up as glTF has it: (x, y, z) -> (x, z, -y)."""
+    return np.column_stack([points[:, 0], points[:, 2], -points[:, 1]])
+
+
+def local_frame(mesh: Mesh) -> LocalFrame:
+    """Around the middle of a mesh, in whole metres, on its lowest point."""
+    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    return LocalFrame(np.append(((low + high) / 2)[:2].round(), np.floor(low[2])))
+
+
+@dataclass(frozen=True)
+class Textured:
+    """Charts that have a raster each: mesh without triangles too small to show; extent (n, 2) metres that each raster covers
+    from its chart's origin; texels (n, 2) its width and height; raster, a chart's raster (h, w, 3) uint8."""
+
+    charts: Charts
+    mesh: Mesh
+    extent: np.ndarray
+    texels: np.ndarray
+    raster: Callable[[int], np.ndarray]
+
+    def chosen(self, buildings: np.ndarray) -> np.ndarray:
+        """The charts of some buildings, -1 for the ground, that have triangles."""
+        drawn = np.zeros(len(self.charts), bool)
+        drawn[self.mesh.chart] = True
+        return np.flatnonzero(drawn & np.isin(self.charts.building, buildings))
+
+    def centres(self) -> np.ndarray:
+        """The middle of every chart, (n, 3) metres."""
+        half = self.charts.size / 2
+        return self.charts.origin + half[:, :1] * self.charts.axis_u + half[:, 1:] * self.charts.axis_v
+
+
+def shown_area(mesh: Mesh) -> np.ndarray:
+    """The area of every triangle, (t,) m2."""
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Textured:
+    """A block with the atlas pages (h, w, 3) uint8 that `read_page` gives."""
+    held = lru_cache(maxsize=PAGES_HELD)(read_page)
+    placement, mesh = scene.placement, scene.mesh
+
+    def raster(chart: int) -> np.ndarray:
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        page = held(int(placement.page[chart]))
+        return page[y : y + int(placement.height[chart]), x : x + int(placement.width[chart])]
+
+    texels = np.column_stack([placement.width, placement.height]).astype(np.int64)
+    return Textured(scene.charts, visible(mesh), texels / scene.spec.texels_per_metre, texels, raster)
+
+
+def visible(mesh: Mesh) -> Mesh:
+    """A mesh without the triangles that are too small to show."""
+    keep = shown_area(mesh) > SMALLEST_M2
+    return Mesh(
+        mesh.vertices, mesh.triangles[keep], mesh.chart[keep], mesh.vertex_chart, mesh.texture[keep], mesh.uv[keep]
+    )
+
+
+@dataclass(frozen=True)
+class Drawn:
+    """Charts of one Textured laid out on pages: layout of `charts` (k,), and the JPEG of every page."""
+
+    source: Textured
+    charts: np.ndarray
+    layout: Layout
+
+    def texture_coordinates(self, vertices: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
+        """Where vertices of the mesh, or points (n, 2) in their charts' metres, lie on their page: (n, 2), 0 to 1, v down."""
+        mesh, charts = self.source.mesh, self.source.charts
+        chart = mesh.vertex_chart[vertices]
+        if points is None:
+            offset = mesh.vertices[vertices] - charts.origin[chart]
+            points = np.column_stack(
+                [np.einsum("ij,ij->i", offset, axis[chart]) for axis in (charts.axis_u, charts.axis_v)]
+            )
+        return self.on_page(np.searchsorted(self.charts, chart), chart, points)
+
+    def on_page(self, place: np.ndarray, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+        layout = self.layout
+        share = np.clip(points / self.source.extent[chart], 0, 1)
+        corner = np.column_stack([layout.x[place], layout.y[place]])
+        return (corner + share * layout.size[place]) / layout.pages[layout.page[place]]
+
+
+def layout_of(source: Textured, charts: np.ndarray, scale: float = 1.0) -> Drawn:
+    """Lay out charts (k,), ascending, at `scale` of their texels; neighbouring buildings share pages."""
+    size = np.maximum(1, np.ceil(source.texels[charts] * scale - 1e-6)).astype(np.int64)
+    size = np.minimum(size, LARGEST_PAGE - 2 * GUTTER)
+    return Drawn(source, charts, lay_out(size, _by_place(source, charts)))
+
+
+def _by_place(source: Textured, charts: np.ndarray) -> np.ndarray:
+    """A number for the building of each chart, for each piece of ground its own, that rises along a curve through the block."""
+    building = source.charts.building[charts]
+    _, of = np.unique(np.where(building >= 0, building, -1 - charts), return_inverse=True)
+    centre = source.centres()[charts, :2]
+    middle = np.stack([np.bincount(of, centre[:, k]) / np.bincount(of) for k in range(2)], axis=1)
+    cell = ((middle - middle.min(axis=0)) / (np.ptp(middle, axis=0).max() + 1) * 65535).astype(np.int64)
+    rank = np.empty(len(middle), np.int64)
+    rank[np.argsort(_interleaved(cell), kind="stable")] = np.arange(len(middle))
+    return rank[of]
+
+
+def _interleaved(cell: np.ndarray) -> np.ndarray:
+    """Positions (n, 2) of 16 bits along the Z-order curve."""
+    code = np.zeros(len(cell), np.int64)
+    for bit in range(16):
+        for axis in range(2):
+            code |= ((cell[:, axis] >> bit) & 1) << (2 * bit + axis)
+    return code
+
+
+def jpegs(drawn: Drawn) -> list[bytes]:
+    """Every page of a layout, encoded."""
+
+    def raster(i: int) -> np.ndarray:
+        width, height = drawn.layout.size[i].tolist()
+        return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
+
+    return [encode(draw_page(drawn.layout, page, raster)) for page in range(len(drawn.layout.pages))]
+
+
+def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> tuple[list[Node], np.ndarray]:
+    """One node per building, in their order, then the ground, from layouts whose pages follow one another.
+
+    names: building -> name. Second, the least and greatest corner (2, 3) of the model in its frame, after glTF.
+    """
+    primitives: dict[int, list[Primitive]] = {}
+    low, high = np.full(3, np.inf), np.full(3, -np.inf)
+    before = 0
+    for part in drawn:
+        source, mesh = part.source, part.source.mesh
+        place = np.full(len(source.charts), -1, np.int64)
+        place[part.charts] = np.arange(len(part.charts))
+        mine = np.flatnonzero(place[mesh.chart] >= 0)
+        page = part.layout.page[place[mesh.chart[mine]]]
+        building = source.charts.building[mesh.chart[mine]]
+        for owner, shown in np.unique(np.column_stack([building, page]), axis=0).tolist():
+            triangles = mesh.triangles[mine[(building == owner) & (page == shown)]]
+            used, index = np.unique(triangles, return_inverse=True)
+            position = frame.points(mesh.vertices[used]).astype(np.float32)
+            low, high = np.minimum(low, position.min(axis=0)), np.maximum(high, position.max(axis=0))
+            primitives.setdefault(owner, []).append(
+                Primitive(
+                    position,
+                    frame.directions(source.charts.normal()[mesh.vertex_chart[used]]),
+                    part.texture_coordinates(used),
+                    index.reshape(-1, 3),
+                    before + shown,
+                )
+            )
+        before += len(part.layout.pages)
+    owners = sorted(primitives, key=lambda owner: (owner < 0, owner))
+    return [Node(names.get(owner, GROUND_NODE), tuple(primitives[owner])) for owner in owners], np.array([low, high])

@@ -1,0 +1,115 @@
+"""Pictures of many planar pieces laid out on few pages, safe to be seen from far: no mip level mixes two pieces."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+# Around every piece its border is repeated for this many texels, and pieces start on multiples of it: down to the mip
+# level of an eighth no texel, interpolated or not, shows two pieces; nor does a block of a JPEG's brightness.
+GUTTER = 8
+LARGEST_PAGE = 4096
+QUALITY = 90
+# Fraction of a page that shelves are expected to fill.
+FILLED = 0.85
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where pieces lie: page, x, y (n,) int64, the first texel inside the gutter; size (n, 2) int64 width and height in
+    texels; pages (p, 2) int64, width and height of every page."""
+
+    page: np.ndarray
+    x: np.ndarray
+    y: np.ndarray
+    size: np.ndarray
+    pages: np.ndarray
+
+
+def lay_out(size: np.ndarray, group: np.ndarray, *, largest: int = LARGEST_PAGE) -> Layout:
+    """Put pieces of `size` (n, 2), width and height in texels, on shelves of pages of at most `largest` square.
+
+    group (n,) ints in rising order of place: pieces of one group lie together, and a page is shared only by groups that follow
+    one another. Pages are as small as their pieces allow. A piece and its gutters must fit a page.
+    """
+    box = -(-(size + 2 * GUTTER) // GUTTER) * GUTTER
+    n = len(size)
+    page, x, y = (np.zeros(n, np.int64) for _ in range(3))
+    pages: list[tuple[int, int]] = []
+    for members in _bundles(box.prod(axis=1), group, FILLED * largest**2):
+        width = _page_width(box[members], largest)
+        order = members[np.lexsort((members, -box[members, 0], -box[members, 1]))]
+        left, top, shelf = 0, 0, 0
+        used = 0
+        for i in order.tolist():
+            w, h = int(box[i, 0]), int(box[i, 1])
+            if left + w > width:
+                left, top, shelf = 0, top + shelf, 0
+            if top + h > largest:
+                pages.append((width, used))
+                left, top, shelf = 0, 0, 0
+            page[i], x[i], y[i] = len(pages), left + GUTTER, top + GUTTER
+            left, shelf = left + w, max(shelf, h)
+            used = top + shelf
+        pages.append((width, used))
+    return Layout(page, x, y, size, np.array(pages, np.int64).reshape(-1, 2))
+
+
+def _bundles(area: np.ndarray, group: np.ndarray, room: float) -> list[np.ndarray]:
+    """Pieces bundled by groups that follow one another, as many as fit a page together."""
+    groups, of = np.unique(group, return_inverse=True)
+    total = np.bincount(of, area, minlength=len(groups))
+    bundle = np.zeros(len(groups), np.int64)
+    filled = 0.0
+    for i in range(len(groups)):
+        filled += total[i]
+        if filled > room and filled > total[i]:
+            bundle[i:] += 1
+            filled = total[i]
+    order = np.argsort(bundle[of], kind="stable")
+    return np.split(order, np.flatnonzero(np.diff(bundle[of][order])) + 1) if len(order) else []
+
+
+def _page_width(box: np.ndarray, largest: int) -> int:
+    wanted = max(int(box[:, 0].max()), int(np.sqrt(box.prod(axis=1).sum() / FILLED)))
+    return min(largest, -(-wanted // (2 * GUTTER)) * 2 * GUTTER)
+
+
+def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray]) -> np.ndarray:
+    """One page (h, w, 3) uint8 with the rasters of its pieces, their borders repeated, and the mean colour between."""
+    width, height = layout.pages[page].tolist()
+    drawn = np.zeros((height, width, 3), np.uint8)
+    free = np.ones((height, width), bool)
+    for i in np.flatnonzero(layout.page == page).tolist():
+        image = raster(i)
+        w, h = layout.size[i].tolist()
+        right, below = (-(side + 2 * GUTTER) % GUTTER + GUTTER for side in (w, h))
+        padded = np.pad(image, [(GUTTER, below), (GUTTER, right), (0, 0)], mode="edge")
+        top, left = int(layout.y[i]) - GUTTER, int(layout.x[i]) - GUTTER
+        place = (slice(top, top + padded.shape[0]), slice(left, left + padded.shape[1]))
+        drawn[place] = padded
+        free[place] = False
+    if free.any() and not free.all():
+        drawn[free] = drawn[~free].mean(axis=0).round()
+    return drawn
+
+
+def scaled(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
+    """An image (h, w, 3) made smaller to size = (width, height), by area."""
+    import cv2
+
+    if image.shape[:2] == size[::-1]:
+        return image
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], 3)
+
+
+def encode(image: np.ndarray, quality: int = QUALITY) -> bytes:
+    """An image (h, w, 3) uint8 RGB as JPEG."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=quality)
+    return buffer.getvalue()
