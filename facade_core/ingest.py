@@ -90,6 +90,10 @@ class Plan:
         others[self.facades.chart] = False
         return tuple(np.unique(self.scene.charts.building[others]).tolist())
 
+    def of_street(self, street: int) -> list[Viewpoint]:
+        """A street's viewpoints in their order."""
+        return [viewpoint for viewpoint in self.viewpoints if viewpoint.street == street]
+
     def texels(self) -> np.ndarray:
         """Texels of every chart, (charts,) int64."""
         return self.scene.placement.width.astype(np.int64) * self.scene.placement.height

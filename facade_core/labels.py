@@ -11,7 +11,8 @@ UNKNOWN = 255
 # Classes that are things with a rectangle, in the order in which one is drawn over the other.
 ELEMENT_CLASSES = ("window", "balcony", "door", "shop")
 
-_COLOURS = np.array(
+# (class, RGB)
+COLOURS = np.array(
     [[196, 186, 168], [70, 116, 178], [146, 92, 160], [222, 136, 60], [120, 76, 66], [78, 154, 96], [188, 220, 240]],
     np.uint8,
 )
@@ -20,5 +21,5 @@ _COLOURS = np.array(
 def colourise(labels: np.ndarray) -> np.ndarray:
     """Draw a label map: (H, W) uint8 class ids -> (H, W, 3) uint8 RGB, UNKNOWN in black."""
     palette = np.zeros((256, 3), np.uint8)
-    palette[: len(CLASSES)] = _COLOURS
+    palette[: len(CLASSES)] = COLOURS
     return palette[labels]

@@ -38,6 +38,7 @@ def main() -> None:
       streetloom new-block mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168
       streetloom run block.yaml --out out/mine
       streetloom query out/mine --where "floors >= 5"
+      streetloom view out/mine
     """
 
 
@@ -241,6 +242,44 @@ def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | 
     with progress(quiet=False):
         model = train_layout(data, out, seed=seed, fold=fold, size=size)
     click.echo(model)
+
+
+@main.command()
+@click.argument("out", metavar="OUT", type=EXISTING_FOLDER)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=8710, show_default=True, help="0 takes any that is free."
+)
+@click.option(
+    "--host", default="127.0.0.1", show_default=True, help="Address to serve on; others see it only by theirs."
+)
+@click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
+def view(out: Path, port: int, host: str, opened: bool) -> None:
+    """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D. Ctrl-C ends it.
+
+    \b
+    Examples:
+      streetloom view out/demo
+      streetloom view out/mine --port 0 --no-open      beside a run that is still going
+    """
+    from facade_core.errors import InputError
+
+    if not (out / "store").is_dir():
+        raise InputError(
+            f"{out}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
+        )
+    try:
+        from flows.viewer.app import serve
+    except ModuleNotFoundError as error:
+        raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
+
+    def ready(address: str) -> None:
+        click.echo(f"{address}  (Ctrl-C ends it)")
+        if opened:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    serve(out, host, port, ready)
 
 
 @main.command(context_settings={"ignore_unknown_options": True})

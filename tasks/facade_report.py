@@ -15,7 +15,7 @@ from catalogs.items import ROW_KEYS
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import draw_facade, overlay_hidden
-from facade_core.ingest import Plan
+from facade_core.ingest import Facades, Plan
 from facade_core.types import Lattice
 from facade_core.variation import Hierarchy
 from tasks.run import Run
@@ -81,7 +81,6 @@ def item_rows(
         end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
         normal = charts.normal()[chart]
         record = records[index] or {"status": "failed", "reason": "not processed"}
-        lattice = record.get("lattice", {})
         street = plan.streets[int(facades.street[index])]
         rows.append(
             {
@@ -91,16 +90,8 @@ def item_rows(
                 "building": str(buildings.id.values[facades.building[index]]),
                 "geometry": LineString([start, end]),
                 "street": street.name or street.id,
-                "height_m": round(float(facades.height[index]), 3),
-                "width_m": round(float(facades.width[index]), 3),
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
-                "floors": int(facades.floors[index]),
-                **{key: record.get(key) for key in _FROM_RECORD},
-                "masked": len(record["masked"]) if "masked" in record else None,
-                **dict(zip(_SHARES, (record.get("provenance") or [None] * 5)[1:], strict=True)),
-                "lattice_rows": len(lattice["rows"]) if lattice else None,
-                "lattice_columns": len(lattice["columns"]) if lattice else None,
-                "seconds": round(sum(record.get("seconds", {}).values()), 4),
+                **facts(facades, index, record),
                 "updated": made_at(record) or ingested,
                 "status": record["status"],
                 "reason": record.get("reason"),
@@ -109,6 +100,22 @@ def item_rows(
             }
         )
     return rows
+
+
+def facts(facades: Facades, index: int, record: Mapping[str, Any]) -> dict[str, Any]:
+    """The columns of a facade that come from its place in the plan and its journal record; None where the record has none."""
+    lattice = record.get("lattice", {})
+    return {
+        "height_m": round(float(facades.height[index]), 3),
+        "width_m": round(float(facades.width[index]), 3),
+        "floors": int(facades.floors[index]),
+        **{key: record.get(key) for key in _FROM_RECORD},
+        "masked": len(record["masked"]) if "masked" in record else None,
+        **dict(zip(_SHARES, (record.get("provenance") or [None] * 5)[1:], strict=True)),
+        "lattice_rows": len(lattice["rows"]) if lattice else None,
+        "lattice_columns": len(lattice["columns"]) if lattice else None,
+        "seconds": round(sum(record.get("seconds", {}).values()), 4),
+    }
 
 
 def masked_regions(records: Sequence[dict[str, Any] | None]) -> list[dict[str, Any]]:

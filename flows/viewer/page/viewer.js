@@ -1,0 +1,325 @@
+// The run's page. Addresses: #/map, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run.
+
+const main = document.getElementById("main");
+const state = document.getElementById("state");
+let block = null; // what /api/block said last
+let progress = null; // what /api/progress said last
+let colouredBy = "status";
+let shown = ""; // the address that is drawn
+
+const LOOK_AGAIN_MS = 2000;
+// From low to high, readable with any colour vision.
+const SCALE = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c31a"];
+const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#5b3a8c", "#a03030"];
+const STATUS = { done: "#1c7a43", failed: "#b3261e", waiting: "#8b949c" };
+const UNKNOWN = "#b9bfc4";
+
+const SVG = "http://www.w3.org/2000/svg";
+
+function element(name, attributes = {}, ...children) {
+  const made = ["svg", "path", "line", "circle", "rect", "title"].includes(name)
+    ? document.createElementNS(SVG, name)
+    : document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : value);
+  }
+  made.append(...children.filter((child) => child !== null));
+  return made;
+}
+
+const fill = (...parts) => main.replaceChildren(...parts.filter((part) => part !== null));
+
+async function ask(path) {
+  const answer = await fetch(path);
+  const said = await answer.json();
+  if (!answer.ok) throw new Error(said.reason || answer.statusText);
+  return said;
+}
+
+const picture = (facade, stage, snapshot) =>
+  `/picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
+const facadeAddress = (id) => `#/facade/${encodeURIComponent(id)}`;
+
+function said(value, unit = "") {
+  if (value === undefined || value === null) return "–";
+  const text = typeof value === "number" && !Number.isInteger(value) ? value.toFixed(Math.abs(value) < 1 ? 3 : 2) : String(value);
+  return unit && unit !== "0 to 1" ? `${text} ${unit}` : text;
+}
+
+// How a column colours facades: {of(facade) -> colour, legend: [[colour, text]]}.
+function colouring(name) {
+  const values = block.facades.map((facade) => facade[name]).filter((value) => value !== undefined);
+  if (name === "status") {
+    return { of: (facade) => STATUS[facade.status] || UNKNOWN, legend: Object.entries(STATUS).map(([text, colour]) => [colour, text]) };
+  }
+  if (values.length && values.every((value) => typeof value === "number")) {
+    const low = Math.min(...values);
+    const high = Math.max(...values);
+    const unit = block.columns.find((column) => column.name === name)?.unit || "";
+    const step = (value) => SCALE[high > low ? Math.min(SCALE.length - 1, Math.floor(((value - low) / (high - low)) * SCALE.length)) : 0];
+    const steps = high > low ? SCALE : SCALE.slice(0, 1);
+    const from = (i) => low + ((high - low) * i) / steps.length;
+    return {
+      of: (facade) => (facade[name] === undefined ? UNKNOWN : step(facade[name])),
+      legend: [...steps.map((colour, i) => [colour, `from ${said(from(i), unit)}`]), [UNKNOWN, "unknown"]],
+    };
+  }
+  const counts = new Map();
+  for (const value of values) counts.set(value, (counts.get(value) || 0) + 1);
+  const common = [...counts.entries()].sort((a, b) => b[1] - a[1]).slice(0, GROUPS.length).map(([value]) => value);
+  return {
+    of: (facade) => (common.includes(facade[name]) ? GROUPS[common.indexOf(facade[name])] : UNKNOWN),
+    legend: [...common.map((value, i) => [GROUPS[i], String(value)]), [UNKNOWN, "other or unknown"]],
+  };
+}
+
+// The map; y runs down on the page. `strong` may say which facades are drawn in full; `here` is a place to mark.
+function map({ colour, strong = () => true, here = null, label }) {
+  const [width, height] = block.size;
+  const free = 0.04 * Math.max(width, height, 20);
+  const thick = Math.max(width, height, 20) / 130;
+  const flip = ([x, y]) => [x, height - y];
+  const svg = element("svg", {
+    viewBox: `${-free} ${-free} ${width + 2 * free} ${height + 2 * free}`,
+    role: "img",
+    "aria-label": label,
+  });
+  for (const street of block.streets) {
+    const points = street.line.map((point) => flip(point).join(" ")).join("L");
+    svg.append(element("path", { class: "street", d: `M${points}`, "stroke-width": thick * 0.9 }, element("title", {}, street.name)));
+  }
+  block.facades.forEach((facade, number) => {
+    const [[x1, y1], [x2, y2]] = facade.line.map(flip);
+    svg.append(
+      element(
+        "line",
+        {
+          class: "facade", "data-facade": facade.id, x1, y1, x2, y2, stroke: colour(facade), "stroke-width": thick,
+          opacity: strong(number) ? 1 : 0.25, onclick: () => (location.hash = facadeAddress(facade.id)),
+        },
+        element("title", {}, `${facade.id}: ${facade.street}, ${facade.status}`),
+      ),
+    );
+  });
+  if (here) {
+    const [cx, cy] = flip(here);
+    svg.append(element("circle", { class: "here", cx, cy, r: thick * 1.1, "stroke-width": thick * 0.3 }));
+  }
+  return element("div", { class: "map" }, svg);
+}
+
+function legend(entries) {
+  const swatch = (colour) => element("svg", { viewBox: "0 0 12 8", "aria-hidden": "true" }, element("rect", { width: 12, height: 8, fill: colour }));
+  return element("div", { class: "legend" }, ...entries.map(([colour, text]) => element("span", {}, swatch(colour), text)));
+}
+
+function drawMap() {
+  const chosen = element(
+    "select",
+    { id: "coloured-by", onchange: (event) => { colouredBy = event.target.value; draw(true); } },
+    ...["status", "street", ...block.columns.map((column) => column.name).filter((name) => !["status", "street"].includes(name))].map((name) =>
+      element("option", { value: name, selected: name === colouredBy }, name),
+    ),
+  );
+  const scheme = colouring(colouredBy);
+  const filter = element("input", { id: "filter", type: "search", placeholder: "id, street or status", oninput: () => list() });
+  const rows = element("tbody");
+  const count = element("span", { role: "status" });
+  const list = () => {
+    const wanted = filter.value.trim().toLowerCase();
+    const found = block.facades.filter((f) => !wanted || `${f.id} ${f.street} ${f.status} ${f.building}`.toLowerCase().includes(wanted));
+    rows.replaceChildren(
+      ...found.slice(0, 500).map((facade) =>
+        element(
+          "tr", {},
+          element("td", {}, element("a", { href: facadeAddress(facade.id) }, facade.id)),
+          element("td", {}, facade.street),
+          element("td", { class: typeof facade[colouredBy] === "number" ? "number" : "" }, said(facade[colouredBy])),
+        ),
+      ),
+    );
+    count.textContent = `${found.length} of ${block.facades.length} facades${found.length > 500 ? ", the first 500 shown" : ""}`;
+  };
+  list();
+  fill(
+    element("h2", {}, "Map"),
+    element("div", { class: "controls" }, element("label", { for: "coloured-by" }, "Colour by"), chosen, element("label", { for: "filter" }, "Find"), filter, count),
+    element(
+      "div", { class: "split" },
+      element("div", {}, map({ colour: scheme.of, label: `Map of ${block.facades.length} facades coloured by ${colouredBy}; the table lists them` }), legend(scheme.legend)),
+      element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Facades" },
+        element("table", {}, element("thead", {}, element("tr", {}, ...["Facade", "Street", colouredBy].map((text) => element("th", { scope: "col" }, text)))), rows)),
+    ),
+  );
+}
+
+async function drawFacade(id) {
+  const number = block.facades.findIndex((facade) => facade.id === id);
+  if (number < 0) {
+    fill(element("p", { class: "failed" }, `There is no facade ${id} in this block.`));
+    return;
+  }
+  const facade = block.facades[number];
+  const details = await ask(`/api/facade?id=${encodeURIComponent(id)}`);
+  const go = (by) => (location.hash = facadeAddress(block.facades[(number + by + block.facades.length) % block.facades.length].id));
+  const shownColumns = block.columns.filter((column) => facade[column.name] !== undefined);
+  fill(
+    element("h2", {}, `Facade ${id}`),
+    element(
+      "div", { class: "controls" },
+      element("button", { type: "button", onclick: () => go(-1) }, "Previous facade"),
+      element("button", { type: "button", onclick: () => go(1) }, "Next facade"),
+      element("span", {}, `${number + 1} of ${block.facades.length}, ${facade.street}`),
+    ),
+    details.reason ? element("p", { class: "failed" }, `Failed: ${details.reason}`) : null,
+    facade.status === "waiting" ? element("p", {}, "Not made yet.") : null,
+    element("dl", { class: "facts" }, ...shownColumns.map((column) =>
+      element("div", { title: column.meaning }, element("dt", {}, column.name), element("dd", {}, said(facade[column.name], column.unit))))),
+    element("div", { class: "stages" }, ...details.stages.map(({ stage, title }) =>
+      element("figure", {},
+        element("a", { href: picture(id, stage, details.snapshot), target: "_blank" },
+          element("img", { src: picture(id, stage, details.snapshot), alt: `${title} of facade ${id}`, loading: "lazy" })),
+        element("figcaption", {}, title)))),
+    Object.keys(details.seconds).length
+      ? element("p", {}, "Seconds: ", Object.entries(details.seconds).map(([name, value]) => `${name} ${value.toFixed(2)}`).join(", "))
+      : null,
+  );
+}
+
+function drawStreet(street, step) {
+  if (!block.viewpoints.length) {
+    fill(element("h2", {}, "Streets"), element("p", {}, "This block has no viewpoints: no street sees a wall."));
+    return;
+  }
+  const withViews = block.streets.map((_, i) => i).filter((i) => block.viewpoints.some((viewpoint) => viewpoint.street === i));
+  if (!withViews.includes(street)) street = withViews[0];
+  const own = block.viewpoints.map((_, i) => i).filter((i) => block.viewpoints[i].street === street);
+  step = Math.max(0, Math.min(step, own.length - 1));
+  const seen = new Set(own.slice(0, step + 1).flatMap((viewpoint) => block.seen[viewpoint]));
+  const viewpoint = own[step];
+  const done = progress && (progress.done_viewpoints || []).includes(viewpoint);
+  const slider = element("input", {
+    id: "step", type: "range", min: 0, max: own.length - 1, value: step,
+    "aria-valuetext": `viewpoint ${step + 1} of ${own.length}`,
+    oninput: (event) => history.replaceState(null, "", `#/street/${street}/${event.target.value}`) || draw(),
+  });
+  const choose = element("select", { id: "street", onchange: (event) => (location.hash = `#/street/${event.target.value}/0`) },
+    ...withViews.map((i) => element("option", { value: i, selected: i === street }, block.streets[i].name)));
+  const shot = (kind, alt, title) => element("figure", { class: "panorama" },
+    element("img", { src: `/picture/${kind}?viewpoint=${viewpoint}&of=${progress?.snapshot || block.snapshot}`, alt, id: kind }), element("figcaption", {}, title));
+  const parts = [
+    element("h2", {}, `Street ${block.streets[street].name}`),
+    element("div", { class: "controls" }, element("label", { for: "street" }, "Street"), choose,
+      element("label", { for: "step" }, `Viewpoint ${step + 1} of ${own.length}`)),
+    slider,
+    element("div", { class: "split" },
+      done
+        ? element("div", {}, shot("panorama", `Panorama at viewpoint ${step + 1}`, "What the viewpoint sees, textured"),
+            shot("grown", `The street after viewpoint ${step + 1}`, "The atlas after this viewpoint: what it has not reached is pale, what is not the street's is grey"))
+        : element("p", {}, "This viewpoint is not textured yet."),
+      map({ colour: (facade) => STATUS[facade.status], strong: (number) => seen.has(number), here: block.viewpoints[viewpoint].at,
+        label: `Map: the ${seen.size} facades that the street has seen so far stand out` })),
+  ];
+  const kept = document.getElementById("step");
+  if (kept && document.activeElement === kept && kept.max === String(own.length - 1)) {
+    // the slider stays, so that it keeps the focus and what the finger holds
+    kept.setAttribute("aria-valuetext", `viewpoint ${step + 1} of ${own.length}`);
+    main.children[1].replaceWith(parts[1]);
+    main.children[3].replaceWith(parts[3]);
+  } else {
+    fill(...parts);
+  }
+}
+
+async function drawModel() {
+  const { port } = await ask("/api/model");
+  fill(
+    element("h2", {}, "The block in 3D"),
+    element("iframe", { src: `http://${location.hostname}:${port}/`, title: "The textured block in 3D", id: "model" }),
+    element("p", {}, "Drag to turn, right-drag or two fingers to move, wheel to come nearer; W, A, S, D, Q and E move by keyboard."),
+  );
+}
+
+function drawRun() {
+  const cell = (text, kind = "") => element("td", { class: kind }, String(text));
+  const head = (...names) => element("thead", {}, element("tr", {}, ...names.map((text) => element("th", { scope: "col" }, text))));
+  fill(
+    element("h2", {}, progress.ended ? "The run has ended" : "The run is going on"),
+    element("table", {}, head("Stage", "Progress", "Done", "Failed", "Of"), element("tbody", {}, ...progress.stages.map((stage) =>
+      element("tr", {}, cell(stage.name),
+        element("td", {}, element("progress", { max: stage.total, value: stage.done + stage.failed, "aria-label": `${stage.name}: ${stage.done + stage.failed} of ${stage.total}` })),
+        cell(stage.done, "number"), cell(stage.failed, "number"), cell(stage.total, "number"))))),
+    element("h3", {}, `What failed or was set aside: ${progress.failures.length}`),
+    progress.failures.length
+      ? element("table", {}, head("Stage", "Unit", "Reason"), element("tbody", {}, ...progress.failures.map((failure) =>
+          element("tr", {}, cell(failure.stage),
+            failure.stage === "facades" ? element("td", {}, element("a", { href: facadeAddress(failure.unit) }, failure.unit)) : cell(failure.unit),
+            cell(failure.reason)))))
+      : element("p", {}, "Nothing."),
+    block.notes.length ? element("h3", {}, "Notes") : null,
+    block.notes.length ? element("ul", {}, ...block.notes.map((note) => element("li", {}, note))) : null,
+    element("p", {}, `Coordinates: ${block.crs}. Snapshot ${block.snapshot}.`),
+  );
+}
+
+async function draw(again = false) {
+  const address = location.hash || "#/map";
+  if (address === shown && !again) return;
+  const parts = address.slice(2).split("/").map(decodeURIComponent);
+  const moved = shown && shown.split("/")[1] !== parts[0];
+  shown = address;
+  for (const link of document.querySelectorAll("nav a")) {
+    const own = link.getAttribute("href").slice(2);
+    if (own === parts[0] || (own === "map" && parts[0] === "facade")) link.setAttribute("aria-current", "page");
+    else link.removeAttribute("aria-current");
+  }
+  try {
+    if (parts[0] === "facade") await drawFacade(parts[1]);
+    else if (parts[0] === "street") drawStreet(Number(parts[1] || 0), Number(parts[2] || 0));
+    else if (parts[0] === "model") await drawModel();
+    else if (parts[0] === "run") drawRun();
+    else drawMap();
+  } catch (error) {
+    fill(element("p", { class: "failed" }, error.message));
+  }
+  if (moved && !again) main.focus({ preventScroll: true });
+}
+
+// What may be drawn anew under a reader's hands: not a model, a list in use or a slider that is held.
+const calm = () => !shown.startsWith("#/model") && !["step", "filter", "coloured-by", "street"].includes(document.activeElement?.id);
+
+async function follow() {
+  try {
+    const now = await ask("/api/progress");
+    const changed = !progress || now.snapshot !== progress.snapshot || now.published !== progress.published;
+    progress = now;
+    if (changed) {
+      block = await ask("/api/block");
+      document.title = `${block.block} · Streetloom`;
+      document.getElementById("title").textContent = block.block;
+      if (!shown || calm()) await draw(true);
+    }
+    const units = (name) => now.stages.find((stage) => stage.name === name);
+    const facades = units("facades");
+    const text = facades ? `${facades.done} of ${facades.total} facades${facades.failed ? `, ${facades.failed} failed` : ""}` : "";
+    state.textContent = `${text}${now.ended ? "" : "; the run is going on"}`;
+    setTimeout(follow, now.ended ? 5 * LOOK_AGAIN_MS : LOOK_AGAIN_MS);
+  } catch (error) {
+    state.textContent = block ? "The viewer does not answer; is it still running?" : error.message;
+    setTimeout(follow, LOOK_AGAIN_MS);
+  }
+}
+
+addEventListener("hashchange", () => block && draw());
+addEventListener("keydown", (event) => {
+  if (!block || event.target.closest("input, select, textarea") || event.ctrlKey || event.altKey || event.metaKey) return;
+  const by = { ArrowRight: 1, ArrowLeft: -1 }[event.key];
+  const parts = shown.slice(2).split("/").map(decodeURIComponent);
+  if (by && parts[0] === "facade") {
+    const number = block.facades.findIndex((facade) => facade.id === parts[1]);
+    const next = block.facades[(number + by + block.facades.length) % block.facades.length];
+    if (number >= 0) location.hash = facadeAddress(next.id);
+  }
+});
+follow();

@@ -1,0 +1,96 @@
+"""A street as it was after any of its viewpoints, replayed from the panoramas."""
+
+from __future__ import annotations
+
+import threading
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.atlas.provenance import UNSEEN
+from facade_core.errors import InputError
+from facade_core.export import Camera
+from facade_core.geometry.raycast import MISS
+from facade_core.ingest import Plan
+from facade_core.street.propagate import propagate
+from facade_core.street.window import Window
+from tasks.plan import read_plan
+from tasks.units.viewpoint import replay
+from tasks.viewing.reading import View
+
+# Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.
+SIZE = (520, 960)
+UNREACHED, BESIDE, SKY = (226, 222, 214), (188, 190, 194), (236, 240, 244)
+# The camera hovers so many metres behind the street's first viewpoint and above it, and looks down along the street.
+BEHIND_M, ABOVE_M, FIELD = 14.0, 26.0, 70.0
+
+
+@dataclass
+class _Street:
+    """The street that was looked at last: its window with so many of its viewpoints in it, and the texel that each pixel
+    of the picture shows, -1 beside the street and -2 for the sky."""
+
+    key: tuple[str, int]
+    plan: Plan
+    window: Window
+    steps: int
+    texel: np.ndarray
+
+
+class Growth:
+    """Keeps the street that was looked at last, so that a step forward costs one propagation."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._street: _Street | None = None
+
+    def after(self, view: View, viewpoint: int) -> np.ndarray:
+        """A viewpoint's street after it from above, (h, w, 3) uint8. Raises InputError before it is done."""
+        street = int(view.tables.street[viewpoint])
+        own = np.flatnonzero(view.tables.street == street)
+        steps = int(np.searchsorted(own, viewpoint)) + 1
+        with self._lock:
+            held = self._street
+            if held is None or held.key != (view.snapshot, street) or held.steps > steps:
+                if not view.group["journal/viewpoints"][viewpoint].item():
+                    raise InputError(
+                        f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
+                    )
+                plan = held.plan if held and held.key[0] == view.snapshot else _plan(view)
+                window = replay(plan, view.group, street, steps)
+                held = _Street((view.snapshot, street), plan, window, steps, _texels(plan, window, street))
+            for step in own[held.steps : steps]:
+                propagate(held.plan.scene, held.window, held.plan.viewpoints[step], view.group["panoramas/rgb"][step])
+            held.steps = steps
+            self._street = held
+            return _draw(held)
+
+
+def _plan(view: View) -> Plan:
+    return read_plan(view.session, view.group["atlas"].attrs["texels_per_metre"])
+
+
+def _texels(plan: Plan, window: Window, street: int) -> np.ndarray:
+    """Which texel of the window each pixel of the picture shows, (h, w) int64."""
+    scene = plan.scene
+    places = np.array([viewpoint.position for viewpoint in plan.of_street(street)])
+    along = places[-1] - places[0] if len(places) > 1 else np.array([*plan.of_street(street)[0].forward, 0.0])
+    along[2] = 0.0
+    along /= max(float(np.linalg.norm(along)), 1e-6)
+    position = places[0] - BEHIND_M * along + [0.0, 0.0, ABOVE_M]
+    camera = Camera(position, (places[0] + places[-1]) / 2 + 6.0 * along, FIELD, SIZE)
+    rays = camera.rays()
+    depth, chart = scene.caster.cast(camera.position, rays)
+    texel = np.full(SIZE, -2, np.int64)
+    hit = chart != MISS
+    points = camera.position + rays[hit] * depth[hit][:, None]
+    row, column = scene.locate(points, chart[hit])
+    offset = window.rasters.offset[chart[hit]]
+    texel[hit] = np.where(offset < 0, -1, offset + row.astype(np.int64) * scene.placement.width[chart[hit]] + column)
+    return texel
+
+
+def _draw(held: _Street) -> np.ndarray:
+    window = held.window
+    colour = np.where((window.provenance == UNSEEN)[:, None], np.array(UNREACHED, np.uint8), window.colour)
+    return np.concatenate([colour, np.array([SKY, BESIDE], np.uint8)])[held.texel]

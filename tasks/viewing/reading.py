@@ -1,0 +1,240 @@
+"""A run's folder as the viewer reads it: always the newest snapshot of the store, so that a run is followed as it goes."""
+
+from __future__ import annotations
+
+import json
+import threading
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import icechunk
+import numpy as np
+import zarr
+
+from catalogs.items import BBOX, COLUMNS
+from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.store import BRANCH, open_repository, open_table
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import InputError, StoreError
+from facade_core.geometry.packing import Placement
+from facade_core.ingest import Facades
+from tasks.facade_report import facts
+from tasks.plan import read_facades
+from tasks.standing import current_snapshot
+
+# What a facade may be coloured by: not what names it, nor where it lies.
+_NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", *BBOX}
+SHOWN = tuple(column for column in COLUMNS if column.name not in _NOT_SHOWN)
+
+
+@dataclass(frozen=True)
+class _Tables:
+    """What ingest wrote: the same for every snapshot of a run.
+
+    line (facades, 2, 2): ends of the foot lines, metres; position, forward, street by viewpoint; views (n, 2): viewpoint and
+    chart that it sees.
+    """
+
+    facades: Facades
+    placement: Placement
+    line: np.ndarray
+    azimuth: np.ndarray
+    buildings: tuple[str, ...]
+    streets: tuple[dict[str, Any], ...]
+    position: np.ndarray
+    forward: np.ndarray
+    street: np.ndarray
+    views: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class View:
+    """One snapshot of a run's store. published: whether the run's newest published results are of this snapshot."""
+
+    out: Path
+    session: icechunk.Session
+    group: StoreGroup
+    tables: _Tables
+
+    @property
+    def snapshot(self) -> str:
+        return str(self.session.snapshot_id)
+
+    @property
+    def published(self) -> str | None:
+        """The snapshot that was published last; an older one than this while a run goes on."""
+        return current_snapshot(self.out)
+
+    @cached_property
+    def records(self) -> list[dict[str, Any] | None]:
+        return read_journal(self.group, "facades")
+
+    @cached_property
+    def facade_number(self) -> dict[str, int]:
+        return {name: i for i, name in enumerate(self.tables.facades.id)}
+
+    def number(self, facade: str) -> int:
+        """Raises InputError for a facade that the block does not have."""
+        if facade not in self.facade_number:
+            raise InputError(f"no facade {facade} in this block; its page lists those there are")
+        return self.facade_number[facade]
+
+    def rasters(self, index: int, name: str) -> np.ndarray:
+        """The texels (h, w, ...) of facade number `index` in an array of the store, such as facade_maps/labels."""
+        placement, chart = self.tables.placement, int(self.tables.facades.chart[index])
+        flat = read_rasters(self.group[name], placement, Rasters.of(placement, [chart]))
+        return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
+
+    def overview(self) -> dict[str, Any]:
+        """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the viewpoints."""
+        tables = self.tables
+        every = [tables.line.reshape(-1, 2), *(np.array(street["line"]) for street in tables.streets)]
+        corner = np.concatenate(every).min(axis=0).round() if len(every[0]) else np.zeros(2)
+        extent = (np.concatenate(every) - corner).max(axis=0) if len(every[0]) else np.ones(2)
+        return {
+            "block": self.group.attrs["block"],
+            "crs": self.group.attrs["crs"],
+            "notes": self.group.attrs.get("notes", []),
+            "snapshot": self.snapshot,
+            "published": self.published,
+            "origin": corner.tolist(),
+            "size": extent.round(2).tolist(),
+            "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN],
+            "facades": [self._row(i, corner) for i in range(len(tables.facades.id))],
+            "streets": [
+                {"id": s["id"], "name": s["name"] or s["id"], "line": _rounded(np.array(s["line"]) - corner)}
+                for s in tables.streets
+            ],
+            "viewpoints": [
+                {"street": int(street), "at": _rounded(position[:2] - corner), "forward": _rounded(forward)}
+                for street, position, forward in zip(tables.street, tables.position, tables.forward, strict=True)
+            ],
+            "seen": self._seen(),
+        }
+
+    def _row(self, index: int, corner: np.ndarray) -> dict[str, Any]:
+        tables, facades = self.tables, self.tables.facades
+        record = self.records[index]
+        street = tables.streets[int(facades.street[index])]
+        row = {
+            "id": facades.id[index],
+            "line": _rounded(tables.line[index] - corner),
+            "building": tables.buildings[int(facades.building[index])],
+            "street": street["name"] or street["id"],
+            "azimuth_deg": round(float(tables.azimuth[index]), 1),
+            "status": "waiting",
+            **facts(facades, index, record or {}),
+        }
+        if record:
+            row |= {"status": record["status"], "reason": record.get("reason")}
+        return {name: _plain(value) for name, value in row.items() if value is not None}
+
+    def _seen(self) -> list[list[int]]:
+        """For every viewpoint the numbers of the facades that it sees."""
+        facade = np.full(len(self.tables.placement.page), -1)
+        facade[self.tables.facades.chart] = np.arange(len(self.tables.facades.id))
+        seen: list[list[int]] = [[] for _ in self.tables.street]
+        for viewpoint, chart in self.tables.views.tolist():
+            if facade[chart] >= 0:
+                seen[viewpoint].append(int(facade[chart]))
+        return seen
+
+    def progress(self) -> dict[str, Any]:
+        """Units done, failed and in all by stage, why some failed, which viewpoints are done, and whether all is published."""
+        stages = []
+        viewpoints: list[int] = []
+        failures = [
+            {"stage": str(kind), "unit": str(unit), "reason": str(reason)}
+            for kind, unit, reason in self.group.attrs["set_aside"]
+        ]
+        for stage in STAGES:
+            records = self.records if stage == "facades" else read_journal(self.group, stage)
+            made = [record for record in records if record]
+            failed = [record for record in made if record["status"] != "done"]
+            if stage == "viewpoints":
+                viewpoints = [number for number, record in enumerate(records) if record and record["status"] == "done"]
+            if records:
+                stages.append(
+                    {"name": stage, "done": len(made) - len(failed), "failed": len(failed), "total": len(records)}
+                )
+            failures += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in failed]
+        return {
+            "snapshot": self.snapshot,
+            "published": self.published,
+            "ended": self.published == self.snapshot,
+            "stages": stages,
+            "failures": failures,
+            "done_viewpoints": viewpoints,
+        }
+
+
+class Reader:
+    """Views of the folder `out` of a run, the newest each time; safe to use from several threads."""
+
+    def __init__(self, out: Path) -> None:
+        self.out = out
+        self._lock = threading.Lock()
+        self._repository: icechunk.Repository | None = None
+        self._view: View | None = None
+        self._key: tuple[str, float] | None = None
+
+    def view(self) -> View:
+        """The newest snapshot. Raises StoreError where there is no block in the folder yet."""
+        with self._lock:
+            if self._repository is None:
+                self._repository = open_repository(self.out / "store")
+            session = self._repository.readonly_session(BRANCH)
+            if self._view is None or self._view.snapshot != session.snapshot_id:
+                group: StoreGroup = zarr.open_group(session.store, mode="r")
+                if "ingested" not in group.attrs:
+                    raise StoreError(f"{self.out}: the block is not read yet")
+                key = group.attrs["key"], group.attrs["ingested"]
+                same = self._view is not None and key == self._key
+                tables = self._view.tables if same and self._view else _read_tables(session, group)
+                self._view, self._key = View(self.out, session, group, tables), key
+            return self._view
+
+    def summary(self) -> dict[str, Any]:
+        """summary.json of what was published last, empty where nothing was."""
+        snapshot = current_snapshot(self.out)
+        return json.loads((self.out / "published" / snapshot / "summary.json").read_text()) if snapshot else {}
+
+
+def _read_tables(session: icechunk.Session, group: StoreGroup) -> _Tables:
+    charts, cameras, streets, buildings = (
+        open_table(session, name).load() for name in ("charts", "viewpoints", "streets", "buildings")
+    )
+    facades = read_facades(session)
+    placement = Placement(
+        **{name: charts[name].values for name in ("page", "x", "y", "width", "height")},
+        pages=int(charts.page.max()) + 1 if charts.sizes["chart"] else 1,
+    )
+    start = charts.origin.values[facades.chart, :2]
+    along = charts.axis_u.values[facades.chart]
+    normal = np.cross(along, charts.axis_v.values[facades.chart])
+    return _Tables(
+        facades,
+        placement,
+        np.stack([start, start + along[:, :2] * charts.size.values[facades.chart, :1]], axis=1),
+        np.degrees(np.arctan2(normal[:, 0], normal[:, 1])) % 360,
+        tuple(map(str, buildings.id.values)),
+        tuple(
+            {"id": str(id_), "name": str(name), "line": streets.point.values[streets.point_street.values == i].tolist()}
+            for i, (id_, name) in enumerate(zip(streets.id.values, streets.name.values, strict=True))
+        ),
+        cameras.position.values,
+        cameras.forward.values,
+        cameras.street.values,
+        np.column_stack([cameras.view_viewpoint.values, cameras.view_chart.values]),
+    )
+
+
+def _rounded(values: np.ndarray) -> list:
+    return np.round(values, 2).tolist()
+
+
+def _plain(value: Any) -> Any:
+    return value.item() if isinstance(value, np.generic) else value
