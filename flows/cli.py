@@ -163,6 +163,38 @@ def query(folder: Path, where: str | None, bbox: tuple[float, ...] | None, since
 
 
 @main.command()
+@click.argument("folder", metavar="OUT", type=EXISTING_FOLDER)
+@click.option(
+    "--format",
+    "style",
+    required=True,
+    type=click.Choice(["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg"]),
+    help="glb, 3dtiles, cityjson(seq), lod3: models; coco, labelme: elements of the facades; gpkg: for QGIS.",
+)
+@click.option("--to", type=click.Path(path_type=Path), help="Where it goes.  [default: OUT/exports/FORMAT]")
+@click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
+def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
+    """Write what a run has published for other programs. An earlier export in the same place is replaced.
+
+    \b
+    Examples:
+      streetloom export out/demo --format glb
+      streetloom export out/demo --format 3dtiles --to tiles/
+      streetloom export out/demo --format lod3 --building w123456 --building w123457
+      streetloom export out/demo --format gpkg --to demo.gpkg
+    """
+    from flows.console import progress
+    from tasks.export import export as write
+
+    with progress(quiet=not sys.stderr.isatty()):
+        done = write(folder, style, to, buildings)
+    for line in done.notes:
+        _note(line)
+    for file in done.files:
+        click.echo(file)
+
+
+@main.command()
 @click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
 def catalog(folder: Path) -> None:
     """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder (or of one run).

@@ -147,10 +147,9 @@ def serve(out: Path, host: str, port: int, ready: Callable[[str], None]) -> None
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((host, port))
+            listening.listen()  # who comes before the first answer waits for it
         except OSError as error:
-            raise InputError(
-                f"--port {port}: {error.strerror}; give another, or 0 for any that is free"
-            ) from error
+            raise InputError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from error
         ready(f"http://{host}:{listening.getsockname()[1]}")
         config = uvicorn.Config(application(out, host), log_level="warning", timeout_graceful_shutdown=2)
         uvicorn.Server(config).run(sockets=[listening])

@@ -214,7 +214,7 @@ def _read_tables(session: icechunk.Session, group: StoreGroup) -> _Tables:
     )
     start = charts.origin.values[facades.chart, :2]
     along = charts.axis_u.values[facades.chart]
-    normal = np.cross(along, charts.axis_v.values[facades.chart])
+    normal = np.cross(charts.axis_v.values[facades.chart], along)  # v runs down: v x u is outward
     return _Tables(
         facades,
         placement,
