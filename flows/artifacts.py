@@ -103,7 +103,10 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     )
     links = [("report", report), *(("model", Path(path)) for path in outputs["glb"]), ("items", Path(outputs["items"]))]
     lines = [f"- [{name}]({path.resolve().as_uri()}): `{path.resolve()}`" for name, path in links]
-    find = f"`streetloom query {run.out}` answers questions about the facades."
+    find = (
+        f"`streetloom view {run.out}` serves the map, every facade stage by stage and the block in 3D, also while a run goes "
+        f"on; `streetloom query {run.out}` answers questions about the facades."
+    )
     create_markdown_artifact(
         "\n".join([f"# {run.block}", "", *lines, "", find]),
         key=f"{slug}-outputs",

@@ -53,3 +53,4 @@ def show(target: Console, summary: dict[str, Any]) -> None:
     for model in summary["outputs"]["glb"]:
         target.print(f"  model   {model}", highlight=False, soft_wrap=True)
     target.print(f"  items   {summary['outputs']['items']}", highlight=False, soft_wrap=True)
+    target.print(f"  look    streetloom view {summary['out']}", highlight=False, soft_wrap=True)
