@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.atlas.levelling import level, spread
 from facade_core.atlas.provenance import UNSEEN
 from facade_core.street.scene import Scene
 from facade_core.street.translate import Swatches
@@ -13,15 +14,21 @@ STRIDE = 2
 
 
 def fill_unseen(scene: Scene, swatches: Swatches, page: int, colour: np.ndarray, provenance: np.ndarray) -> np.ndarray:
-    """A page's colour (h, w, 3) with the unseen texels of its charts and gutters painted with their material."""
+    """A page's colour (h, w, 3) with the unseen texels of its charts and gutters painted with their material, levelled to the
+    seen texels of the same chart, and with what lies between charts coloured like them, so that mipmaps do not bleed.
+
+    provenance (h, w) stays as it is: UNSEEN says which texels were filled.
+    """
     import cv2
 
     filled = colour.copy()
+    owned = np.zeros(colour.shape[:2], bool)
     placement, charts, gutter = scene.placement, scene.charts, scene.spec.gutter
     for chart in np.flatnonzero(placement.page == page):
         width, height = int(placement.width[chart]), int(placement.height[chart])
         x, y = int(placement.x[chart]) - gutter, int(placement.y[chart]) - gutter
         box = (slice(y, y + height + 2 * gutter), slice(x, x + width + 2 * gutter))
+        owned[box] = True
         unseen = provenance[box] == UNSEEN
         if not unseen.any():
             continue
@@ -37,4 +44,8 @@ def fill_unseen(scene: Scene, swatches: Swatches, page: int, colour: np.ndarray,
         swatch = cv2.resize(swatch, (width, height), interpolation=cv2.INTER_LINEAR)
         swatch = np.pad(swatch, [(gutter, gutter), (gutter, gutter), (0, 0)], mode="edge")
         filled[box][unseen] = swatch[unseen]
+        filled[box] = level(filled[box], ~unseen, unseen)
+    if owned.any() and not owned.all():
+        between = np.round(spread(filled, owned)).astype(np.uint8)
+        filled[~owned] = between[~owned]
     return filled

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Protocol
 
 import numpy as np
@@ -49,7 +49,8 @@ def y_up(points: np.ndarray) -> np.ndarray:
 
 def local_frame(mesh: Mesh) -> LocalFrame:
     """Around the middle of a mesh, in whole metres, on its lowest point."""
-    low, high = mesh.vertices.min(axis=0), mesh.vertices.max(axis=0)
+    points = mesh.vertices[mesh.triangles.reshape(-1)]
+    low, high = points.min(axis=0), points.max(axis=0)
     return LocalFrame(np.append(((low + high) / 2)[:2].round(), np.floor(low[2])))
 
 
@@ -64,22 +65,40 @@ class Textured:
     texels: np.ndarray
     raster: Callable[[int], np.ndarray]
 
+    @cached_property
+    def normals(self) -> np.ndarray:
+        """Of every vertex, outward, (v, 3)."""
+        return self.charts.normal()[self.mesh.vertex_chart]
+
+    @cached_property
+    def coordinates(self) -> np.ndarray:
+        """Every vertex in its chart's frame, (v, 2) metres."""
+        return self.mesh.chart_coordinates(self.charts)
+
+    @cached_property
+    def centres(self) -> np.ndarray:
+        """The middle of every chart, (n, 3) metres."""
+        half = self.charts.size / 2
+        return self.charts.origin + half[:, :1] * self.charts.axis_u + half[:, 1:] * self.charts.axis_v
+
     def chosen(self, buildings: np.ndarray) -> np.ndarray:
         """The charts of some buildings, -1 for the ground, that have triangles."""
         drawn = np.zeros(len(self.charts), bool)
         drawn[self.mesh.chart] = True
         return np.flatnonzero(drawn & np.isin(self.charts.building, buildings))
 
-    def centres(self) -> np.ndarray:
-        """The middle of every chart, (n, 3) metres."""
-        half = self.charts.size / 2
-        return self.charts.origin + half[:, :1] * self.charts.axis_u + half[:, 1:] * self.charts.axis_v
-
 
 def shown_area(mesh: Mesh) -> np.ndarray:
     """The area of every triangle, (t,) m2."""
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
+
+
+def grouped(values: np.ndarray) -> dict[int, np.ndarray]:
+    """The indices at which each value (n,) of whole numbers stands, ascending."""
+    order = np.argsort(values, kind="stable")
+    different, first = np.unique(values[order], return_index=True)
+    return dict(zip(different.tolist(), np.split(order, first[1:]), strict=True)) if len(values) else {}
 
 
 def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Textured:
@@ -93,12 +112,17 @@ def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Text
         return page[y : y + int(placement.height[chart]), x : x + int(placement.width[chart])]
 
     texels = np.column_stack([placement.width, placement.height]).astype(np.int64)
-    return Textured(scene.charts, visible(mesh), texels / scene.spec.texels_per_metre, texels, raster)
+    return Textured(
+        scene.charts,
+        part_of(mesh, shown_area(mesh) > SMALLEST_M2),
+        texels / scene.spec.texels_per_metre,
+        texels,
+        raster,
+    )
 
 
-def visible(mesh: Mesh) -> Mesh:
-    """A mesh without the triangles that are too small to show."""
-    keep = shown_area(mesh) > SMALLEST_M2
+def part_of(mesh: Mesh, keep: np.ndarray) -> Mesh:
+    """A mesh with the triangles that `keep` (t,) bool holds; vertices stay as they are."""
     return Mesh(
         mesh.vertices, mesh.triangles[keep], mesh.chart[keep], mesh.vertex_chart, mesh.texture[keep], mesh.uv[keep]
     )
@@ -112,19 +136,9 @@ class Drawn:
     charts: np.ndarray
     layout: Layout
 
-    def texture_coordinates(self, vertices: np.ndarray, points: np.ndarray | None = None) -> np.ndarray:
-        """Where vertices of the mesh, or points (n, 2) in their charts' metres, lie on their page: (n, 2), 0 to 1, v down."""
-        mesh, charts = self.source.mesh, self.source.charts
-        chart = mesh.vertex_chart[vertices]
-        if points is None:
-            offset = mesh.vertices[vertices] - charts.origin[chart]
-            points = np.column_stack(
-                [np.einsum("ij,ij->i", offset, axis[chart]) for axis in (charts.axis_u, charts.axis_v)]
-            )
-        return self.on_page(np.searchsorted(self.charts, chart), chart, points)
-
-    def on_page(self, place: np.ndarray, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
-        layout = self.layout
+    def texture_coordinates(self, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """Where points (n, 2), metres in their charts' frames, of charts (n,) lie on their page: (n, 2), 0 to 1, v down."""
+        place, layout = np.searchsorted(self.charts, chart), self.layout
         share = np.clip(points / self.source.extent[chart], 0, 1)
         corner = np.column_stack([layout.x[place], layout.y[place]])
         return (corner + share * layout.size[place]) / layout.pages[layout.page[place]]
@@ -141,7 +155,7 @@ def _by_place(source: Textured, charts: np.ndarray) -> np.ndarray:
     """A number for the building of each chart, for each piece of ground its own, that rises along a curve through the block."""
     building = source.charts.building[charts]
     _, of = np.unique(np.where(building >= 0, building, -1 - charts), return_inverse=True)
-    centre = source.centres()[charts, :2]
+    centre = source.centres[charts, :2]
     middle = np.stack([np.bincount(of, centre[:, k]) / np.bincount(of) for k in range(2)], axis=1)
     cell = ((middle - middle.min(axis=0)) / (np.ptp(middle, axis=0).max() + 1) * 65535).astype(np.int64)
     rank = np.empty(len(middle), np.int64)
@@ -160,12 +174,17 @@ def _interleaved(cell: np.ndarray) -> np.ndarray:
 
 def jpegs(drawn: Drawn) -> list[bytes]:
     """Every page of a layout, encoded."""
+    return [page_jpeg(drawn, page) for page in range(len(drawn.layout.pages))]
+
+
+def page_jpeg(drawn: Drawn, page: int) -> bytes:
+    """A page of a layout, encoded."""
 
     def raster(i: int) -> np.ndarray:
         width, height = drawn.layout.size[i].tolist()
         return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
 
-    return [encode(draw_page(drawn.layout, page, raster)) for page in range(len(drawn.layout.pages))]
+    return encode(draw_page(drawn.layout, page, raster))
 
 
 def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> tuple[list[Node], np.ndarray]:
@@ -182,17 +201,19 @@ def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> 
         place[part.charts] = np.arange(len(part.charts))
         mine = np.flatnonzero(place[mesh.chart] >= 0)
         page = part.layout.page[place[mesh.chart[mine]]]
-        building = source.charts.building[mesh.chart[mine]]
-        for owner, shown in np.unique(np.column_stack([building, page]), axis=0).tolist():
-            triangles = mesh.triangles[mine[(building == owner) & (page == shown)]]
+        owner = source.charts.building[mesh.chart[mine]]
+        pages = len(part.layout.pages)
+        for code, here in grouped((owner + 1) * pages + page).items():
+            building, shown = code // pages - 1, code % pages
+            triangles = mesh.triangles[mine[here]]
             used, index = np.unique(triangles, return_inverse=True)
             position = frame.points(mesh.vertices[used]).astype(np.float32)
             low, high = np.minimum(low, position.min(axis=0)), np.maximum(high, position.max(axis=0))
-            primitives.setdefault(owner, []).append(
+            primitives.setdefault(building, []).append(
                 Primitive(
                     position,
-                    frame.directions(source.charts.normal()[mesh.vertex_chart[used]]),
-                    part.texture_coordinates(used),
+                    frame.directions(source.normals[used]),
+                    part.texture_coordinates(mesh.vertex_chart[used], source.coordinates[used]),
                     index.reshape(-1, 3),
                     before + shown,
                 )

@@ -1,0 +1,54 @@
+"""The catalogue as a GeoPackage, for QGIS."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    from shapely import Polygon
+
+
+def write_layers(
+    path: Path,
+    *,
+    items: Path,
+    crs: str,
+    walls: Mapping[str, Polygon],
+    buildings: Sequence[Mapping[str, Any]],
+    streets: Sequence[Mapping[str, Any]],
+    chosen: Collection[str],
+) -> None:
+    """Write layers in the block's `crs`: facades (foot lines, with every column of the catalogue), walls (the same as upright
+    polygons with heights), buildings (footprints), streets, and set_aside (units without geometry, and why).
+
+    items: the catalogue; walls: facade -> its polygon; buildings, streets: rows with a geometry; chosen: the buildings of
+    which facades are written. A layer without rows is left out. Raises InputError for a catalogue that cannot be read.
+    """
+    import geopandas as gpd
+    import pyarrow as pa
+
+    try:
+        rows = gpd.read_parquet(items)
+    except (OSError, ValueError, pa.ArrowException) as error:
+        raise InputError(f"{items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
+    facades = rows[(rows.kind == "facade") & rows.building.isin(chosen)]
+    layers = {
+        "facades": facades.to_crs(crs),
+        "walls": facades.set_geometry([walls.get(id) for id in facades.id], crs=crs),
+        "buildings": gpd.GeoDataFrame(list(buildings), geometry="geometry", crs=crs) if buildings else None,
+        "streets": gpd.GeoDataFrame(list(streets), geometry="geometry", crs=crs) if streets else None,
+        "set_aside": rows[rows.kind != "facade"].drop(columns="geometry"),
+    }
+    for name, layer in layers.items():
+        if layer is None or layer.empty:
+            continue
+        if isinstance(layer, gpd.GeoDataFrame):
+            layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio")
+        else:
+            import pyogrio
+
+            pyogrio.write_dataframe(layer, path, layer=name, driver="GPKG", append=path.exists())

@@ -1,0 +1,85 @@
+"""The look of a building's own surfaces on simpler ones: rays from before each texel to what is there."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.export.models import Textured
+from facade_core.geometry.charts import WALL, Charts, Mesh
+from facade_core.geometry.raycast import MISS, RayCaster
+
+# Walls are looked at from this far before the shell, and as far behind it.
+BEFORE_M, BEHIND_M = 2.0, 12.0
+# Rays per texel and axis.
+SAMPLES = 3
+
+
+def bake(
+    source: Textured, triangles: np.ndarray, charts: Charts, chosen: np.ndarray, texels: np.ndarray, density: float
+) -> dict[int, np.ndarray]:
+    """Rasters (h, w, 3) uint8 of the charts in `chosen`, showing the building whose `triangles` of the source are given.
+
+    texels (n, 2), width and height of the charts' rasters; density, texels per metre. What no ray finds takes the colour found
+    nearest on its chart, else the building's mean.
+    """
+    mesh = source.mesh
+    used, index = np.unique(mesh.triangles[triangles], return_inverse=True)
+    own = Mesh(
+        mesh.vertices[used], index.reshape(-1, 3).astype(np.int32), mesh.chart[triangles], mesh.vertex_chart[used]
+    )
+    caster = RayCaster(own)
+    highest = own.vertices[:, 2].max()
+    normals = charts.normal()
+    shown: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    for chart in chosen.tolist():
+        width, height = texels[chart].tolist()
+        x = (np.arange(width * SAMPLES) + 0.5) / SAMPLES / density
+        y = (np.arange(height * SAMPLES) + 0.5) / SAMPLES / density
+        # the last texel reaches past the edge, where a ray would pass the building by
+        x, y = (np.minimum(v, side - 1e-3) for v, side in zip((x, y), charts.size[chart], strict=True))
+        points = (
+            charts.origin[chart] + x[None, :, None] * charts.axis_u[chart] + y[:, None, None] * charts.axis_v[chart]
+        )
+        wall = charts.kind[chart] == WALL
+        before = BEFORE_M if wall else highest - charts.origin[chart, 2] + 1.0
+        ahead = -normals[chart]
+        origins = points - before * ahead
+        depth, hit = caster.cast(origins, np.broadcast_to(ahead, points.shape))
+        found = (hit != MISS) & (depth < (before + BEHIND_M if wall else np.inf))
+        colour = np.zeros((*hit.shape, 3), np.uint8)
+        colour[found] = _look_up(source, hit[found], origins[found] + depth[found][:, None] * ahead)
+        shown[chart] = colour, found
+    seen = [colour[found] for colour, found in shown.values() if found.any()]
+    mean = np.concatenate(seen).mean(axis=0) if seen else np.full(3, 128.0)
+    return {chart: _averaged(_filled(colour, found, mean)) for chart, (colour, found) in shown.items()}
+
+
+def _look_up(source: Textured, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """The colours (k, 3) of the texels that hold points (k, 3) on their charts (k,)."""
+    offset = points - source.charts.origin[chart]
+    axes = (source.charts.axis_u, source.charts.axis_v)
+    place = np.stack([np.einsum("ij,ij->i", offset, axis[chart]) for axis in axes], axis=1)
+    texel = (place / source.extent[chart] * source.texels[chart]).astype(np.int64)
+    column, row = np.clip(texel, 0, source.texels[chart] - 1).T
+    colours = np.empty((len(chart), 3), np.uint8)
+    for one in np.unique(chart).tolist():
+        here = chart == one
+        colours[here] = source.raster(one)[row[here], column[here]]
+    return colours
+
+
+def _filled(colour: np.ndarray, found: np.ndarray, mean: np.ndarray) -> np.ndarray:
+    from scipy.ndimage import distance_transform_edt
+
+    if found.all():
+        return colour
+    if not found.any():
+        return np.broadcast_to(mean.round().astype(np.uint8), colour.shape)
+    nearest = distance_transform_edt(~found, return_distances=False, return_indices=True)
+    return colour[tuple(nearest)]
+
+
+def _averaged(colour: np.ndarray) -> np.ndarray:
+    height, width, _ = colour.shape
+    cells = colour.reshape(height // SAMPLES, SAMPLES, width // SAMPLES, SAMPLES, 3)
+    return cells.mean(axis=(1, 3)).round().astype(np.uint8)

@@ -1,0 +1,128 @@
+"""CityJSON 2.0: faces with rings, semantics and textures into the tables of a document."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+# Metres per unit of a vertex.
+SCALE = 0.001
+THEME = "streetloom"
+# Decimals of a texture coordinate: a hundredth of a texel of the largest page.
+DECIMALS = 6
+
+
+@dataclass(frozen=True)
+class Face:
+    """A planar face: rings, the first around the others, each (k, 3) world metres, unclosed, counter-clockwise seen from
+    outside; uv, for each ring its texture coordinates (k, 2), u right and v up, and the page they are on, None without;
+    semantic, an index into the surfaces of its object."""
+
+    rings: tuple[np.ndarray, ...]
+    semantic: int
+    uv: tuple[np.ndarray, ...] = ()
+    page: int | None = None
+
+
+@dataclass
+class Pool:
+    """The vertices and texture vertices of a document, each once."""
+
+    origin: np.ndarray
+    vertices: dict[tuple[int, ...], int] = field(default_factory=dict)
+    places: dict[tuple[float, ...], int] = field(default_factory=dict)
+    pages: dict[int, int] = field(default_factory=dict)
+
+    def ring(self, points: np.ndarray, uv: np.ndarray | None) -> tuple[list[int], list[int]]:
+        """Indices of a ring's vertices and texture vertices, without such that fall together; empty where no area is left."""
+        grid = np.rint((points - self.origin) / SCALE).astype(np.int64)
+        keep = (grid != np.roll(grid, 1, axis=0)).any(axis=1)
+        grid = grid[keep]
+        if len(grid) < 3 or len({tuple(p) for p in grid.tolist()}) < 3 or not _area(grid):
+            return [], []
+        corners = [self.vertices.setdefault(tuple(p), len(self.vertices)) for p in grid.tolist()]
+        if uv is None:
+            return corners, []
+        places = uv[keep].round(DECIMALS).tolist()
+        return corners, [self.places.setdefault(tuple(p), len(self.places)) for p in places]
+
+    def picture(self, page: int) -> int:
+        return self.pages.setdefault(page, len(self.pages))
+
+    def tables(self, images: Sequence[str]) -> dict[str, Any]:
+        """The document's `vertices` and `appearance`; images: the file of every page."""
+        tables: dict[str, Any] = {"vertices": [list(vertex) for vertex in self.vertices]}
+        if self.pages:
+            tables["appearance"] = {
+                "default-theme-texture": THEME,
+                "textures": [{"type": "JPG", "image": images[page]} for page in self.pages],
+                "vertices-texture": [list(place) for place in self.places],
+            }
+        return tables
+
+    def extent(self) -> list[float]:
+        """Least and greatest x, y, z of the vertices, world metres."""
+        points = np.array(list(self.vertices)) * SCALE + self.origin
+        return np.concatenate([points.min(axis=0), points.max(axis=0)]).round(3).tolist()
+
+
+def _area(grid: np.ndarray) -> bool:
+    offset = grid - grid[0]
+    return bool(np.cross(offset[1:-1], offset[2:]).sum(axis=0).any())
+
+
+def multi_surface(
+    faces: Sequence[Face], surfaces: Sequence[Mapping[str, Any]], pool: Pool, lod: str, kind: str = "MultiSurface"
+) -> dict[str, Any]:
+    """A geometry of faces, its vertices put into the pool. surfaces: what the faces' `semantic` counts; those without a face
+    left are dropped. `kind` is MultiSurface, or CompositeSurface, which has no semantics here."""
+    boundaries: list[list[list[int]]] = []
+    values: list[int] = []
+    textures: list[list[list[int | None]]] = []
+    for face in faces:
+        rings = [
+            pool.ring(points, face.uv[i] if face.page is not None else None) for i, points in enumerate(face.rings)
+        ]
+        if not rings[0][0]:
+            continue
+        rings = [ring for ring in rings if ring[0]]
+        boundaries.append([corners for corners, _ in rings])
+        values.append(face.semantic)
+        if face.page is None:
+            textures.append([[None] for _ in rings])
+        else:
+            textures.append([[pool.picture(face.page), *places] for _, places in rings])
+    geometry: dict[str, Any] = {"type": kind, "lod": lod, "boundaries": boundaries}
+    if kind == "MultiSurface":
+        geometry["semantics"] = _semantics(values, surfaces)
+    if any(rings[0] != [None] for rings in textures):
+        geometry["texture"] = {THEME: {"values": textures}}
+    return geometry
+
+
+def _semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]]) -> dict[str, Any]:
+    """The surfaces that faces use, with those they are part of, and children beside parents."""
+    used = set(values)
+    used |= {surfaces[i]["parent"] for i in used if "parent" in surfaces[i]}
+    index = {old: new for new, old in enumerate(sorted(used))}
+    kept: list[dict[str, Any]] = [dict(surfaces[old]) for old in sorted(used)]
+    for new, surface in enumerate(kept):
+        if "parent" in surface:
+            surface["parent"] = index[surface["parent"]]
+            kept[surface["parent"]].setdefault("children", []).append(new)
+    return {"surfaces": kept, "values": [index[value] for value in values]}
+
+
+def document(title: str, origin: np.ndarray, reference_system: str | None) -> dict[str, Any]:
+    """An empty CityJSON 2.0 document. reference_system: the URL of its CRS."""
+    return {
+        "type": "CityJSON",
+        "version": "2.0",
+        "transform": {"scale": [SCALE] * 3, "translate": origin.tolist()},
+        "metadata": {"title": title, **({"referenceSystem": reference_system} if reference_system else {})},
+        "CityObjects": {},
+        "vertices": [],
+    }

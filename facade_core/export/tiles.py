@@ -1,0 +1,150 @@
+"""3D Tiles 1.1: a quadtree of buildings, coarse above and as textured below."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.earth import EarthFrame
+from facade_core.export.glb import glb_bytes
+from facade_core.export.models import Drawn, Textured, grouped, jpegs, layout_of, nodes_of
+from facade_core.export.shells import Shells
+
+# Texels of a tile: a page of 2048 square. A cell with more is divided, a coarse tile has so much fewer per metre.
+TILE_TEXELS = 2048**2
+# Coarse tiles have this share of the texels per metre at most.
+COARSE = 0.25
+# A tile is replaced once a texel of its pictures covers a pixel: viewers do that where the error covers this many.
+ERROR_PIXELS = 16
+# No cell is divided more often.
+DEEPEST = 12
+
+
+@dataclass(frozen=True)
+class Cell:
+    """A cell of the quadtree: path of quadrants from the root; the buildings and pieces of ground (chart ids) whose middles lie
+    in it; texels of all their charts; scale of its coarse tile."""
+
+    path: str
+    buildings: np.ndarray
+    ground: np.ndarray
+    texels: int
+    scale: float
+    children: tuple[Cell, ...] = field(default=())
+
+
+def quadtree(source: Textured) -> Cell:
+    """The block's cells, divided until a cell's texels fit a tile or it holds one building."""
+    charts = source.charts
+    drawn = np.unique(source.mesh.chart)
+    texels = source.texels.prod(axis=1)
+    centres = source.centres[:, :2]
+    buildings = grouped(charts.building[drawn])
+    ground = drawn[buildings.pop(-1, np.zeros(0, np.int64))]
+    owner = np.array(sorted(buildings), np.int64)
+    middle = np.array([centres[drawn[buildings[b]]].mean(axis=0) for b in owner.tolist()]).reshape(-1, 2)
+    size = np.array([texels[drawn[buildings[b]]].sum() for b in owner.tolist()], np.int64)
+    points = np.concatenate([middle, centres[ground]])
+    weight = np.concatenate([size, texels[ground]])
+    low, high = points.min(axis=0), points.max(axis=0)
+
+    def divide(path: str, inside: np.ndarray, corner: np.ndarray, side: float) -> Cell:
+        total = int(weight[inside].sum())
+        # the coarse tile's texels per metre are halved until it fits
+        steps = np.ceil(np.log2(max(1.0, total * COARSE**2 / TILE_TEXELS)) / 2)
+        scale = COARSE * 0.5 ** float(steps)
+        children: tuple[Cell, ...] = ()
+        if total > TILE_TEXELS and len(inside) > 1 and len(path) < DEEPEST:
+            quadrant = (points[inside] >= corner + side / 2) @ [1, 2]
+            children = tuple(
+                divide(path + str(q), inside[mine], corner + side / 2 * np.array([q & 1, q >> 1]), side / 2)
+                for q, mine in grouped(quadrant).items()
+            )
+        n = len(owner)
+        return Cell(path, owner[inside[inside < n]], ground[inside[inside >= n] - n], total, scale, children)
+
+    return divide("", np.arange(len(points)), low, float((high - low).max()) + 1e-6)
+
+
+def write_tileset(
+    source: Textured,
+    cells: Cell,
+    shells: Shells,
+    frame: EarthFrame,
+    names: Mapping[int, str],
+    density: float,
+    write: Callable[[str, bytes], None],
+    *,
+    extras: Mapping[str, Any],
+) -> dict[str, Any]:
+    """tileset.json of a quadtree as a value, its tiles given to `write` as (relative path, bytes).
+
+    density: texels per metre of the source. The lowest tiles show the source as it is. Every tile above shows shells with
+    fewer texels per metre, and buildings without a shell and the ground as they are, with as many fewer.
+    """
+
+    def content(uri: str, drawn: Sequence[Drawn]) -> np.ndarray:
+        """Write a tile; its least and greatest corner (2, 3), z up."""
+        nodes, bounds = nodes_of(drawn, names, frame)
+        write(uri, glb_bytes(nodes, [jpeg for part in drawn for jpeg in jpegs(part)]))
+        return bounds[:, [0, 2, 1]] * [1, -1, 1]
+
+    def full(cell: Cell) -> dict[str, Any]:
+        uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
+        charts = np.union1d(cell.ground, source.chosen(cell.buildings)).astype(np.int64)
+        corners = content(uri, [layout_of(source, charts)])
+        return {"boundingVolume": {"box": _box(corners)}, "geometricError": 0.0, "content": {"uri": uri}}
+
+    def tile(cell: Cell, above: float | None) -> dict[str, Any]:
+        """The tile of a cell, with those below. A cell that is not divided is shown as it is, below its coarse tile unless
+        that of the cell above is as fine (`above`, its scale)."""
+        if not cell.children and above == cell.scale:
+            return full(cell)
+        below = [tile(child, cell.scale) for child in cell.children] or [full(cell)]
+        whole = np.intersect1d(cell.buildings, shells.kept)
+        own = np.union1d(cell.ground, source.chosen(whole)).astype(np.int64)
+        shelled = shells.textured.chosen(np.setdiff1d(cell.buildings, whole))
+        uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
+        # a shell's rasters are as coarse already as the finest coarse tile
+        drawn = [layout_of(shells.textured, shelled, cell.scale / COARSE), layout_of(source, own, cell.scale)]
+        corners = [content(uri, drawn), *map(_corners, below)]
+        errors = [shells.off, ERROR_PIXELS / (density * cell.scale), *(child["geometricError"] for child in below)]
+        return {
+            "boundingVolume": {"box": _box(np.concatenate(corners))},
+            "geometricError": max(errors),
+            "refine": "REPLACE",
+            "content": {"uri": uri},
+            "children": below,
+        }
+
+    root = tile(cells, None)
+    root["transform"] = frame.transform().T.reshape(-1).tolist()
+    reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
+    return {
+        "asset": {"version": "1.1", "extras": dict(extras)},
+        "geometricError": max(reach, 2 * root["geometricError"]),
+        "root": root,
+    }
+
+
+def count_tiles(cell: Cell, above: float | None = None) -> int:
+    """How many tiles `write_tileset` makes of a quadtree."""
+    if not cell.children:
+        return 1 if above == cell.scale else 2
+    return 1 + sum(count_tiles(child, cell.scale) for child in cell.children)
+
+
+def _box(points: np.ndarray) -> list[float]:
+    """The bounding volume of points (n, 3), z up: centre and half axes, never flat."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    half = np.maximum((high - low) / 2, 0.01)
+    return np.concatenate([(low + high) / 2, np.diag(half).reshape(-1)]).tolist()
+
+
+def _corners(tile: Mapping[str, Any]) -> np.ndarray:
+    box = np.array(tile["boundingVolume"]["box"])
+    half = box[[3, 7, 11]]
+    return np.stack([box[:3] - half, box[:3] + half])
