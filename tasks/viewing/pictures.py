@@ -8,7 +8,6 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.atlas.journal import read_journal
 from facade_core.errors import FacadeError
 from facade_core.export import draw_facade, overlay_hidden
 from facade_core.labels import CLASSES, COLOURS, colourise
@@ -86,7 +85,7 @@ def encode(image: np.ndarray, kind: str = "WEBP", quality: int = 85) -> bytes:
 
 def _exemplar(view: View, source: str | None) -> int | None:
     """Number of the exemplar that a facade was made from, None where it was seen in a picture."""
-    names = [record["unit"] if record else "" for record in read_journal(view.group, "exemplars")]
+    names = [record["unit"] if record else "" for record in view.journals["exemplars"]]
     stem = Path(source or "").stem
     return names.index(stem) if stem in names else None
 

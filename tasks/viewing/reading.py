@@ -69,8 +69,14 @@ class View:
         return current_snapshot(self.out)
 
     @cached_property
+    def journals(self) -> dict[str, list[dict[str, Any] | None]]:
+        """The records of every stage."""
+        return {stage: read_journal(self.group, stage) for stage in STAGES}
+
+    @property
     def records(self) -> list[dict[str, Any] | None]:
-        return read_journal(self.group, "facades")
+        """Those of the facades."""
+        return self.journals["facades"]
 
     @cached_property
     def facade_number(self) -> dict[str, int]:
@@ -150,8 +156,7 @@ class View:
             {"stage": str(kind), "unit": str(unit), "reason": str(reason)}
             for kind, unit, reason in self.group.attrs["set_aside"]
         ]
-        for stage in STAGES:
-            records = self.records if stage == "facades" else read_journal(self.group, stage)
+        for stage, records in self.journals.items():
             made = [record for record in records if record]
             failed = [record for record in made if record["status"] != "done"]
             if stage == "viewpoints":
