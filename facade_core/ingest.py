@@ -94,6 +94,10 @@ class Plan:
         """A street's viewpoints in their order."""
         return [viewpoint for viewpoint in self.viewpoints if viewpoint.street == street]
 
+    def street_of_views(self) -> np.ndarray:
+        """The street of every row of views, (k,) int64."""
+        return np.array([v.street for v in self.viewpoints], np.int64)[self.views[:, 0]]
+
     def texels(self) -> np.ndarray:
         """Texels of every chart, (charts,) int64."""
         return self.scene.placement.width.astype(np.int64) * self.scene.placement.height
@@ -110,8 +114,7 @@ class Plan:
 
     def street_texels(self) -> np.ndarray:
         """Per street the texels of the charts that its viewpoints see, and of those that it writes, (streets, 2) int64."""
-        street_of = np.array([v.street for v in self.viewpoints], np.int64)
-        seen = np.unique(np.column_stack([street_of[self.views[:, 0]], self.views[:, 1]]), axis=0)
+        seen = np.unique(np.column_stack([self.street_of_views(), self.views[:, 1]]), axis=0)
         texels = self.texels()
         total = np.zeros((len(self.wave), 2), np.int64)
         np.add.at(total, seen[:, 0], np.column_stack([texels, texels * self.writable])[seen[:, 1]])

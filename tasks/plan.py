@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING, Any
 
 import icechunk
@@ -11,13 +12,14 @@ import shapely
 
 from catalogs.block import Block
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.store import open_table, text_column, write_table
+from facade_core.atlas.store import BRANCH, open_repository, open_table, text_column, write_table
 from facade_core.geometry.charts import KINDS, Charts, Mesh
 from facade_core.geometry.packing import Placement
 from facade_core.geometry.streets import Viewpoint
 from facade_core.ingest import Facades, Plan, Sightings, ingest
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Pose, Street
+from tasks.run import Run
 from tasks.units.images import image_size
 
 if TYPE_CHECKING:
@@ -237,6 +239,12 @@ def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
         writable=charts_table.writable.values,
         wave=streets.wave.values,
     )
+
+
+@lru_cache(maxsize=2)
+def plan_of_run(run: Run) -> Plan:
+    """A run's plan, read once per process. It is written once, before any unit starts, so the newest snapshot holds it."""
+    return read_plan(open_repository(run.store).readonly_session(BRANCH), run.texels_per_metre)
 
 
 def read_facades(session: icechunk.Session) -> Facades:

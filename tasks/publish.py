@@ -23,7 +23,7 @@ from catalogs.report import write_report
 from catalogs.stac import write_stac
 from catalogs.stac_catalog import write_catalog
 from facade_core.atlas.journal import STAGES, atlas_digest, read_journal
-from facade_core.atlas.store import BRANCH, open_repository, open_table
+from facade_core.atlas.store import BRANCH, expire, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
 from facade_core.ingest import Plan
@@ -61,6 +61,7 @@ def publish_block(run: Run) -> dict[str, Any]:
         pointer = out / ".current.tmp"
         pointer.write_text(snapshot + "\n")
         os.replace(pointer, out / "current")
+        expire(open_repository(run.store))  # no unit is under way; street ends are tagged and stay
     write_catalog(out)  # also where a run ended between the two
     advance("publish", 1)
     return published_summary(out, snapshot)

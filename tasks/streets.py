@@ -3,22 +3,28 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from threading import Lock
+from typing import Any
 
 import icechunk
+import numpy as np
 import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.features import file_stem
-from facade_core.atlas.journal import latest_chunks, read_journal, seed_records, unit_key
+from facade_core.atlas.journal import latest_chunks, read_journal, read_records, unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import StoreError
+from facade_core.ingest import Plan
 from tasks.cluster import ClusterGone
 from tasks.commits import begin, finish
 from tasks.compute import Compute
 from tasks.outcome import Outcome, failure, is_done
-from tasks.plan import read_plan
+from tasks.plan import plan_of_run
 from tasks.progress import advance
 from tasks.run import Run
 from tasks.units.viewpoint import street_unit, viewpoint_unit
@@ -35,45 +41,45 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
 
 
 def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
+    plan = plan_of_run(run)
     session = open_repository(run.store).readonly_session(BRANCH)
-    plan = read_plan(session, run.texels_per_metre)
     group: StoreGroup = zarr.open_group(session.store, mode="r")
     wave, name = int(plan.wave[street]), plan.streets[street].id
     own = [v.id for v in plan.viewpoints if v.street == street]
+    reads, writes = street_chunks(plan, street)
 
     done_streets = read_journal(group, "streets")
     before = latest_chunks(
-        seed_records(group), [r for r in done_streets if r and r["status"] == "done" and r["wave"] < wave]
+        _seeds(plan, group, own), [r for r in done_streets if r and r["status"] == "done" and r["wave"] < wave]
     )
-    charts = sorted({int(c) for v, c in plan.views if plan.viewpoints[v].street == street})
-    cells = {
-        "/".join(map(str, cell))
-        for chart in charts
-        for cell in plan.scene.placement.chunks(chart, plan.scene.spec.chunk, plan.scene.spec.gutter).tolist()
-    }
-    street_key = unit_key(run.key, "street", name, {cell: before[cell] for cell in cells if cell in before})
+    street_key = unit_key(run.key, "street", name, {cell: before[cell] for cell in reads if cell in before})
     keys = _chain(street_key, own)
-    held = read_journal(group, "viewpoints")
     if is_done(done_streets[street], street_key):
         advance("viewpoints", len(own))
         return Outcome(skipped=len(own) + 1)
-    first = next((k for k, v in enumerate(own) if not is_done(held[v], keys[k])), len(own))
+    held = read_records(group, "viewpoints", np.array(own, np.int64))
+    first = next((k for k in range(len(own)) if not is_done(held[k], keys[k])), len(own))
     outcome = Outcome(skipped=first)
     advance("viewpoints", first)
     step = first
     commits: list[float] = []
     try:
-        for step in range(first, len(own)):
+        with _claimed(run, name, reads, writes):
+            for step in range(first, len(own)):
+                session, fork = begin(run.store)
+                fork, record = compute.submit(
+                    viewpoint_unit, run, fork, street, step, street_key, worker=worker
+                ).result()
+                record |= {"unit": f"{name}/{step}", "key": keys[step], "status": "done"}
+                started = time.perf_counter()
+                finish(session, fork, "viewpoints", {own[step]: record}, f"viewpoint {name}/{step}")
+                commits.append(round(time.perf_counter() - started, 4))
+                outcome = outcome.add([record])
+                advance("viewpoints", 1)
             session, fork = begin(run.store)
-            fork, record = compute.submit(viewpoint_unit, run, fork, street, step, street_key, worker=worker).result()
-            record |= {"unit": f"{name}/{step}", "key": keys[step], "status": "done"}
-            started = time.perf_counter()
-            finish(session, fork, "viewpoints", {own[step]: record}, f"viewpoint {name}/{step}")
-            commits.append(round(time.perf_counter() - started, 4))
-            outcome = outcome.add([record])
-            advance("viewpoints", 1)
-        session, fork = begin(run.store)
-        fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
+            fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
+            record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
+            snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
     except ClusterGone:
         raise
     except Exception as error:
@@ -82,10 +88,59 @@ def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
         record["reason"] = f"viewpoint {step}: {record['reason']}"
         finish(session, fork, "streets", {street: record}, f"street {name} failed")
         return outcome.add([record])
-    record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
-    snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
     _tag(run, f"street-{file_stem(name)}-{street_key[:12]}", snapshot)
     return outcome.add([record])
+
+
+def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[str]]:
+    """The chunks that a street reads, and those of them that it writes, as "page/row/column"."""
+    charts = np.unique(plan.views[plan.street_of_views() == street, 1])
+    spec, placement = plan.scene.spec, plan.scene.placement
+    reads, writes = set(), set()
+    for chart in charts.tolist():
+        cells = {"/".join(map(str, cell)) for cell in placement.chunks(chart, spec.chunk, spec.gutter).tolist()}
+        reads |= cells
+        if plan.writable[chart]:
+            writes |= cells
+    return frozenset(reads), frozenset(writes)
+
+
+def _seeds(plan: Plan, group: StoreGroup, viewpoints: Sequence[int]) -> list[dict[str, Any] | None]:
+    """The records of those who seeded the buildings that some viewpoints see, in the order in which they wrote: charts share
+    chunks only within a building."""
+    charts = np.unique(plan.views[np.isin(plan.views[:, 0], viewpoints), 1])
+    buildings = np.unique(plan.scene.charts.building[charts])
+    textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
+    facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
+    return read_records(group, "textures", textures) + read_records(group, "facades", facades)
+
+
+# Chunks that the streets under way in this process read and write, by store and street.
+_under_way: dict[tuple[str, str], tuple[frozenset[str], frozenset[str]]] = {}
+_claiming = Lock()
+
+
+@contextmanager
+def _claimed(run: Run, name: str, reads: frozenset[str], writes: frozenset[str]) -> Iterator[None]:
+    """Hold a street's chunks while it runs.
+
+    Raises StoreError where a street under way writes what this one reads, or the other way round: forks that write one chunk
+    merge without an error, and one of the writes is lost.
+    """
+    with _claiming:
+        for (store, other), (their_reads, their_writes) in _under_way.items():
+            shared = (writes & their_reads) | (their_writes & reads)
+            if store == run.out and shared:
+                raise StoreError(
+                    f"street {name} and street {other} share {len(shared)} chunks, such as {min(shared)}, and run at the same "
+                    "time; ingest the block again, which orders its streets anew"
+                )
+        _under_way[run.out, name] = (reads, writes)
+    try:
+        yield
+    finally:
+        with _claiming:
+            del _under_way[run.out, name]
 
 
 def _chain(street_key: str, viewpoints: Sequence[int]) -> list[str]:

@@ -4,7 +4,7 @@ from facade_core.atlas.journal import STAGES, atlas_digest, latest_chunks, read_
 from facade_core.atlas.provenance import INPAINTED, PHOTO, PROVENANCE, SYNTHESISED, TRANSLATED, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.store import commit, create_arrays, open_repository, open_table, write_table
+from facade_core.atlas.store import commit, create_arrays, expire, open_repository, open_table, write_table
 
 __all__ = [
     "INPAINTED",
@@ -20,6 +20,7 @@ __all__ = [
     "chunk_digests",
     "commit",
     "create_arrays",
+    "expire",
     "latest_chunks",
     "open_repository",
     "open_table",

@@ -10,6 +10,8 @@ import hashlib
 import json
 from typing import Any
 
+import numpy as np
+
 from facade_core.atlas.zarr_types import StoreGroup
 
 STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets")
@@ -21,6 +23,12 @@ VOLATILE = ("worker", "seconds", "started", "commits")
 def read_journal(group: StoreGroup, stage: str) -> list[dict[str, Any] | None]:
     """All records of a stage by unit index; None where there is none."""
     return [json.loads(text) if text else None for text in group[f"journal/{stage}"][:]]
+
+
+def read_records(group: StoreGroup, stage: str, units: np.ndarray) -> list[dict[str, Any] | None]:
+    """The records of some units of a stage, by their indices (n,), in that order."""
+    texts = group[f"journal/{stage}"].oindex[units] if len(units) else []
+    return [json.loads(str(text)) if text else None for text in texts]
 
 
 def write_record(group: StoreGroup, stage: str, index: int, record: dict[str, Any]) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -134,6 +135,16 @@ def commit(session: icechunk.Session, message: str) -> str:
         raise StoreError(
             f"{message}: another unit wrote the same chunk ({error}); units of a wave must not share one"
         ) from error
+
+
+def expire(repository: icechunk.Repository) -> None:
+    """Forget every snapshot that is neither the newest nor tagged, and remove what only those held.
+
+    For a moment at which nobody else writes: what an open session wrote would be taken for garbage.
+    """
+    now = datetime.now(UTC)
+    repository.expire_snapshots(now)
+    repository.garbage_collect(now)
 
 
 def text_column(values: Sequence[str]) -> np.ndarray:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from facade_core.atlas.levelling import level, spread
+from facade_core.atlas.levelling import LEVELLED_M, level, spread
 from facade_core.atlas.provenance import UNSEEN
 from facade_core.street.scene import Scene
 from facade_core.street.translate import Swatches
@@ -44,7 +44,7 @@ def fill_unseen(scene: Scene, swatches: Swatches, page: int, colour: np.ndarray,
         swatch = cv2.resize(swatch, (width, height), interpolation=cv2.INTER_LINEAR)
         swatch = np.pad(swatch, [(gutter, gutter), (gutter, gutter), (0, 0)], mode="edge")
         filled[box][unseen] = swatch[unseen]
-        filled[box] = level(filled[box], ~unseen, unseen)
+        filled[box] = level(filled[box], ~unseen, unseen, reach=LEVELLED_M * scene.spec.texels_per_metre)
     if owned.any() and not owned.all():
         between = np.round(spread(filled, owned)).astype(np.uint8)
         filled[~owned] = between[~owned]

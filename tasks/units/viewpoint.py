@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 import zarr
 
+from facade_core.atlas.levelling import LEVELLED_M, level
+from facade_core.atlas.provenance import TRANSLATED
 from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan
 from facade_core.street.blend import blend
 from facade_core.street.propagate import propagate
 from facade_core.street.render import render
+from facade_core.street.scene import Scene
 from facade_core.street.window import Window
 from tasks.run import Run
 from tasks.units.context import Context, context, worker_name
@@ -82,7 +85,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     for name, flat in {
         "street": colour,
         "street_views": views,
-        "colour": window.colour[: held.total],
+        "colour": _levelled(scene, held, window),
         "provenance": window.provenance[: held.total],
     }.items():
         write_rasters(atlas[name], scene.spec, scene.placement, held, flat)
@@ -93,6 +96,21 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
         "started": start,
         "seconds": {"write": round(time.time() - start, 4)},
     }
+
+
+def _levelled(scene: Scene, held: Rasters, window: Window) -> np.ndarray:
+    """The colour of the charts that the street writes, what it translated levelled to what the facade stages know."""
+    placement, reach = scene.placement, LEVELLED_M * scene.spec.texels_per_metre
+    colour = window.colour[: held.total].copy()
+    for chart in held.charts.tolist():
+        texels = held.slice(placement, chart)
+        provenance = window.provenance[texels]
+        if provenance.max() <= TRANSLATED or not (provenance == TRANSLATED).any():
+            continue
+        shape = (int(placement.height[chart]), int(placement.width[chart]))
+        provenance, raster = provenance.reshape(shape), colour[texels].reshape(*shape, 3)
+        colour[texels] = level(raster, provenance > TRANSLATED, provenance == TRANSLATED, reach=reach).reshape(-1, 3)
+    return colour
 
 
 def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int, street_key: str) -> _Progress:
