@@ -1,7 +1,7 @@
 """One file per facade: a zip with a JSON header, the bare wall and each group's principal components as WebP.
 
-The header holds integers (boxes, quantised coordinates and light, types, structure matrices) and the scale of each axis,
-so the file needs neither pickle nor this package's classes to be understood.
+The header holds integers (boxes, quantised coordinates and light, types, structure matrices as run lengths) and the scale
+of each axis, so the file needs neither pickle nor this package's classes to be understood.
 """
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.errors import InputError
-from facade_core.variation.element_types import Basis
-from facade_core.variation.hierarchy import Group, Hierarchy, Level
+from facade_core.variation.appearance import Basis
+from facade_core.variation.contents import Contents, Group, Level
 
-_FORMAT = "streetloom variation 1"
-_WALL_QUALITY = 75
-_BASIS_QUALITY = 80
+_FORMAT = "streetloom variation 2"
+_WALL_QUALITY = 60
+_BASIS_QUALITY = 70
 # Coordinates are kept to half a grey level per value, light to 1/128.
 _COORDINATE_STEP = 0.5
 _LIGHT_STEP = 1 / 128
@@ -69,7 +69,7 @@ def encode_file(
         ],
         "cells": [c.tolist() for c in cells],
         "representatives": representatives.tolist(),
-        "levels": [[m.tolist() for m in matrices] for matrices in levels],
+        "levels": [[_runs(m) for m in matrices] for matrices in levels],
     }
     out = io.BytesIO()
     with zipfile.ZipFile(out, "w") as archive:
@@ -84,8 +84,8 @@ def encode_file(
     return out.getvalue()
 
 
-def decode(coded: bytes) -> Hierarchy:
-    """The hierarchy in a file's bytes; InputError when they are no such file or damaged."""
+def decode(coded: bytes) -> Contents:
+    """What is in a file's bytes; InputError when they are no such file or damaged."""
     try:
         with zipfile.ZipFile(io.BytesIO(coded)) as archive:
             header = json.loads(archive.read("header.json"))
@@ -96,11 +96,24 @@ def decode(coded: bytes) -> Hierarchy:
         cells = tuple(np.array(c, np.int32) for c in header["cells"])
         representatives = np.array(header["representatives"], np.int32)
         types = np.concatenate([g.types for g in groups]) if groups else np.zeros(0, np.int32)
-        matrices = [tuple(np.array(m, np.int32) for m in level) for level in header["levels"]]
+        matrices = [
+            tuple(_unrolled(m, c.shape) for m, c in zip(level, cells, strict=True)) for level in header["levels"]
+        ]
         levels = tuple(_level(m, cells, types, len(representatives)) for m in matrices)
     except (zipfile.BadZipFile, OSError, KeyError, TypeError, ValueError, IndexError, EOFError) as error:
         raise InputError("variation file: damaged or something else; encode the facade again") from error
-    return Hierarchy(levels, wall, tuple(groups), cells, representatives, coded)
+    return Contents(levels, wall, tuple(groups), cells, representatives)
+
+
+def _runs(labels: np.ndarray) -> list[int]:
+    """A label map as run lengths in reading order: label, length, label, length ..."""
+    flat = labels.ravel()
+    starts = np.flatnonzero(np.diff(flat, prepend=flat[0] - 1))
+    return np.stack([flat[starts], np.diff(starts, append=len(flat))], axis=1).ravel().tolist()
+
+
+def _unrolled(runs: Sequence[int], shape: tuple[int, ...]) -> np.ndarray:
+    return np.repeat(np.array(runs[::2], np.int32), runs[1::2]).reshape(shape)
 
 
 def _group(header: dict, coded: bytes) -> Group:

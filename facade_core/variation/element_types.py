@@ -1,67 +1,92 @@
-"""Types of elements: principal components of a group's patches and mean-shift clusters among them."""
+"""Types of elements: what a patch shows, whatever the light, and mean-shift clusters of that."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
+import numba
 import numpy as np
 
-# Dimensions kept (d in the paper) and the kernel width as a share of the intensity range, root mean square per value.
-_DIMENSIONS = 7
-_KERNEL_WIDTH = 0.1
-_FACTORS = (1.0, 1.2, 1.45, 0.8, 0.65, 0.5, 0.4, 0.3, 0.22)
-# Mean silhouette from which types other than those of the paper's kernel are believed.
+from facade_core.variation.appearance import DIMENSIONS
+
+# Longest side of a descriptor in pixels: what is left of a state there survives a box that is a pixel off.
+_SIDE = 12
+# Weight of edges over colours. A shadow changes colours, hardly the edges; the two agree on a state.
+_EDGES = 480.0
+# Grey levels per pixel of which a gradient is no edge but noise.
+_FAINT = 8.0
+# Kernel widths tried, root mean square per value of a descriptor.
+_WIDTHS = np.geomspace(6, 100, 20)
+# The width where none finds types that lie apart: this share of the median distance, and not less than what the noise
+# in pictures of one state comes to.
+_USUAL_SHARE = 0.8
+_NOISE = 40.0
+# Mean silhouette from which types are believed; the same for a type's own elements, of which there must be a few.
 _CLEAR = 0.2
-# The same for a type's own elements, of which there must be a few.
 _CLEARER = 0.6
+# More types are believed only where they lie apart more clearly by this.
+_BETTER = 0.1
 _SMALLEST_SPLIT = 5
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class Basis:
-    """mean (h, w, 3) and axes (d, h, w, 3) float32, in intensities; an element's patch is mean + coordinates . axes."""
+def descriptors(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """(N, d <= 7) coordinates of what (N, h, w, 3) patches show, in root mean square per value.
 
-    mean: np.ndarray
-    axes: np.ndarray
+    Colours and edges at a small size. An edge is a gradient over the root mean square gradient around it, so that a
+    darker or paler picture of one state has the same edges. seen (N, h, w) bool: what no other element hides; the rest
+    counts as it is in the most alike patch in which it is seen.
+    """
+    import cv2
 
-    def project(self, patches: np.ndarray) -> np.ndarray:
-        """(N, d) coordinates of (N, h, w, 3) patches, by least squares: the axes need not be orthonormal."""
-        if not len(self.axes):
-            return np.zeros((len(patches), 0))
-        axes = self.axes.reshape(len(self.axes), -1).astype(np.float64)
-        centred = (patches - self.mean).reshape(len(patches), -1).astype(np.float64)
-        return np.linalg.solve(axes @ axes.T, axes @ centred.T).T
-
-    def patches(self, coordinates: np.ndarray) -> np.ndarray:
-        """(N, h, w, 3) patches of (N, d) coordinates."""
-        return self.mean + np.tensordot(coordinates, self.axes, 1).astype(np.float32)
-
-
-def principal_components(patches: np.ndarray) -> Basis:
-    """The mean and up to 7 orthonormal axes of (N, h, w, 3) patches, strongest first, sign fixed."""
-    flat = patches.reshape(len(patches), -1).astype(np.float64)
-    mean = flat.mean(axis=0)
-    values, vectors = np.linalg.eigh((flat - mean) @ (flat - mean).T)
-    # Less than half a grey level per value is not worth an axis.
-    keep = np.argsort(-values, kind="stable")[: min(_DIMENSIONS, len(flat) - 1)]
-    keep = keep[values[keep] > 0.25 * flat.shape[1]]
-    axes = (vectors[:, keep].T @ (flat - mean)) / np.sqrt(values[keep])[:, None]
-    strongest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], 1)
-    axes = (axes * np.where(strongest < 0, -1, 1)).reshape(-1, *patches.shape[1:])
-    return Basis(mean.reshape(patches.shape[1:]).astype(np.float32), axes.astype(np.float32))
+    height, width = patches.shape[1:3]
+    scale = min(1.0, _SIDE / max(height, width))
+    size = max(4, round(width * scale)), max(4, round(height * scale))
+    around = max(3, width // 2), max(3, height // 2)
+    values = np.empty((len(patches), size[1], size[0], 5), np.float32)
+    known = np.empty((len(patches), size[1], size[0]), bool)
+    for patch, visible, value, whole in zip(patches, seen, values, known, strict=True):
+        grey = patch.mean(axis=2)
+        across, down = cv2.Sobel(grey, -1, 1, 0, scale=1 / 8), cv2.Sobel(grey, -1, 0, 1, scale=1 / 8)
+        usual = np.sqrt(cv2.blur(across * across + down * down, around)) + _FAINT
+        value[..., :3] = cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
+        value[..., 3] = cv2.resize(_EDGES * np.abs(across) / usual, size, interpolation=cv2.INTER_AREA)
+        value[..., 4] = cv2.resize(_EDGES * np.abs(down) / usual, size, interpolation=cv2.INTER_AREA)
+        whole[:] = cv2.resize(visible.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.9
+    flat = filled(values, known).reshape(len(patches), -1).astype(np.float64)
+    left, strength, _ = np.linalg.svd(flat - flat.mean(axis=0), full_matrices=False)
+    return (left * strength)[:, :DIMENSIONS] / np.sqrt(flat.shape[1])
 
 
-def cluster(coordinates: np.ndarray, values: int) -> tuple[np.ndarray, np.ndarray]:
-    """Mean-shift types of (N, d) coordinates of patches with `values` numbers each.
+def filled(values: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """(N, h, w, c) values where known (N, h, w) bool; elsewhere those of the most alike of the N that are known there.
+
+    Two are alike by their values where both are known. What none knows is left as it is.
+    """
+    if known.all():
+        return values
+    flat = np.where(known[..., None], values, 0).reshape(len(values), -1).astype(np.float64)
+    weight = np.repeat(known.reshape(len(values), -1), values.shape[-1], axis=1).astype(np.float64)
+    common = weight @ weight.T
+    squares = flat * flat @ weight.T
+    apart = np.where(common > 0, (squares + squares.T - 2 * flat @ flat.T) / np.maximum(common, 1), np.inf)
+    result = values.copy()
+    for i in np.flatnonzero(~known.all(axis=(1, 2))):
+        missing = ~known[i]
+        for j in np.argsort(apart[i], kind="stable"):
+            here = missing & known[j]
+            result[i][here] = values[j][here]
+            missing &= ~here
+            if not missing.any():
+                break
+    return result
+
+
+def cluster(points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Mean-shift types of (N, d) descriptors.
 
     Returns (N,) int32 types, the most frequent first, and (T,) int32 the representative of each: the element nearest to
-    its centroid. The kernel is 0.1 of the intensity range wide in root mean square per value, the reading of the
-    paper's "0.1 of the size of element" that does not depend on the resolution. Narrower and wider kernels are tried
-    too, and the one whose types lie apart most clearly (mean silhouette) is taken when they are clear at all: half-drawn
-    curtains differ by less than the paper's kernel, photographed windows of one state by more.
+    its centroid. The paper's kernel has one width for all facades; here the width is the one whose types lie apart most
+    clearly (mean silhouette), when any does: drawn curtains differ by less than photographs of one and the same state.
     """
-    points = coordinates / (255 * np.sqrt(values))
-    types = _ordered(_separate(points, _CLEAR))
+    types = _ordered(_separate(np.ascontiguousarray(points, np.float64), _CLEAR))
     representatives = np.empty(types.max(initial=-1) + 1, np.int32)
     for t in range(len(representatives)):
         members = np.flatnonzero(types == t)
@@ -75,12 +100,15 @@ def _separate(points: np.ndarray, clear: float) -> np.ndarray:
 
     Without the second step one odd kind of window, say the dormers, hides the states of all others.
     """
-    distance = np.sqrt(((points[:, None] - points[None]) ** 2).sum(axis=2))
-    types, best = mean_shift(points, _KERNEL_WIDTH), clear
-    for factor in _FACTORS:
-        found = mean_shift(points, factor * _KERNEL_WIDTH)
-        score = silhouette(distance, found)
-        if score > best:
+    apart = np.sqrt(((points[:, None] - points[None]) ** 2).sum(axis=2))[np.triu_indices(len(points), 1)]
+    types, best = (
+        mean_shift(points, max(_NOISE, _USUAL_SHARE * float(np.median(apart))) if len(apart) else _NOISE),
+        clear,
+    )
+    for width in _WIDTHS[::-1]:
+        found = mean_shift(points, width)
+        score = silhouette(points, found)
+        if score > best + _BETTER:
             types, best = found, score
     if types.max(initial=0) == 0:
         return types
@@ -99,42 +127,70 @@ def _ordered(types: np.ndarray) -> np.ndarray:
 
 
 def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
-    """(N,) int32 clusters of (N, d) points, the largest first: flat kernel of radius `width`, modes closer than that one.
+    """(N,) int32 clusters of (N, d) points, the largest first: flat kernel of radius `width`, modes closer than that one."""
+    return _modes(np.ascontiguousarray(points, np.float64), float(width))
 
-    All points climb at once, which for the few elements of a facade takes a hundredth of a general implementation's time.
-    """
+
+@numba.njit(cache=True)
+def _modes(points, width):
+    """Points belong to the best supported mode that theirs meets; clusters are numbered by size, then by first point."""
+    number, dimensions = points.shape
     modes = points.copy()
-    for _ in range(100):
-        near = (((modes[:, None] - points[None]) ** 2).sum(axis=2) <= width**2).astype(float)
-        moved = near @ points / near.sum(axis=1, keepdims=True)
-        if np.abs(moved - modes).max(initial=0) < 1e-3 * width:
+    support = np.zeros(number, np.int64)
+    total = np.empty(dimensions)
+    for i in range(number):
+        for _ in range(100):
+            total[:] = 0
+            support[i] = 0
+            for j in range(number):
+                if ((modes[i] - points[j]) ** 2).sum() <= width * width:
+                    total += points[j]
+                    support[i] += 1
+            moved = 0.0
+            for k in range(dimensions):
+                mean = total[k] / support[i]
+                moved = max(moved, abs(mean - modes[i, k]))
+                modes[i, k] = mean
+            if moved < 1e-3 * width:
+                break
+    label = np.full(number, -1, np.int32)
+    for _ in range(number):
+        best = -1
+        for i in range(number):
+            if label[i] < 0 and (best < 0 or support[i] > support[best]):
+                best = i
+        if best < 0:
             break
-        modes = moved
-    support = near.sum(axis=1)
-    label = np.full(len(points), -1, np.int32)
-    for i in np.lexsort((np.arange(len(points)), -support)):
-        if label[i] < 0:
-            close = ((modes - modes[i]) ** 2).sum(axis=1) <= width**2
-            label[close & (label < 0)] = i
-    return _ordered(label)
+        for i in range(number):
+            if label[i] < 0 and ((modes[i] - modes[best]) ** 2).sum() <= width * width:
+                label[i] = best
+    counts = np.bincount(label, minlength=number)
+    name = np.empty(number, np.int32)
+    for rank, i in enumerate(np.argsort(-counts, kind="mergesort")):
+        name[i] = rank
+    return name[label]
 
 
-def silhouette(distance: np.ndarray, types: np.ndarray) -> float:
-    """Mean silhouette of (N,) types given (N, N) distances; elements alone in their type, or a single type, count 0."""
-    member = (types[:, None] == np.arange(types.max() + 1)).astype(float)
-    counts = member.sum(axis=0)
-    if len(counts) < 2:
+@numba.njit(cache=True)
+def silhouette(points, types):
+    """Mean silhouette of (N, d) points in (N,) types 0, 1 ...; elements alone in their type, or a single type, count 0."""
+    number = len(points)
+    kinds = types.max() + 1
+    if kinds < 2:
         return 0.0
-    sums = distance @ member
-    own = counts[types]
-    within = sums[np.arange(len(types)), types] / np.maximum(own - 1, 1)
-    other = np.where(member > 0, np.inf, sums / counts).min(axis=1)
-    width = np.maximum(np.maximum(within, other), 1e-12)
-    return float(np.where(own > 1, (other - within) / width, 0).mean())
-
-
-def relabelling_cost(representatives: np.ndarray) -> np.ndarray:
-    """(T, T) cost C of relabelling one type as another: SSD of (T, h, w, 3) representatives, cubed, largest 1."""
-    flat = representatives.reshape(len(representatives), -1).astype(np.float64)
-    ssd = ((flat[:, None] - flat[None]) ** 2).sum(axis=2)
-    return (ssd / max(ssd.max(), 1e-12)) ** 3
+    counts = np.bincount(types)
+    total = 0.0
+    sums = np.empty(kinds)
+    for i in range(number):
+        if counts[types[i]] < 2:
+            continue
+        sums[:] = 0
+        for j in range(number):
+            sums[types[j]] += np.sqrt(((points[i] - points[j]) ** 2).sum())
+        within = sums[types[i]] / (counts[types[i]] - 1)
+        other = np.inf
+        for t in range(kinds):
+            if t != types[i]:
+                other = min(other, sums[t] / counts[t])
+        total += (other - within) / max(within, other, 1e-12)
+    return total / number

@@ -7,12 +7,15 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.errors import ImageError, LayoutError
+from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.grids import boxes, check, grids, size_groups
 from facade_core.types import Element
-from facade_core.variation.codec import code_basis, decode, decode_basis, encode_file, quantise_light
-from facade_core.variation.element_types import cluster, principal_components, relabelling_cost
-from facade_core.variation.hierarchy import Group, Hierarchy
-from facade_core.variation.patches import align, bare_wall, cut, light, mask_of, patch_size
+from facade_core.variation.appearance import principal_components, relabelling_cost
+from facade_core.variation.codec import code_basis, decode_basis, encode_file, quantise_light
+from facade_core.variation.contents import Group
+from facade_core.variation.element_types import cluster, descriptors, filled
+from facade_core.variation.hierarchy import Hierarchy
+from facade_core.variation.patches import align, bare_wall, cut, light, mask_of, patch_size, wall_sums
 from facade_core.variation.structure import relax
 
 # WebP's limit on a side, and the smallest side of an element in pixels; smaller ones stay part of the wall.
@@ -63,19 +66,23 @@ def _on_image(elements: Sequence[Element], shape: tuple[int, int]) -> list[Eleme
 def _encode(image: np.ndarray, elements: list[Element]) -> Hierarchy:
     all_boxes = boxes(elements).astype(np.int32)
     mask = mask_of(all_boxes, image.shape[:2])
-    grey = image.mean(axis=2)
+    sums = wall_sums(image, mask)
+    depth = np.array([_depth(e.label) for e in elements], int)
     groups, bases, costs, representatives = [], [], [], []
     number = np.zeros(len(elements), np.int32)
     elements_before = types_before = 0
     for members in size_groups(elements):
         size = patch_size(all_boxes[members])
         box = align(image, all_boxes[members], size)
-        shade = quantise_light(light(grey, all_boxes[members], mask))
+        shade = quantise_light(light(sums, all_boxes[members]))
         patches = cut(image, box, size) / shade[:, None, None, None].astype(np.float32)
+        in_front = mask_of(all_boxes[depth > depth[members[0]]], mask.shape)
+        seen = cut(in_front.astype(np.float32), box, size) < 0.5
+        patches = filled(patches, seen)
         bases.append(code_basis(principal_components(patches)))
         basis = decode_basis(*bases[-1])
         coordinates = basis.project(patches)
-        types, chosen = cluster(coordinates, basis.mean.size)
+        types, chosen = cluster(descriptors(patches, seen))
         costs.append((types_before, relabelling_cost(basis.patches(coordinates[chosen]))))
         representatives.append(chosen + elements_before)
         groups.append(Group(elements[members[0]].label, basis, box, shade, coordinates, types + types_before))
@@ -89,7 +96,12 @@ def _encode(image: np.ndarray, elements: list[Element]) -> Hierarchy:
     wall = bare_wall(image, mask)
     chosen = np.concatenate(representatives) if groups else np.zeros(0, np.int32)
     coded = encode_file(wall, groups, bases, cells, chosen, _levels(cells, types, costs))
-    return decode(coded)
+    return Hierarchy.from_bytes(coded)
+
+
+def _depth(label: str) -> int:
+    """What is drawn over what: balconies stand before windows."""
+    return ELEMENT_CLASSES.index(label) if label in ELEMENT_CLASSES else -1
 
 
 def _levels(

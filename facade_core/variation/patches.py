@@ -50,7 +50,7 @@ def align(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarr
 
 
 def cut(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """(N, h, w, 3) float32 patches in [0, 255]: each box with its margin, resampled to `size`."""
+    """(N, h, w[, 3]) float32 patches in the image's range: each box with its margin, resampled to `size`."""
     return _cut(image, box, MARGIN, size)
 
 
@@ -60,33 +60,35 @@ def _cut(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int])
     # Alignment may carry a box past the image by its reach.
     pad = margin + _REACH
     padded = cv2.copyMakeBorder(image, pad, pad, pad, pad, cv2.BORDER_REPLICATE)
-    patches = np.empty((len(box), *size, 3), np.float32)
+    patches = np.empty((len(box), *size, *image.shape[2:]), np.float32)
     for patch, (x0, y0, x1, y1) in zip(patches, (box + pad).tolist(), strict=True):
         crop = padded[y0 - margin : y1 + margin, x0 - margin : x1 + margin]
         patch[:] = cv2.resize(crop, size[::-1], interpolation=cv2.INTER_LINEAR)
     return patches
 
 
-def light(grey: np.ndarray, box: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """(N,) brightness of the wall around each box over the boxes' median, within [0.75, 1.33]; mask: all elements.
-
-    grey (H, W): the image's brightness. A shadow darkens an element and the wall beside it alike, a drawn blind only
-    the element.
-    """
+def wall_sums(image: np.ndarray, mask: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Integral images (H + 1, W + 1) of the brightness and of the number of wall pixels; mask: all elements."""
     import cv2
 
-    wall = (~mask).astype(np.float64)
-    total = cv2.integral(grey * wall)
-    area = cv2.integral(wall)
+    wall = (~mask).astype(np.uint8)
+    return cv2.integral(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY) * wall), cv2.integral(wall)
+
+
+def light(sums: tuple[np.ndarray, np.ndarray], box: np.ndarray) -> np.ndarray:
+    """(N,) brightness of the wall around each box over the boxes' median, within [0.75, 1.33].
+
+    A shadow darkens an element and the wall beside it alike, a drawn blind only the element.
+    """
     reach = np.maximum(3, (0.25 * (box[:, 2:] - box[:, :2])).round().astype(int))
-    limit = np.array(mask.shape[::-1])
+    limit = np.array(sums[0].shape[::-1]) - 1
     (x0, y0), (x1, y1) = np.clip(box[:, :2] - reach, 0, limit).T, np.clip(box[:, 2:] + reach, 0, limit).T
 
     def over(sums: np.ndarray) -> np.ndarray:
         return sums[y1, x1] - sums[y0, x1] - sums[y1, x0] + sums[y0, x0]
 
-    pixels = over(area)
-    mean = over(total) / np.maximum(pixels, 1)
+    pixels = over(sums[1])
+    mean = over(sums[0]) / np.maximum(pixels, 1)
     known = (pixels >= 8) & (mean >= 4)
     if not known.any():
         return np.ones(len(box))

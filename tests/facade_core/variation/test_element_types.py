@@ -2,13 +2,8 @@ import numpy as np
 import pytest
 from sklearn.metrics import adjusted_rand_score, silhouette_score
 
-from facade_core.variation.element_types import (
-    cluster,
-    mean_shift,
-    principal_components,
-    relabelling_cost,
-    silhouette,
-)
+from facade_core.variation.appearance import principal_components, relabelling_cost
+from facade_core.variation.element_types import cluster, descriptors, filled, mean_shift, silhouette
 
 
 def patches(seed, number=30, types=3):
@@ -17,6 +12,14 @@ def patches(seed, number=30, types=3):
     planted = rng.integers(types, size=number)
     prototypes = low.repeat(6, axis=1).repeat(6, axis=2)
     return np.clip(prototypes[planted] + rng.normal(0, 10, (number, 30, 24, 3)), 0, 255).astype(np.float32), planted
+
+
+def all_seen(images):
+    return np.ones(images.shape[:3], bool)
+
+
+def types_of(images, seen=None):
+    return cluster(descriptors(images, all_seen(images) if seen is None else seen))
 
 
 def test_axes_are_orthonormal_and_rebuild_low_rank_patches():
@@ -32,8 +35,7 @@ def test_axes_are_orthonormal_and_rebuild_low_rank_patches():
 def test_planted_types_are_found():
     for seed in range(5):
         images, planted = patches(seed, types=2 + seed)
-        basis = principal_components(images)
-        types, representatives = cluster(basis.project(images), basis.mean.size)
+        types, representatives = types_of(images)
         assert adjusted_rand_score(planted, types) >= 0.9
         assert types[representatives].tolist() == list(range(len(representatives)))
 
@@ -41,9 +43,37 @@ def test_planted_types_are_found():
 def test_alike_patches_are_one_type_and_a_lone_one_too():
     images, _ = patches(1, types=1)
     for some in (images, images[:1]):
-        basis = principal_components(some)
-        types, _ = cluster(basis.project(some), basis.mean.size)
+        types, _ = types_of(some)
         assert types.tolist() == [0] * len(some)
+
+
+def test_a_shadow_makes_no_type():
+    images, planted = patches(3, types=3)
+    rng = np.random.default_rng(0)
+    y, x = np.mgrid[:30, :24] / 27 - 0.5
+    for image in images[::2]:
+        towards = rng.uniform(0, 2 * np.pi)
+        image *= 0.8 + np.clip(0.3 * (x * np.cos(towards) + y * np.sin(towards)), -0.2, 0.2)[..., None]
+    types, _ = types_of(images)
+    assert adjusted_rand_score(planted, types) >= 0.9
+
+
+def test_what_hides_an_element_makes_no_type():
+    images, planted = patches(4, types=3)
+    hidden = np.arange(30) % 3 == 0
+    images[hidden, 20:] = (40, 160, 60)
+    seen = all_seen(images)
+    seen[hidden, 20:] = False
+    types, _ = types_of(filled(images, seen), seen)
+    assert adjusted_rand_score(planted, types) >= 0.9
+
+
+def test_hidden_values_are_those_of_the_most_alike():
+    values = np.array([[1.0, 5.0], [3.0, 7.0], [2.8, 0.0], [9.0, 0.0]]).reshape(4, 1, 2, 1)
+    known = np.array([[True, True], [True, True], [True, False], [True, False]]).reshape(4, 1, 2)
+    assert filled(values, known)[:, 0, 1, 0].tolist() == [5, 7, 7, 7]
+    known[:, 0, 1] = False
+    assert np.array_equal(filled(values, known), values)
 
 
 def test_mean_shift_puts_the_largest_first():
@@ -54,9 +84,8 @@ def test_mean_shift_puts_the_largest_first():
 def test_silhouette_is_the_usual_one():
     rng = np.random.default_rng(2)
     points, types = rng.random((20, 3)), rng.integers(4, size=20)
-    distance = np.sqrt(((points[:, None] - points) ** 2).sum(axis=2))
-    assert silhouette(distance, types) == pytest.approx(silhouette_score(points, types))
-    assert silhouette(distance, np.zeros(20, int)) == 0
+    assert silhouette(points, types) == pytest.approx(silhouette_score(points, types))
+    assert silhouette(points, np.zeros(20, int)) == 0
 
 
 def test_cost_is_the_cubed_share_of_the_largest_difference():

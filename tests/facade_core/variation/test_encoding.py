@@ -9,7 +9,9 @@ from sklearn.metrics import adjusted_rand_score
 
 from facade_core.errors import ImageError, InputError, LayoutError
 from facade_core.types import Element
-from facade_core.variation import Hierarchy, encode
+from facade_core.variation import Hierarchy, encode, exchange_in_photo
+from facade_core.variation.enlargement import enlarge
+from facade_core.variation.sampling import deal, exchange
 
 WIDTH, HEIGHT = 30, 44
 
@@ -112,6 +114,65 @@ def test_samples_differ_repeat_by_seed_and_keep_the_wall(coded):
     assert np.array_equal(samples[0][far], hierarchy.wall[far])
 
 
+def test_seeds_give_all_variations_before_any_twice():
+    types = np.array([0, 0, 0, 1, 2, 2, 2])
+    found = [tuple(exchange(types, seed)) for seed in range(36)]
+    assert len(set(found)) == 36
+    assert all((types[list(shown)] == types).all() for shown in found)
+    assert exchange(np.array([0, 1, 2]), 5).tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize(("floors", "columns"), [(8, 8), (5, 13), (9, 12)])
+def test_a_larger_facade_repeats_floors_and_bays(coded, floors, columns):
+    image, _, _, hierarchy = coded
+    larger = hierarchy.sample(1, 4, floors=floors, columns=columns)
+    assert larger.shape == (image.shape[0] + (floors - 5) * 80, image.shape[1] + (columns - 8) * 56, 3)
+    assert np.array_equal(larger, hierarchy.sample(1, 4, floors=floors, columns=columns))
+    assert not np.array_equal(larger, hierarchy.sample(1, 5, floors=floors, columns=columns))
+    found = enlarge(hierarchy.wall, hierarchy.groups, hierarchy.cells, floors, columns, np.random.default_rng(4))
+    assert len(found.places) == floors * columns
+    middles = (found.boxes[:, :2] + found.boxes[:, 2:]) / 2
+    assert np.ptp(middles[:, 0]) == pytest.approx((columns - 1) * 56, abs=4)
+    assert np.ptp(middles[:, 1]) == pytest.approx((floors - 1) * 80, abs=4)
+
+
+def test_neighbours_on_a_larger_facade_show_different_elements(coded):
+    *_, hierarchy = coded
+    rng = np.random.default_rng(1)
+    larger = enlarge(hierarchy.wall, hierarchy.groups, hierarchy.cells, 10, 16, rng)
+    types = hierarchy.types_at(len(hierarchy.levels) - 1)
+    shown = deal(types, larger.places, larger.boxes, rng)
+    _, counts = np.unique(shown, return_counts=True)
+    assert len(counts) == 40
+    assert np.ptp(counts) <= 2
+    middles = (larger.boxes[:, :2] + larger.boxes[:, 2:]) / 2
+    apart = np.hypot(*(middles[:, None] - middles).transpose(2, 0, 1))
+    same = (shown[:, None] == shown) & (apart > 0)
+    assert (same & (apart < 100)).sum() / 2 <= 0.05 * len(shown)
+
+
+def test_a_facade_is_not_made_smaller_nor_enlarged_without_windows(coded):
+    image, *_, hierarchy = coded
+    with pytest.raises(LayoutError, match="floors=3: this facade has 5"):
+        hierarchy.sample(0, 0, floors=3)
+    with pytest.raises(LayoutError, match="no window"):
+        encode(image, []).sample(0, 0, columns=3)
+
+
+def test_exchanged_in_the_photo_the_wall_stays_and_windows_are_other_windows(coded):
+    image, elements, _, hierarchy = coded
+    last = len(hierarchy.levels) - 1
+    made = exchange_in_photo(image, hierarchy, last, 7)
+    near = inside([Element("", e.x0 - 6, e.y0 - 6, e.x1 + 6, e.y1 + 6) for e in elements], image.shape[:2])
+    assert np.array_equal(made[~near], image[~near])
+    assert rms(made, image, inside(elements, image.shape[:2])) > 20
+    coarse = hierarchy.sample(last, 7)
+    assert rms(made, coarse, inside(elements, image.shape[:2])) < 14
+    assert np.array_equal(made, exchange_in_photo(image, hierarchy, last, 7))
+    with pytest.raises(ImageError, match="pass the image that it codes"):
+        exchange_in_photo(image[1:], hierarchy, 0, 0)
+
+
 def test_samples_of_level_zero_keep_each_places_type(coded):
     image, elements, _, hierarchy = coded
     mask = inside(elements, image.shape[:2])
@@ -130,7 +191,7 @@ def test_file_is_small_self_describing_and_comes_back_the_same(coded, tmp_path):
         assert np.array_equal(again.sample(level, 5), hierarchy.sample(level, 5))
     with zipfile.ZipFile(io.BytesIO(hierarchy.to_bytes())) as archive:
         header = json.loads(archive.read("header.json"))
-    assert header["format"] == "streetloom variation 1"
+    assert header["format"] == "streetloom variation 2"
     assert len(header["levels"]) == len(hierarchy.levels)
 
 

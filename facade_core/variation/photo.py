@@ -1,0 +1,33 @@
+"""Exchanging the elements of a facade as photographed, not as coded."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.errors import ImageError
+from facade_core.variation.hierarchy import Hierarchy
+from facade_core.variation.patches import cut, patch_size
+from facade_core.variation.rendering import back_to_front, blend
+from facade_core.variation.sampling import exchange
+
+
+def exchange_in_photo(image: np.ndarray, hierarchy: Hierarchy, level: int, seed: int) -> np.ndarray:
+    """(H, W, 3) uint8: the image that the hierarchy codes, its elements exchanged as `Hierarchy.sample` does.
+
+    The wall, and elements that stay where they are, keep their pixels. Raises ImageError for an image of another size,
+    InputError for a level that there is not.
+    """
+    if image.shape != hierarchy.wall.shape:
+        raise ImageError(
+            f"image {image.shape}: the hierarchy codes {hierarchy.wall.shape}; pass the image that it codes"
+        )
+    shown = exchange(hierarchy.types_at(level), seed)
+    canvas = image.astype(np.float32)
+    for group, first in back_to_front(hierarchy.groups):
+        number = len(group.boxes)
+        source = shown[first : first + number] - first
+        patches = cut(image, group.boxes, patch_size(group.boxes))
+        lit = (group.light / group.light[source]).astype(np.float32)
+        for i in np.flatnonzero(source != np.arange(number)):
+            blend(canvas, patches[source[i]] * lit[i], group.boxes[i].tolist())
+    return np.clip(canvas.round(), 0, 255).astype(np.uint8)
