@@ -22,9 +22,9 @@ BEYOND = 160
 
 @dataclass(frozen=True)
 class Panorama:
-    """rgb (h, w, 3) uint8: textured parts in colour, the rest in grey, sky black; textured (h, w) bool; depth (h, w) float32
-    metres, inf for sky; chart (h, w) int32, -1 for sky and beyond the visibility range; points (h, w, 3) float64, world points
-    of the pixels."""
+    """rgb (h, w, 3) uint8: textured parts in colour, the rest in grey under soft daylight, sky black; textured (h, w) bool;
+    depth (h, w) float32 metres, inf for sky; chart (h, w) int32, -1 for sky and beyond the visibility range; points (h, w, 3)
+    float64, world points of the pixels."""
 
     viewpoint: Viewpoint
     rgb: np.ndarray
@@ -55,7 +55,8 @@ def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, i
     rays, depth, chart = scene.look(viewpoint, width)
     charts, placement, rasters = scene.charts, scene.placement, atlas.rasters
     normal = charts.normal()
-    grey = (255 * shade(normal)).astype(np.uint8)[chart]
+    daylight = scene.daylight
+    daylight.reach(np.unique(chart[chart != MISS]))
     rgb = np.zeros((height, width, 3), np.uint8)
     rgb[np.isfinite(depth) & (chart == MISS)] = BEYOND
     textured = np.zeros((height, width), bool)
@@ -71,7 +72,8 @@ def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, i
         placement.height,
         atlas.colour,
         atlas.provenance,
-        grey,
+        255 * shade(normal),
+        (daylight.place, daylight.columns, daylight.rows, daylight.light),
         rgb,
         textured,
     )

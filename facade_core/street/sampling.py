@@ -11,26 +11,37 @@ from facade_core.atlas.provenance import UNSEEN
 MOST_SAMPLES = 16
 
 
+@njit(cache=True, inline="always")
+def _lit(x, y, place, columns, rows, lights):
+    """Light at the shares x, y of a chart's sides, linear between its cells' middles."""
+    u = min(max(x * columns - 0.5, 0.0), columns - 1.0)
+    v = min(max(y * rows - 0.5, 0.0), rows - 1.0)
+    u0, v0 = int(u), int(v)
+    u1, v1 = min(u0 + 1, columns - 1), min(v0 + 1, rows - 1)
+    top = lights[place + v0 * columns + u0] * (1 - (u - u0)) + lights[place + v0 * columns + u1] * (u - u0)
+    bottom = lights[place + v1 * columns + u0] * (1 - (u - u0)) + lights[place + v1 * columns + u1] * (u - u0)
+    return top * (1 - (v - v0)) + bottom * (v - v0)
+
+
 @njit(cache=True, nogil=True)
 def shade_pixels(
-    rays, depth, chart, camera, charts, density, offset, width, height, atlas, provenance, grey, rgb, textured
+    rays, depth, chart, camera, charts, density, offset, width, height, atlas, provenance, grey, light, rgb, textured
 ):
     """Colour the pixels (h, w) that show a chart, into rgb and textured.
 
     rays (h, w, 3), unit; depth (h, w) metres; chart (h, w), negative pixels are left alone; camera (3,); charts: origin,
     axis_u, axis_v, normal (n, 3) each; density texels per metre; offset, width, height (n,) of the held rasters in atlas
-    (t, 3) and provenance (t,), offset negative where a chart is not held; grey (h, w) uint8. A pixel is textured when at
+    (t, 3) and provenance (t,), offset negative where a chart is not held; grey (charts,) in 0..255; light: place, columns, rows
+    and light of a Daylight that has every chart in view. A pixel is textured when at
     least half of the texels under it are known; its colour is the mean of those, bilinear where it is smaller than a texel.
     """
     rows, columns = chart.shape
     origin, axis_u, axis_v, normal = charts
+    place, cells_wide, cells_high, lights = light
     for r in range(rows):
         for c in range(columns):
             k = chart[r, c]
             if k < 0:
-                continue
-            rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = grey[r, c]
-            if offset[k] < 0:
                 continue
             ahead, t = 0.0, float(depth[r, c])
             for i in range(3):
@@ -57,7 +68,11 @@ def shade_pixels(
                 bx += down * axis_u[k, i]
                 by += down * axis_v[k, i]
             x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
+            lit = int(grey[k] * _lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], lights) + 0.5)
+            rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = lit
             first = offset[k]
+            if first < 0:
+                continue
             w, h = width[k], height[k]
             across = min(max(int(np.ceil(np.sqrt(ax * ax + ay * ay))), 1), MOST_SAMPLES)
             along = min(max(int(np.ceil(np.sqrt(bx * bx + by * by))), 1), MOST_SAMPLES)

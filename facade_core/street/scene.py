@@ -14,6 +14,7 @@ from facade_core.geometry.equirectangular import directions
 from facade_core.geometry.packing import Placement
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.streets import Viewpoint
+from facade_core.street.daylight import Daylight
 
 
 @dataclass(frozen=True)
@@ -30,6 +31,10 @@ class Scene:
     @cached_property
     def caster(self) -> RayCaster:
         return RayCaster(self.mesh)
+
+    @cached_property
+    def daylight(self) -> Daylight:
+        return Daylight(self.charts, self.caster)
 
     def look(self, viewpoint: Viewpoint, width: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
         """What a viewpoint sees: ray directions (h, w, 3), depth (h, w) metres and chart (h, w), MISS beyond the range too."""

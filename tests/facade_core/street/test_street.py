@@ -13,6 +13,7 @@ from facade_core.atlas import PHOTO, TRANSLATED, UNSEEN, AtlasSpec
 from facade_core.errors import GeometryError
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
+from facade_core.street.daylight import Daylight
 from facade_core.street.footprints import mark_tiles
 from facade_core.types import Building, Roof, Street
 
@@ -217,3 +218,25 @@ def test_a_window_for_a_shorter_range_is_refused(scene: Scene) -> None:
     far = replace(scene, visibility_range=150.0)
     with pytest.raises(GeometryError, match="visibility_range"):
         propagate(far, window(scene, range(len(scene.charts))), camera(), np.zeros((64, 128, 3), np.uint8))
+
+
+def test_corners_and_courts_are_darker_than_open_ground(scene: Scene) -> None:
+    light = Daylight(scene.charts, scene.caster)
+    hidden, roof = (
+        south_wall(scene, 1),
+        int(np.flatnonzero((scene.charts.building == 1) & (scene.charts.kind == ROOF))[0]),
+    )
+    light.reach([hidden, roof])
+
+    def grid(chart: int) -> np.ndarray:
+        start, shape = light.place[chart], (light.rows[chart], light.columns[chart])
+        return light.light[start : start + shape[0] * shape[1]].reshape(shape)
+
+    assert grid(roof).min() > 0.99  # the tallest of all
+    wall = grid(hidden)
+    assert wall[-1].mean() < wall[0].mean() - 0.15  # 4 m behind another house
+    other = Daylight(scene.charts, scene.caster)
+    for chart in (hidden, int(np.flatnonzero(scene.charts.kind == GROUND)[0]), hidden):
+        other.reach([chart])
+    start = other.place[hidden]
+    np.testing.assert_array_equal(other.light[start : start + wall.size], wall.ravel())

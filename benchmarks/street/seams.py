@@ -1,0 +1,150 @@
+"""A long wall cut into charts, seen with changing exposure from behind a kiosk: seams at chart borders, and bleed-through."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.geometry import block_surfaces, pack, terrain_of
+from facade_core.geometry.charts import WALL
+from facade_core.geometry.streets import Viewpoint, viewpoints
+from facade_core.street import Scene, Window, blend, propagate
+from facade_core.types import Building, Street
+
+TEXELS_PER_METRE, WIDTH = 20.0, 1024
+LENGTH_M, HEIGHT_M, PIECE_M = 64.0, 14.0, 16.0
+# Exposure of each panorama, as a factor.
+EXPOSURE = (0.85, 1.15)
+KIOSK_COLOUR = (255, 0, 0)
+
+
+def measure(images: Path) -> dict[str, Any]:
+    """Steps of colour across chart borders over those beside them, and texels of the wall with the kiosk's colour."""
+    scene, street = _scene()
+    own = [Viewpoint(i, 0, p, f) for i, (p, f) in enumerate(zip(*viewpoints(street.line), strict=True))]
+    pieces = _pieces(scene)
+    truth = _truth(images)
+    rng = np.random.default_rng(0)
+    result: dict[str, Any] = {"charts_of_the_wall": len(pieces), "viewpoints": len(own)}
+    for name, exposures in {"one exposure": np.ones(len(own)), "15 % apart": rng.uniform(*EXPOSURE, len(own))}.items():
+        window = _window(scene)
+        hidden = taken = 0
+        for viewpoint, gain in zip(own, exposures, strict=True):
+            rgb, seen = _look(scene, viewpoint, pieces, truth, float(gain))
+            before = blend(window.state)[1].astype(int)
+            propagate(scene, window, viewpoint, rgb, seen=seen)
+            if name == "one exposure":
+                counted = _behind(scene, window, viewpoint, pieces, before)
+                hidden, taken = hidden + counted[0], taken + counted[1]
+        colours = [_raster(scene, window, piece) for piece in pieces]
+        result[name] = {"across_borders_over_beside_them": round(_seam(colours), 2)}
+        result[name]["bleed_through_texels"] = int(sum(_red(colour).sum() for colour in colours))
+        if taken:
+            result[name]["taken_within_a_pixel_behind_an_edge"] = round(hidden / taken, 5)
+    return result
+
+
+def _scene() -> tuple[Scene, Street]:
+    street = Street("s", None, shapely.LineString([(0, -9), (LENGTH_M, -9)]))
+    houses = [
+        Building("wall", shapely.box(0, 0, LENGTH_M, 10), HEIGHT_M, "height"),
+        Building("kiosk", shapely.box(24, -4, 28, -2), 5.0, "height"),
+    ]
+    charts, mesh, _ = block_surfaces(
+        houses, [street], terrain=terrain_of([], None), ground_margin=30, largest=PIECE_M + 0.1, grid=PIECE_M
+    )
+    placement = pack(charts.texels(TEXELS_PER_METRE), charts.building, page=1024, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE, page=1024)), street
+
+
+def _pieces(scene: Scene) -> list[int]:
+    """The charts of the long wall's front, from west to east."""
+    charts = scene.charts
+    front = (charts.building == 0) & (charts.kind == WALL) & (charts.normal()[:, 1] < -0.9)
+    return sorted(np.flatnonzero(front).tolist(), key=lambda c: float(charts.origin[c, 0]))
+
+
+def _truth(images: Path) -> np.ndarray:
+    """Photos side by side over the whole wall, without red: what is red came from the kiosk."""
+    import cv2
+    from PIL import Image
+
+    files = sorted(images.iterdir())[:3]  # their borders are not the charts'
+    size = (round(LENGTH_M * TEXELS_PER_METRE / len(files)), round(HEIGHT_M * TEXELS_PER_METRE))
+    photos = [np.asarray(Image.open(f).convert("RGB")) for f in files]
+    truth = np.concatenate([cv2.resize(p, size, interpolation=cv2.INTER_AREA) for p in photos], axis=1)
+    truth[..., 0] = 0
+    return truth
+
+
+def _look(
+    scene: Scene, viewpoint: Viewpoint, pieces: list[int], truth: np.ndarray, gain: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """The panorama of a viewpoint: the wall's photos, all else in the kiosk's colour."""
+    import cv2
+
+    rays, depth, seen = scene.look(viewpoint, WIDTH)
+    rgb = np.empty((WIDTH // 2, WIDTH, 3), np.uint8)
+    rgb[:] = KIOSK_COLOUR
+    wall = np.isin(seen, pieces)
+    points = viewpoint.position + rays[wall] * depth[wall][:, None]
+    x = np.clip(points[:, 0] * TEXELS_PER_METRE - 0.5, 0, truth.shape[1] - 1).astype(np.float32)
+    y = np.clip((HEIGHT_M - points[:, 2]) * TEXELS_PER_METRE - 0.5, 0, truth.shape[0] - 1).astype(np.float32)
+    colour = np.concatenate(
+        [cv2.remap(truth, u[None], v[None], cv2.INTER_LINEAR)[0] for u, v in zip(_parts(x), _parts(y), strict=True)]
+    )
+    rgb[wall] = np.clip(gain * colour, 0, 255)
+    return rgb, seen
+
+
+def _parts(values: np.ndarray) -> list[np.ndarray]:
+    """In parts short enough for a row of OpenCV's remap."""
+    return np.array_split(values, max(1, -(-len(values) // 30_000)))
+
+
+def _window(scene: Scene) -> Window:
+    rasters, write = Window.layout(scene.placement, range(len(scene.charts)), [])
+    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+    return Window.of(scene.placement, rasters, write, seed, evidence)
+
+
+def _raster(scene: Scene, window: Window, chart: int) -> np.ndarray:
+    shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]), 3)
+    return window.colour[window.rasters.slice(scene.placement, chart)].reshape(shape)
+
+
+def _red(colour: np.ndarray) -> np.ndarray:
+    return colour[..., 0] > 0
+
+
+def _seam(colours: list[np.ndarray]) -> float:
+    """Mean step of colour between the charts' facing columns over that between columns beside them; seen texels only."""
+    across, beside = [], []
+    for left, right in zip(colours[:-1], colours[1:], strict=True):
+        both = (left[:, -3:].max(axis=2).min(axis=1) > 0) & (right[:, :3].max(axis=2).min(axis=1) > 0)
+        a, b = left[both].astype(int), right[both].astype(int)
+        across.append(np.abs(a[:, -1] - b[:, 0]))
+        beside += [np.abs(a[:, -2] - a[:, -1]), np.abs(b[:, 0] - b[:, 1])]
+    return float(np.concatenate(across).mean() / np.concatenate(beside).mean())
+
+
+def _behind(
+    scene: Scene, window: Window, viewpoint: Viewpoint, pieces: list[int], before: np.ndarray
+) -> tuple[int, int]:
+    """Of the wall's texels that took this view, those that a ray to them says are hidden, and all."""
+    hidden = taken = 0
+    charts, placement = scene.charts, scene.placement
+    fresh = blend(window.state)[1].astype(int) > before
+    for chart in pieces:
+        flags = fresh[window.rasters.slice(placement, chart)]
+        row, column = np.divmod(np.flatnonzero(flags), int(placement.width[chart]))
+        place = (np.column_stack([column, row]) + 0.5) / scene.spec.texels_per_metre
+        points = charts.origin[chart] + place[:, :1] * charts.axis_u[chart] + place[:, 1:] * charts.axis_v[chart]
+        distance = scene.caster.cast(viewpoint.position, points - viewpoint.position)[0]
+        hidden += int((distance < 0.999).sum())
+        taken += len(points)
+    return hidden, taken

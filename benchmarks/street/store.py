@@ -1,0 +1,116 @@
+"""What viewpoints and a street cost in the store, and how much it grows by them once it is expired."""
+
+from __future__ import annotations
+
+import statistics
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import zarr
+
+from benchmarks.decisions.timing import bytes_in
+from benchmarks.street.step import VIEWPOINTS, WIDTH, ingolstadt, window_of
+from facade_core.atlas import (
+    Rasters,
+    chunk_digests,
+    commit,
+    create_arrays,
+    expire,
+    open_repository,
+    write_rasters,
+    write_record,
+)
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.street import Swatches, blend, propagate, render
+
+TEXELS_PER_METRE = 10.0
+# Units of the other stages, as a block of this size has them: their records weigh on every commit.
+OTHERS = {"poses": 0, "exemplars": 4, "textures": 0, "facades": 100, "streets": 20}
+
+
+def measure(folder: Path) -> dict[str, Any]:
+    """Texture one street into a store of its own, commit by commit, then expire it."""
+    scene, street, own = ingolstadt(folder, TEXELS_PER_METRE)
+    own = own[:VIEWPOINTS]
+    window, translator = window_of(scene, own), Swatches(scene, [street], seed=7)
+    with tempfile.TemporaryDirectory() as temporary:
+        store = Path(temporary) / "store"
+        repository = open_repository(store, create=True)
+        session = repository.writable_session("main")
+        arrays: dict[str, Any] = {"crs": "EPSG:25832", "panorama_width": WIDTH, "viewpoints": len(own), **OTHERS}
+        create_arrays(zarr.group(store=session.store), scene.spec, **arrays)
+        commit(session, "arrays")
+        expire(repository)
+        empty = bytes_in(store)
+        commits = []
+        for viewpoint in own:
+            panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
+            rgb = translator.translate(panorama)
+            propagate(scene, window, viewpoint, rgb, seen=panorama.chart)
+            session = repository.writable_session("main")
+            group: StoreGroup = zarr.open_group(session.store)
+            group["panoramas/rgb"][viewpoint.id] = rgb
+            start = time.perf_counter()
+            write_record(group, "viewpoints", viewpoint.id, {"unit": str(viewpoint.id), "key": "k" * 32})
+            commit(session, f"viewpoint {viewpoint.id}")
+            commits.append(time.perf_counter() - start)
+        grown = bytes_in(store) - empty
+        expire(repository)
+        expired = bytes_in(store) - empty
+        raw = _panorama_bytes(repository)
+        street_cost = _street(repository, store, scene, window)
+        growth = {
+            "kb_per_viewpoint_before_expiry": round(grown / len(own) / 1e3, 1),
+            "kb_per_viewpoint_after_expiry": round(expired / len(own) / 1e3, 1),
+            "kb_of_a_panorama_stored": round(raw / len(own) / 1e3, 1),
+            "over_chunks_changed": round(expired / raw, 2),
+        }
+    return {
+        "panorama_commit_ms": {
+            "median": round(1000 * statistics.median(commits), 1),
+            "max": round(1000 * max(commits), 1),
+        },
+        "growth": growth,
+        "street": street_cost,
+    }
+
+
+def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, Any]:
+    """The end of a street: its texels written and committed, and what of that is left after expiry."""
+    before = bytes_in(store)
+    held = Rasters.of(scene.placement, window.writable)
+    session = repository.writable_session("main")
+    group: StoreGroup = zarr.open_group(session.store)
+    atlas = group["atlas"]
+    colour, views = blend(window.state)
+    start = time.perf_counter()
+    results = {"street": colour, "street_views": views, "colour": window.colour, "provenance": window.provenance}
+    for name, flat in results.items():
+        write_rasters(atlas[name], scene.spec, scene.placement, held, flat)
+    written = time.perf_counter()
+    chunks = chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, window.writable)
+    digested = time.perf_counter()
+    write_record(group, "streets", 0, {"unit": "street", "key": "k" * 32, "wave": 0, "chunks": chunks})
+    commit(session, "street")
+    committed = time.perf_counter()
+    expire(repository)
+    megabytes = len(chunks) * scene.spec.chunk**2 * (3 + 2 + 3 + 1) / 1e6
+    return {
+        "chunks": len(chunks),
+        "raw_mb": round(megabytes, 1),
+        "stored_mb": round((bytes_in(store) - before) / 1e6, 1),
+        "ms_per_raw_mb": {
+            "write": round(1000 * (written - start) / megabytes, 2),
+            "digest": round(1000 * (digested - written) / megabytes, 2),
+            "commit": round(1000 * (committed - digested) / megabytes, 2),
+        },
+        "commit_ms": round(1000 * (committed - digested), 1),
+    }
+
+
+def _panorama_bytes(repository: Any) -> int:
+    """Bytes of the chunks that the panoramas have at the newest snapshot."""
+    group: StoreGroup = zarr.open_group(repository.readonly_session("main").store, mode="r")
+    return int(group["panoramas/rgb"].nbytes_stored())

@@ -1,0 +1,127 @@
+"""Recovered facades against the photos that were on the walls."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.street import Viewpoint, Weighting, Window, blend, propagate
+from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.types import Pose
+
+TEXELS_PER_METRE = 20.0
+SPACING_M, HEIGHT_M = 5.0, 2.5
+WIDTH, SUPERSAMPLED = 1024, 2
+SEEDS = (1, 2)
+BUILDINGS = 8
+# Standard deviations of a pose's error: metres on each axis, degrees of heading, pitch and roll.
+POSE_ERRORS = {"exact poses": (0.0, 0.0), "5 cm, 0.2 deg": (0.05, 0.2), "15 cm, 0.5 deg": (0.15, 0.5)}
+READINGS = {
+    "average": Weighting(gated=False, clamp="none"),
+    "weighted, all views, divided by the sum": Weighting(gated=False, clamp="sum"),
+    "weighted, all views": Weighting(gated=False),
+    "weighted, gated": Weighting(),
+    "weighted, gated, divided by the sum": Weighting(clamp="sum"),
+    "weighted, all views, by resolution": Weighting(gated=False, resolution=True),
+    "weighted, gated, by resolution": Weighting(resolution=True),
+}
+PINNED = "weighted, gated"
+
+
+def measure(images: Path) -> dict[str, Any]:
+    """PSNR by pose error and reading."""
+    scores: dict[str, dict[str, list[float]]] = {name: {} for name in POSE_ERRORS}
+    for seed in SEEDS:
+        street = street_of_photos(images, seed)
+        for name, errors in POSE_ERRORS.items():
+            for reading, values in _recovered(street, errors, seed).items():
+                scores[name].setdefault(reading, []).extend(values)
+    return {
+        name: {
+            reading: interval(values) | {"above_pinned": interval(np.subtract(values, by_reading[PINNED]))}
+            for reading, values in by_reading.items()
+        }
+        for name, by_reading in scores.items()
+    } | {"facades": len(SEEDS) * BUILDINGS}
+
+
+def street_of_photos(images: Path, seed: int) -> SyntheticStreet:
+    """A synthetic street whose fronts show photos, with nothing before them."""
+    import cv2
+    from PIL import Image
+
+    street = synthetic_street(BUILDINGS, seed=seed, occluders=0, texels_per_metre=TEXELS_PER_METRE)
+    files = sorted(images.iterdir())
+    chosen = np.random.default_rng(seed).choice(len(files), BUILDINGS, replace=False)
+    painted = []
+    for facade, index in zip(street.painted, chosen, strict=True):
+        photo = np.asarray(Image.open(files[index]).convert("RGB"))
+        size = (facade.image.shape[1], facade.image.shape[0])
+        painted.append(replace(facade, image=cv2.resize(photo, size, interpolation=cv2.INTER_AREA)))
+    return replace(street, painted=tuple(painted))
+
+
+def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) -> dict[str, list[float]]:
+    """PSNR of each facade by reading, from panoramas that were taken beside where they are believed to be."""
+    import cv2
+
+    scene, fronts = street.scene, list(street.charts)
+    rng = np.random.default_rng(seed)
+    windows = {name: _window(street, reading) for name, reading in READINGS.items()}
+    latest = [np.zeros((facade.image.shape[0], facade.image.shape[1], 3), np.uint8) for facade in street.painted]
+    forward = street.axis
+    heading = float(np.degrees(np.arctan2(forward[0], forward[1])))
+    for number, along in enumerate(np.arange(SPACING_M / 2, street.length, SPACING_M)):
+        x, y = street.place(float(along), 0.0)
+        off, turn = rng.normal(0, errors[0], 3), rng.normal(0, errors[1], 3)
+        pose = Pose(x + off[0], y + off[1], HEIGHT_M + off[2], heading + turn[0], float(turn[1]), float(turn[2]))
+        fine = panorama(street, pose, WIDTH * SUPERSAMPLED, seed=number)
+        rgb = cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
+        viewpoint = Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), forward)
+        seen = scene.look(viewpoint, WIDTH)[2]
+        for window in windows.values():
+            propagate(scene, window, viewpoint, rgb, seen=seen)
+        alone = _window(street, READINGS["average"])
+        propagate(scene, alone, viewpoint, rgb, seen=seen)
+        for front, image in zip(fronts, latest, strict=True):
+            colour, views = _facade(street, alone, front)
+            image[views > 0] = colour[views > 0]
+    found: dict[str, list[float]] = {"no blending, the latest view": []}
+    for index, front in enumerate(fronts):
+        truth = street.painted[index].image
+        seen_at = _facade(street, windows[PINNED], front)[1] > 0
+        found["no blending, the latest view"].append(psnr(latest[index], truth, seen_at))
+        for name, window in windows.items():
+            found.setdefault(name, []).append(psnr(_facade(street, window, front)[0], truth, seen_at))
+    return found
+
+
+def _window(street: SyntheticStreet, weighting: Weighting) -> Window:
+    rasters, write = Window.layout(street.scene.placement, street.charts, street.charts)
+    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+    return Window.of(street.scene.placement, rasters, write, seed, evidence, weighting=weighting)
+
+
+def _facade(street: SyntheticStreet, window: Window, chart: int) -> tuple[np.ndarray, np.ndarray]:
+    """A facade's colour (h, w, 3) and views (h, w)."""
+    placement = street.scene.placement
+    colour, views = blend(window.state, window.rasters.slice(placement, chart), window.weighting)
+    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    return colour.reshape(*shape, 3), views.reshape(shape)
+
+
+def psnr(image: np.ndarray, truth: np.ndarray, where: np.ndarray) -> float:
+    error = image[where].astype(np.float64) - truth[where]
+    return float(10 * np.log10(255**2 / np.mean(error**2)))
+
+
+def interval(values: Sequence[float] | np.ndarray) -> dict[str, float]:
+    """Mean and the 95 % bootstrap interval of it."""
+    sample = np.asarray(values)
+    means = sample[np.random.default_rng(0).integers(0, len(sample), (2000, len(sample)))].mean(axis=1)
+    low, high = np.quantile(means, [0.025, 0.975])
+    return {"mean": round(float(sample.mean()), 2), "low": round(float(low), 2), "high": round(float(high), 2)}
