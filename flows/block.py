@@ -29,7 +29,7 @@ from tasks.progress import begin_stage
 from tasks.publish import publish_block
 from tasks.run import Run, run_of
 from tasks.standing import nothing_due
-from tasks.streets import texture_street
+from tasks.streets import chosen_streets, texture_street
 from tasks.textures import textures_due
 from tasks.units.memory import street_memory
 
@@ -56,7 +56,11 @@ def flow_run_name() -> str:
     task_runner=ThreadPoolTaskRunner(max_workers=THREADS),  # type: ignore[arg-type]
 )
 def city_block(
-    block_file: Path | None = None, out: Path | None = None, workers: int = 2, dask: str | None = None
+    block_file: Path | None = None,
+    out: Path | None = None,
+    workers: int = 2,
+    dask: str | None = None,
+    only: str | None = None,
 ) -> dict[str, Any] | State:
     """Texture the block of `block_file` into `out`; resumes by itself. Returns the run's summary.
 
@@ -65,6 +69,7 @@ def city_block(
         out: folder for the results; out/NAME of the block file where there is none.
         workers: local processes.
         dask: address of a Dask scheduler to use instead, such as tcp://127.0.0.1:8786.
+        only: id or name of the one street to texture; all without.
     """
     out = out or Path("out") / (block_file.stem if block_file else "demo")
     with locked(out):
@@ -73,7 +78,7 @@ def city_block(
         summary = nothing_due(run)
         if summary is None:
             with tell_progress(block.name):
-                summary = _texture(run, block, workers, dask)
+                summary = _texture(run, block, workers, dask, only)
         tell_outcome(run, summary)
     if summary["failures"]:
         # not Failed: everything else is done and published, and a retry would change nothing
@@ -81,7 +86,7 @@ def city_block(
     return summary
 
 
-def _texture(run: Run, block: Block, workers: int, dask: str | None) -> dict[str, Any]:
+def _texture(run: Run, block: Block, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
     ingest = ingest_block.submit(run, block) if dask is None else None
     with connect(workers, dask, run.out) as compute:
@@ -90,7 +95,7 @@ def _texture(run: Run, block: Block, workers: int, dask: str | None) -> dict[str
         outcome += _process(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
         outcome += _process(run, exemplars_due(run, block.exemplars), compute)
         outcome += _facades(run, block, outline, compute)
-        outcome += _streets(run, outline, compute)
+        outcome += _streets(run, outline, compute, only)
         published = publish_block(run)
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     return published | {
@@ -128,10 +133,12 @@ def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outc
     return _process(run, due, compute)
 
 
-def _streets(run: Run, outline: Outline, compute: Compute) -> Outcome:
-    begin_stage("viewpoints", sum(outline.viewpoints))
+def _streets(run: Run, outline: Outline, compute: Compute, only: str | None) -> Outcome:
+    chosen = chosen_streets(run, only)
+    waves = [[s for s in wave if chosen is None or s in chosen] for wave in outline.waves]
+    begin_stage("viewpoints", sum(outline.viewpoints[s] for wave in waves for s in wave))
     outcome = Outcome()
-    for wave in outline.waves:
+    for wave in waves:
         futures = []
         for street in wave:
             memory = street_memory(*outline.windows[street])

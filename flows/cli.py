@@ -55,15 +55,30 @@ def _compute_options(command: Any) -> Any:
 @main.command()
 @click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
 @click.option("--out", type=FOLDER, help="Where results go.  [default: out/NAME of the block file]")
+@click.option(
+    "--redo", metavar="STREET", help="Do a street again, by id or name, and the later ones that read its texels."
+)
+@click.option("--only", is_flag=True, help="With --redo: that street alone; the later ones are marked stale.")
 @_compute_options
-def run(block_file: Path, out: Path | None, workers: int, dask: str | None, as_json: bool) -> None:
+def run(
+    block_file: Path,
+    out: Path | None,
+    redo: str | None,
+    only: bool,
+    workers: int,
+    dask: str | None,
+    as_json: bool,
+) -> None:
     """Texture a block. What an earlier run finished is not done again.
 
     \b
-    Example:
+    Examples:
       streetloom run block.yaml --out out/mine --workers 2
+      streetloom run block.yaml --out out/mine --redo Kasarmikatu --only
     """
-    _run(block_file, out or Path("out") / block_file.stem, workers, dask, as_json)
+    if only and redo is None:
+        raise click.UsageError("--only needs --redo STREET")
+    _run(block_file, out or Path("out") / block_file.stem, workers, dask, as_json, redo, only)
 
 
 @main.command()
@@ -341,7 +356,15 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
     importlib.import_module(f"benchmarks.{name}").main()
 
 
-def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: bool) -> None:
+def _run(
+    block_file: Path,
+    out: Path,
+    workers: int,
+    dask: str | None,
+    as_json: bool,
+    redo: str | None = None,
+    only: bool = False,
+) -> None:
     import time
 
     from catalogs.block import read_block
@@ -355,6 +378,8 @@ def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: b
     start = time.monotonic()
     run = run_of(read_block(block_file), out)
     with locked(out):
+        if redo is not None:
+            _redo(run, redo, only)
         summary = nothing_due(run)
         if summary is None:
             end_on_interrupt()
@@ -362,7 +387,9 @@ def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: b
                 from flows.block import city_block  # takes seconds, in which the server starts
 
                 ready()
-                summary = cast(dict[str, Any], city_block(block_file.resolve(), out, workers=workers, dask=dask))
+                alone = redo if only else None
+                done = city_block(block_file.resolve(), out, workers=workers, dask=dask, only=alone)
+                summary = cast(dict[str, Any], done)
     summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:
         click.echo(json.dumps(summary))
@@ -370,6 +397,16 @@ def _run(block_file: Path, out: Path, workers: int, dask: str | None, as_json: b
         show(console, summary)
     if summary["facades_failed"] or summary["failures"]:
         sys.exit(1)
+
+
+def _redo(run: Any, street: str, only: bool) -> None:
+    """Make a street due again and say what else is."""
+    from tasks.streets import redo_street
+
+    streets, dependants = redo_street(run, street, only=only)
+    others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
+    fate = ", marked stale until the next run" if only and dependants else ""
+    _note(f"doing street {', '.join(streets)} again; {others}{fate}")
 
 
 if __name__ == "__main__":

@@ -117,6 +117,11 @@ def _write(run: Run, session: Any, folder: Path) -> None:
             if record and record["status"] == "failed"
         ),
     ]
+    broken += [
+        ("street", record["unit"], f"stale: {record['reason']}")
+        for record in read_journal(group, "streets")
+        if record and record["status"] == "stale"
+    ]
     aside = set_aside_rows(run, broken, code_version(), ingested)
     write_items(folder / "items.parquet", rows + aside, run.crs)
     done = sum(r["status"] == "done" for r in rows)

@@ -35,6 +35,11 @@ def write_record(group: StoreGroup, stage: str, index: int, record: dict[str, An
     group[f"journal/{stage}"][index] = json.dumps(record, sort_keys=True, allow_nan=False)
 
 
+def forget_record(group: StoreGroup, stage: str, index: int) -> None:
+    """Make a unit due again."""
+    group[f"journal/{stage}"][index] = ""
+
+
 def unit_key(*parts: Any) -> str:
     """The key of a unit: a digest of everything that its result depends on (strings, numbers, nested lists and dicts)."""
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()

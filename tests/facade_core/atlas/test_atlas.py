@@ -22,6 +22,7 @@ from facade_core.atlas import (
     chunk_digests,
     commit,
     create_arrays,
+    expire,
     open_repository,
     read_journal,
     read_rasters,
@@ -30,6 +31,7 @@ from facade_core.atlas import (
     write_rasters,
     write_record,
 )
+from facade_core.atlas.journal import forget_record, read_records
 from facade_core.errors import StoreError
 from facade_core.geometry import pack
 
@@ -149,6 +151,46 @@ def test_xarray_opens_every_group(repository, name) -> None:
     for array in dataset.values():
         assert array.attrs["long_name"]
         assert not any(str(dim).startswith("dim_") for dim in array.dims)
+
+
+def test_expiry_keeps_the_newest_and_the_tagged_and_drops_the_rest(repository, tmp_path: Path) -> None:
+    def noise(value: int) -> str:
+        session = repository.writable_session("main")
+        zarr.open_group(session.store)["panoramas/rgb"][0] = np.random.default_rng(value).integers(0, 256, (32, 64, 3))
+        return commit(session, str(value))
+
+    def first(snapshot: str) -> int:
+        return int(
+            zarr.open_group(repository.readonly_session(snapshot_id=snapshot).store, mode="r")["panoramas/rgb"][
+                0, 0, 0, 0
+            ]
+        )
+
+    def size() -> int:
+        return sum(f.stat().st_size for f in (tmp_path / "store").rglob("*") if f.is_file())
+
+    snapshots = [noise(value) for value in range(6)]
+    before = {snapshot: first(snapshot) for snapshot in snapshots}
+    repository.create_tag("kept", snapshots[2])
+    grown = size()
+    expire(repository)
+    assert size() < grown - 3 * 32 * 64 * 3 * 0.9
+    assert first(snapshots[5]) == before[snapshots[5]]
+    assert first(repository.lookup_tag("kept")) == before[snapshots[2]]
+    with pytest.raises(Exception, match=r"(?i)not found|does not exist|error"):
+        first(snapshots[1])
+    noise(7)
+
+
+def test_records_are_read_by_unit_and_forgotten(repository) -> None:
+    session = repository.writable_session("main")
+    group = zarr.open_group(session.store)
+    for index in (0, 2):
+        write_record(group, "facades", index, {"unit": str(index), "key": "k"})
+    assert [r and r["unit"] for r in read_records(group, "facades", np.array([2, 1, 0]))] == ["2", None, "0"]
+    assert read_records(group, "facades", np.array([], np.int64)) == []
+    forget_record(group, "facades", 2)
+    assert read_records(group, "facades", np.array([2])) == [None]
 
 
 def test_ranks() -> None:

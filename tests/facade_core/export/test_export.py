@@ -88,6 +88,23 @@ def test_unseen_texels_are_filled_and_seen_ones_kept(scene: Scene) -> None:
     assert colour.sum() == 6
 
 
+def test_mipmaps_of_a_filled_page_do_not_bleed(scene: Scene) -> None:
+    """No level of a mipmap that touches a chart is darker than the chart's darkest: nothing between charts is black."""
+    colour = np.zeros((1024, 1024, 3), np.uint8)
+    provenance = np.full((1024, 1024), UNSEEN, np.uint8)
+    filled = fill_unseen(scene, Swatches(scene, [STREET], seed=0), 0, colour, provenance).astype(float)
+    owned = np.zeros((1024, 1024), bool)
+    for c in np.flatnonzero(scene.placement.page == 0):
+        y, x = int(scene.placement.y[c]), int(scene.placement.x[c])
+        owned[y : y + int(scene.placement.height[c]), x : x + int(scene.placement.width[c])] = True
+    darkest = filled[owned].min()
+    for _ in range(7):
+        filled = filled.reshape(len(filled) // 2, 2, -1, 2, 3).mean(axis=(1, 3))
+        owned = owned.reshape(len(owned) // 2, 2, -1, 2).any(axis=(1, 3))
+        assert filled[owned].min() >= darkest - 1
+    assert provenance.max() == UNSEEN
+
+
 def test_the_picture_shows_walls_upright_and_sky_above(scene: Scene) -> None:
     picture = aim(scene, Camera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1)
     for page in range(scene.placement.pages):
