@@ -16,7 +16,7 @@ from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
 from facade_core.texture import exemplar_scale, inpaint, retarget
 from facade_core.types import Completion, Element, Lattice
-from facade_core.variation import Hierarchy, encode
+from facade_core.variation import Hierarchy, encode, exchange_in_photo
 
 # A row is sky, for cutting an exemplar below it, when more than this share of it is.
 SKY_ROW = 0.5
@@ -29,6 +29,9 @@ LEAST_THING, THING_RIM = 0.0005, 0.006
 SPILL = 0.05
 # What the parser guesses behind a tree is kept for these; windows and balconies come from the completed layout.
 GUESSED = (classes.ROOF, classes.SKY, classes.SHOP, classes.DOOR)
+
+# The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
+VARIED = 0.75
 
 Box = tuple[int, int, int, int]
 
@@ -172,6 +175,10 @@ def from_exemplar(
             labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
     with _timed(seconds, "elements"):
         layout = tuple(elements(labels))
+    with _timed(seconds, "vary"):
+        # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
+        coded = encode(texture, layout)
+        texture = exchange_in_photo(texture, coded, round(VARIED * (len(coded.levels) - 1)), seed)
     nothing = np.zeros(size, bool)
     provenance = np.full(size, SYNTHESISED, np.uint8)
     return _finish(texture, texture, labels, nothing, provenance, (), layout, None, seconds, seed)

@@ -17,18 +17,20 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import draw_facade, overlay_hidden
 from facade_core.ingest import Facades, Plan
 from facade_core.types import Lattice
-from facade_core.variation import Hierarchy
+from facade_core.variation import Hierarchy, draw_level
 from tasks.run import Run
 
 if TYPE_CHECKING:
     import xarray as xr
 
-# Levels of the hierarchy that the report draws beside the first.
+# Levels of the hierarchy that the report draws.
 LEVELS_SHOWN = 3
+# Sampled variations that the report draws.
+SAMPLES_SHOWN = 3
 
 
 def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any] | None], folder: Path) -> None:
-    """One WebP per facade and stage: evidence, hidden, parse with lattice, levels of the hierarchy, a sample, the result."""
+    """One WebP per facade and stage: evidence, hidden, parse with lattice, levels of the hierarchy, samples, the result."""
     for index, record in enumerate(records):
         if record is None or "lattice" not in record:
             continue
@@ -46,13 +48,14 @@ def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any
         stages = {
             "parse": draw_facade(raster("facade_maps/labels"), lattice),
             "result": raster("atlas/seed"),
-            "sample": hierarchy.sample(len(hierarchy.levels) // 2, seed=1),
         }
+        for seed in range(SAMPLES_SHOWN):
+            stages[f"sample-{seed}"] = hierarchy.sample(len(hierarchy.levels) // 2, seed)
         hidden = raster("facade_maps/occluded")
         if hidden.any():
             stages["hidden"] = overlay_hidden(raster("facade_maps/evidence"), hidden)
         for level in shown_levels(len(hierarchy.levels)):
-            stages[f"level-{level}"] = hierarchy.reconstruct(level)
+            stages[f"level-{level}"] = draw_level(hierarchy, level)
         for stage, image in stages.items():
             _save(folder / f"{file_stem(record['unit'])}-{stage}.webp", image)
 

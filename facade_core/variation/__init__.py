@@ -1,8 +1,9 @@
 """Variation-factored encoding of facades: element types, structure matrices, levels, one small file."""
 
 from facade_core.variation.contents import Group, Level
+from facade_core.variation.drawing import draw_level
 from facade_core.variation.encoding import encode
 from facade_core.variation.hierarchy import Hierarchy
 from facade_core.variation.photo import exchange_in_photo
 
-__all__ = ["Group", "Hierarchy", "Level", "encode", "exchange_in_photo"]
+__all__ = ["Group", "Hierarchy", "Level", "draw_level", "encode", "exchange_in_photo"]

@@ -18,8 +18,8 @@ from facade_core.variation.appearance import Basis
 from facade_core.variation.contents import Contents, Group, Level
 
 _FORMAT = "streetloom variation 2"
-_WALL_QUALITY = 60
-_BASIS_QUALITY = 70
+_WALL_QUALITY = 50
+_BASIS_QUALITY = 65
 # Coordinates are kept to half a grey level per value, light to 1/128.
 _COORDINATE_STEP = 0.5
 _LIGHT_STEP = 1 / 128

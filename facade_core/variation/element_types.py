@@ -9,7 +9,8 @@ from facade_core.variation.appearance import DIMENSIONS
 
 # Longest side of a descriptor in pixels: what is left of a state there survives a box that is a pixel off.
 _SIDE = 12
-# Weight of edges over colours. A shadow changes colours, hardly the edges; the two agree on a state.
+# Weights of colours and edges: a shadow changes colours, hardly the edges.
+_COLOURS = 1.0
 _EDGES = 480.0
 # Grey levels per pixel of which a gradient is no edge but noise.
 _FAINT = 8.0
@@ -46,7 +47,7 @@ def descriptors(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
         grey = patch.mean(axis=2)
         across, down = cv2.Sobel(grey, -1, 1, 0, scale=1 / 8), cv2.Sobel(grey, -1, 0, 1, scale=1 / 8)
         usual = np.sqrt(cv2.blur(across * across + down * down, around)) + _FAINT
-        value[..., :3] = cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
+        value[..., :3] = _COLOURS * cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
         value[..., 3] = cv2.resize(_EDGES * np.abs(across) / usual, size, interpolation=cv2.INTER_AREA)
         value[..., 4] = cv2.resize(_EDGES * np.abs(down) / usual, size, interpolation=cv2.INTER_AREA)
         whole[:] = cv2.resize(visible.astype(np.float32), size, interpolation=cv2.INTER_AREA) > 0.9
