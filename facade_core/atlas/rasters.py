@@ -39,31 +39,55 @@ class Rasters:
 
 
 def read_rasters(array: StoreArray, placement: Placement, rasters: Rasters) -> np.ndarray:
-    """The held charts' texels of a (page, y, x, ...) array: (total, ...)."""
+    """The held charts' texels of a (page, y, x, ...) array: (total, ...). A chunk that small charts share is read once."""
     flat = np.empty((rasters.total, *array.shape[3:]), array.dtype)
+    chunk = array.chunks[1]
+    shared: dict[tuple[int, int, int], np.ndarray] = {}
     for c in rasters.charts:
-        y, x = int(placement.y[c]), int(placement.x[c])
-        block = array[int(placement.page[c]), y : y + int(placement.height[c]), x : x + int(placement.width[c])]
-        flat[rasters.slice(placement, c)] = np.asarray(block).reshape(-1, *array.shape[3:])
+        page, y, x = int(placement.page[c]), int(placement.y[c]), int(placement.x[c])
+        height, width = int(placement.height[c]), int(placement.width[c])
+        cell = (page, y // chunk, x // chunk)
+        if cell[1:] == ((y + height - 1) // chunk, (x + width - 1) // chunk):
+            if cell not in shared:
+                shared[cell] = np.asarray(array[_region(cell, chunk)])
+            block = shared[cell][y % chunk : y % chunk + height, x % chunk : x % chunk + width]
+        else:
+            block = np.asarray(array[page, y : y + height, x : x + width])
+        flat[rasters.slice(placement, c)] = block.reshape(-1, *array.shape[3:])
     return flat
 
 
 def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rasters: Rasters, flat: np.ndarray) -> None:
     """Write the held charts' texels (total, ...) and their gutters into a (page, y, x, ...) array.
 
-    A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones share theirs, and
-    zarr reads and rewrites it: only the unit that owns the building may do that.
+    A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones share theirs, each of which
+    is read and rewritten once: only the unit that owns the building may do that.
     """
+    shared: dict[tuple[int, int, int], list[tuple[int, int, np.ndarray]]] = {}
     for c in rasters.charts:
         height, width = int(placement.height[c]), int(placement.width[c])
         raster = flat[rasters.slice(placement, c)].reshape(height, width, *array.shape[3:])
-        y, x = int(placement.y[c]) - spec.gutter, int(placement.x[c]) - spec.gutter
+        page, y, x = int(placement.page[c]), int(placement.y[c]) - spec.gutter, int(placement.x[c]) - spec.gutter
         colour = [(0, 0)] * (raster.ndim - 2)
         block = np.pad(raster, [(spec.gutter,) * 2, (spec.gutter,) * 2, *colour], mode="edge")
         if max(block.shape[:2]) > spec.chunk // 2:
             rows, columns = (-size % spec.chunk for size in block.shape[:2])
             block = np.pad(block, [(0, rows), (0, columns), *colour])
-        array[int(placement.page[c]), y : y + block.shape[0], x : x + block.shape[1]] = block
+            array[page, y : y + block.shape[0], x : x + block.shape[1]] = block
+        else:
+            place = (y % spec.chunk, x % spec.chunk, block)
+            shared.setdefault((page, y // spec.chunk, x // spec.chunk), []).append(place)
+    for cell, members in shared.items():
+        region = _region(cell, spec.chunk)
+        whole = np.array(array[region])
+        for y, x, block in members:
+            whole[y : y + block.shape[0], x : x + block.shape[1]] = block
+        array[region] = whole
+
+
+def _region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, slice]:
+    page, row, column = cell
+    return page, slice(row * chunk, (row + 1) * chunk), slice(column * chunk, (column + 1) * chunk)
 
 
 def chunk_digests(
