@@ -18,6 +18,7 @@ from catalogs.where import parse_since, refusal, select_where
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
+    import duckdb
     import pandas as pd
     import pyarrow as pa
 
@@ -70,19 +71,22 @@ def query(
     import duckdb
 
     box, start = _checked_box(bbox), None if since is None else parse_since(since)
-    published = _published(Path(out), box, start, note)
+    paths, schema = _published(Path(out), note)
     with duckdb.connect(":memory:", config=_SETTINGS) as connection:
-        connection.register("published", published)
-        connection.execute("CREATE TEMP TABLE items AS SELECT * FROM published")
-        connection.unregister("published")
         connection.execute("SET TimeZone = 'UTC'")
+        # of the world the condition may see these files and no others, and only the columns that it names are read of all rows
+        connection.execute(
+            "SET allowed_paths = $1", [[form for _, path, _ in paths for form in (str(path.resolve()), _pattern(path))]]
+        )
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
+        parts = [_select(run, path, held, schema, box, start) for run, path, held in paths]
+        connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
         if where is None:
-            return _frame(connection.sql("FROM items").to_arrow_table())
-        text = select_where(connection, "items", where, published.column_names)
+            return _frame(_fetched(connection, "FROM items", schema))
+        text = select_where(connection, "items", where, schema.names)
         try:
-            return _frame(connection.sql(text).to_arrow_table())
+            return _frame(_fetched(connection, text, schema))
         except duckdb.Error as error:
             problem = str(error).splitlines()[0].partition(": ")[2].partition(" You might")[0]
             raise refusal(where, problem, "compare each column with a value of its type") from error
@@ -160,64 +164,81 @@ def _checked_box(bbox: Sequence[float] | None) -> list[float]:
     return box
 
 
-def _published(out: Path, box: Sequence[float], start: datetime | None, note: Callable[[str], None] | None) -> pa.Table:
-    """What the runs in `out` published, united by the columns' names; of several, those that cannot be read are left out."""
+def _published(out: Path, note: Callable[[str], None] | None) -> tuple[list[tuple[Run, Path, pa.Schema]], pa.Schema]:
+    """The catalogues of the runs in `out`, and all their columns; of several runs, those that cannot be read are left out."""
     import pyarrow as pa
+    import pyarrow.parquet as pq
 
     runs, left_out = runs_in(out)
-    united = pa.schema(
-        [*(pa.field(c.name, arrow_type(c)) for c in COLUMNS), pa.field("run", pa.string())]
-    ).empty_table()
-    read = 0
+    united = pa.schema(pa.field(c.name, arrow_type(c)) for c in COLUMNS)
+    found = []
     for run in runs:
         try:
-            united = _unite(united, _read(items_path(run.folder), box, start), run)
-            read += 1
+            path = items_path(run.folder)
+            try:
+                held = pq.read_schema(path)
+                united = pa.unify_schemas([united, held], promote_options="permissive")
+            except (pa.ArrowTypeError, pa.ArrowInvalid, OSError) as error:
+                raise InputError(_unreadable(run, path, error)) from error
+            found.append((run, path, held))
         except InputError as error:
             if len(runs) == 1:
                 raise
             left_out.append(f"{run.name} is left out: {error}")
-    if not read:
+    if not found:
         raise InputError(f"{out}: no run can be read; {left_out[-1]}")
     for line in left_out:
         if note:
             note(line)
-    return united
+    fields = [pa.field(field.name, field.type) for field in united if field.name != "run"]
+    return found, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
 
 
-def _read(path: Path, box: Sequence[float], start: datetime | None) -> pa.Table:
-    """Rows of one file within the box and since the start. Arrow reads it: DuckDB takes [ and * in a path for patterns."""
-    import pyarrow as pa
-    import pyarrow.compute as pc
-    import pyarrow.parquet as pq
-
-    try:
-        wanted = pc.scalar(True)
-        if start is not None:
-            known = "updated" in pq.read_schema(path).names
-            wanted = pc.field("updated") >= pc.scalar(start) if known else pc.scalar(False)
-        if box:
-            west, south, east, north = box
-            wanted &= (pc.field("xmax") >= west) & (pc.field("ymax") >= south)
-            wanted &= (pc.field("xmin") <= east) & (pc.field("ymin") <= north)
-        # without partitioning: a folder named a=b is no column
-        return pq.read_table(path, filters=wanted, partitioning=None)
-    except (pa.ArrowException, OSError) as error:
-        raise InputError(f"{path} cannot be read as Parquet; `streetloom run` publishes again") from error
-
-
-def _unite(united: pa.Table, table: pa.Table, run: Run) -> pa.Table:
+def _unreadable(run: Run, path: Path, error: Exception) -> str:
     import pyarrow as pa
 
-    if "run" in table.column_names:
-        table = table.drop_columns("run")
-    table = table.append_column("run", pa.repeat(run.name, len(table)))
-    try:
-        return pa.concat_tables([united, table], promote_options="permissive")
-    except pa.ArrowException as error:
-        raise InputError(
-            f"{run.folder}: its columns differ in type from those of other runs; `streetloom run` publishes again"
-        ) from error
+    if isinstance(error, pa.ArrowTypeError):
+        return f"{run.folder}: its columns differ in type from those of other runs; `streetloom run` publishes again"
+    return f"{path} cannot be read as Parquet; `streetloom run` publishes again"
+
+
+def _select(
+    run: Run, path: Path, held: pa.Schema, schema: pa.Schema, box: Sequence[float], start: datetime | None
+) -> str:
+    """SQL for the rows of one run within the box and since the start, with all columns."""
+    columns = [_column(name, run, held) for name in schema.names]
+    conditions = []
+    if start is not None:
+        conditions.append(f"updated >= TIMESTAMPTZ {_text(start.isoformat())}" if "updated" in held.names else "false")
+    if box:
+        west, south, east, north = box
+        conditions.append(f"xmax >= {west!r} AND ymax >= {south!r} AND xmin <= {east!r} AND ymin <= {north!r}")
+    where = f" WHERE {' AND '.join(conditions)}" if conditions else ""
+    source = f"read_parquet({_text(_pattern(path))}, hive_partitioning = false)"
+    return f"SELECT {', '.join(columns)} FROM {source}{where}"
+
+
+def _column(name: str, run: Run, held: pa.Schema) -> str:
+    if name == "run":
+        return f"{_text(run.name)} AS run"
+    return _name(name) if name in held.names else f"NULL AS {_name(name)}"
+
+
+def _pattern(path: Path) -> str:
+    """The pattern that matches a path alone: [, * and ? in one mean others to DuckDB."""
+    return re.sub(r"([\[*?])", r"[\1]", str(path.resolve()))
+
+
+def _name(column: str) -> str:
+    return '"' + column.replace('"', '""') + '"'
+
+
+def _text(value: str) -> str:
+    return "'" + value.replace("'", "''") + "'"
+
+
+def _fetched(connection: duckdb.DuckDBPyConnection, text: str, schema: pa.Schema) -> pa.Table:
+    return connection.sql(text).to_arrow_table().select(schema.names).cast(schema)
 
 
 def _frame(found: pa.Table) -> pd.DataFrame:
