@@ -39,9 +39,9 @@ class Pool:
     def ring(self, points: np.ndarray, uv: np.ndarray | None) -> tuple[list[int], list[int]]:
         """Indices of a ring's vertices and texture vertices, without such that fall together; empty where no area is left."""
         grid = np.rint((points - self.origin) / SCALE).astype(np.int64)
-        keep = (grid != np.roll(grid, 1, axis=0)).any(axis=1)
+        keep = _loop(grid)
         grid = grid[keep]
-        if len(grid) < 3 or len({tuple(p) for p in grid.tolist()}) < 3 or not _area(grid):
+        if len(grid) < 3:
             return [], []
         corners = [self.vertices.setdefault(tuple(p), len(self.vertices)) for p in grid.tolist()]
         if uv is None:
@@ -69,9 +69,28 @@ class Pool:
         return np.concatenate([points.min(axis=0), points.max(axis=0)]).round(3).tolist()
 
 
-def _area(grid: np.ndarray) -> bool:
-    offset = grid - grid[0]
-    return bool(np.cross(offset[1:-1], offset[2:]).sum(axis=0).any())
+def _loop(grid: np.ndarray) -> np.ndarray:
+    """The corners of a ring on the grid (k, 3) that make up its largest part without a corner met twice; none without area."""
+    keep = np.flatnonzero((grid != np.roll(grid, 1, axis=0)).any(axis=1))
+    _, place = np.unique(grid[keep], axis=0, return_inverse=True)
+    place = place.reshape(-1)
+    while len(different := np.unique(place)) < len(place):
+        # between two visits of a corner lies one part of the ring, around them the other
+        twice = next(p for p in different.tolist() if (place == p).sum() > 1)
+        first, second = np.flatnonzero(place == twice)[:2]
+        inside = np.arange(first, second)
+        outside = np.setdiff1d(np.arange(len(place)), inside)
+        part = max(inside, outside, key=lambda part: _area(grid[keep[part]]))
+        keep, place = keep[part], place[part]
+    return keep if _area(grid[keep]) > 0 else keep[:0]
+
+
+def _area(grid: np.ndarray) -> float:
+    """Of a ring (k, 3), in units of the grid."""
+    if len(grid) < 3:
+        return 0.0
+    offset = (grid - grid[0]).astype(np.float64)
+    return float(np.linalg.norm(np.cross(offset[1:-1], offset[2:]).sum(axis=0))) / 2
 
 
 def multi_surface(

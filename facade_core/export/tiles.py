@@ -98,29 +98,30 @@ def write_tileset(
         corners = content(uri, [layout_of(source, charts)])
         return {"boundingVolume": {"box": _box(corners)}, "geometricError": 0.0, "content": {"uri": uri}}
 
-    def tile(cell: Cell, above: float | None) -> dict[str, Any]:
-        """The tile of a cell, with those below. A cell that is not divided is shown as it is, below its coarse tile unless
-        that of the cell above is as fine (`above`, its scale)."""
-        if not cell.children and above == cell.scale:
-            return full(cell)
-        below = [tile(child, cell.scale) for child in cell.children] or [full(cell)]
+    def below(cell: Cell) -> list[dict[str, Any]]:
+        """What replaces the coarse tile of a cell: tiles of the nearest cells within that are finer."""
+        tiles = [t for c in cell.children for t in ([coarse(c)] if c.scale > cell.scale else below(c))]
+        return tiles or [full(cell)]
+
+    def coarse(cell: Cell) -> dict[str, Any]:
+        children = below(cell)
         whole = np.intersect1d(cell.buildings, shells.kept)
         own = np.union1d(cell.ground, source.chosen(whole)).astype(np.int64)
         shelled = shells.textured.chosen(np.setdiff1d(cell.buildings, whole))
         uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
         # a shell's rasters are as coarse already as the finest coarse tile
         drawn = [layout_of(shells.textured, shelled, cell.scale / COARSE), layout_of(source, own, cell.scale)]
-        corners = [content(uri, drawn), *map(_corners, below)]
-        errors = [shells.off, ERROR_PIXELS / (density * cell.scale), *(child["geometricError"] for child in below)]
+        corners = [content(uri, drawn), *map(_corners, children)]
+        errors = [shells.off, ERROR_PIXELS / (density * cell.scale), *(child["geometricError"] for child in children)]
         return {
             "boundingVolume": {"box": _box(np.concatenate(corners))},
             "geometricError": max(errors),
             "refine": "REPLACE",
             "content": {"uri": uri},
-            "children": below,
+            "children": children,
         }
 
-    root = tile(cells, None)
+    root = coarse(cells)
     root["transform"] = frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
     return {
@@ -130,11 +131,9 @@ def write_tileset(
     }
 
 
-def count_tiles(cell: Cell, above: float | None = None) -> int:
-    """How many tiles `write_tileset` makes of a quadtree."""
-    if not cell.children:
-        return 1 if above == cell.scale else 2
-    return 1 + sum(count_tiles(child, cell.scale) for child in cell.children)
+def count_tiles(cell: Cell, above: float = 0.0) -> int:
+    """How many tiles `write_tileset` makes of a quadtree below a tile of scale `above`."""
+    return (cell.scale > above) + (sum(count_tiles(child, cell.scale) for child in cell.children) or 1)
 
 
 def _box(points: np.ndarray) -> list[float]:
