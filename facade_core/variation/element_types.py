@@ -10,7 +10,7 @@ from facade_core.variation.appearance import DIMENSIONS
 # Longest side of a descriptor in pixels: what is left of a state there survives a box that is a pixel off.
 _SIDE = 12
 # Weights of colours and edges: a shadow changes colours, hardly the edges.
-_COLOURS = 1.0
+_COLOURS = 0.5
 _EDGES = 480.0
 # Grey levels per pixel of which a gradient is no edge but noise.
 _FAINT = 8.0
@@ -24,7 +24,7 @@ _NOISE = 40.0
 _CLEAR = 0.2
 _CLEARER = 0.6
 # More types are believed only where they lie apart more clearly by this.
-_BETTER = 0.1
+_BETTER = 0.08
 _SMALLEST_SPLIT = 5
 
 
