@@ -46,7 +46,8 @@ def descriptors(patches: np.ndarray, seen: np.ndarray) -> np.ndarray:
     for patch, visible, value, whole in zip(patches, seen, values, known, strict=True):
         grey = patch.mean(axis=2)
         across, down = cv2.Sobel(grey, -1, 1, 0, scale=1 / 8), cv2.Sobel(grey, -1, 0, 1, scale=1 / 8)
-        usual = np.sqrt(cv2.blur(across * across + down * down, around)) + _FAINT
+        # A running sum in single precision can end below zero beside a flat part.
+        usual = np.sqrt(np.maximum(cv2.blur(across * across + down * down, around), 0)) + _FAINT
         value[..., :3] = _COLOURS * cv2.resize(patch, size, interpolation=cv2.INTER_AREA)
         value[..., 3] = cv2.resize(_EDGES * np.abs(across) / usual, size, interpolation=cv2.INTER_AREA)
         value[..., 4] = cv2.resize(_EDGES * np.abs(down) / usual, size, interpolation=cv2.INTER_AREA)

@@ -47,6 +47,12 @@ def test_alike_patches_are_one_type_and_a_lone_one_too():
         assert types.tolist() == [0] * len(some)
 
 
+def test_flat_parts_beside_strong_edges_have_finite_descriptors():
+    images = np.full((6, 200, 120, 3), 128, np.float32)
+    images[:, 1:7, ::2] = np.random.default_rng(0).uniform(0, 255, (6, 6, 60, 3))
+    assert np.isfinite(descriptors(images, all_seen(images))).all()
+
+
 def test_a_shadow_makes_no_type():
     images, planted = patches(3, types=3)
     rng = np.random.default_rng(0)
