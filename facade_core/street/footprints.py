@@ -38,8 +38,13 @@ def mark_tiles(seen, surface, place, camera, origin, axis_u, axis_v, normal, far
                 continue
             count = 0
             for dr in range(-1, 2):
+                row = min(max(r + dr, 0), rows - 1)
                 for dc in range(-1, 2):
-                    row, column = min(max(r + dr, 0), rows - 1), (c + dc) % columns
+                    column = c + dc
+                    if column < 0:
+                        column += columns
+                    elif column >= columns:
+                        column -= columns
                     if seen[row, column] < 0 or surface[row, column] != surface[r, c]:
                         continue
                     k = place[seen[row, column]]

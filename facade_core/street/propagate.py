@@ -129,13 +129,16 @@ def _propagate(window, frame, rasters, marked, step, camera, rgb, surface, gate,
                             continue
                         column_at = (_turn(right, ahead) / (2 * np.pi) + 0.5) * columns
                         row_at = (0.5 + _turn(down, np.sqrt(level)) / np.pi) * rows
-                        if surface[min(int(row_at), rows - 1), int(column_at) % columns] != own[c]:
+                        # comparisons instead of remainders and floors: they are the slowest of all that is done here
+                        row, column = min(int(row_at), rows - 1), int(column_at)
+                        if column >= columns:
+                            column = 0
+                        if surface[row, column] != own[c]:
                             continue
-                        column_at -= 0.5
-                        row_at -= 0.5
-                        u0, v0 = int(np.floor(column_at)), int(np.floor(row_at))
-                        across, below = column_at - u0, row_at - v0
-                        left_at, right_at = u0 % columns, (u0 + 1) % columns
+                        u0, v0 = int(column_at + 0.5) - 1, int(row_at + 0.5) - 1
+                        across, below = column_at - 0.5 - u0, row_at - 0.5 - v0
+                        left_at = u0 if u0 >= 0 else columns - 1
+                        right_at = u0 + 1 if u0 + 1 < columns else 0
                         above_at, below_at = max(v0, 0), min(v0 + 1, rows - 1)
                         # weights of the four pixels around; those of other surfaces do not count
                         w00 = (1 - across) * (1 - below) if surface[above_at, left_at] == own[c] else 0.0
