@@ -10,6 +10,8 @@ from facade_core.geometry.raycast import MISS, RayCaster
 
 # Walls are looked at from this far before the shell, and as far behind it.
 BEFORE_M, BEHIND_M = 2.0, 12.0
+# No ray is nearer to the edge of a shell's wall or roof.
+EDGE_M = 0.03
 # Rays per texel and axis.
 SAMPLES = 3
 
@@ -35,8 +37,8 @@ def bake(
         width, height = texels[chart].tolist()
         x = (np.arange(width * SAMPLES) + 0.5) / SAMPLES / density
         y = (np.arange(height * SAMPLES) + 0.5) / SAMPLES / density
-        # the last texel reaches past the edge, where a ray would pass the building by
-        x, y = (np.minimum(v, side - 1e-3) for v, side in zip((x, y), charts.size[chart], strict=True))
+        # at its edges a shell may stand out, and the last texel does: there a ray would pass the building by
+        x, y = (np.clip(v, EDGE_M, side - EDGE_M) for v, side in zip((x, y), charts.size[chart], strict=True))
         points = (
             charts.origin[chart] + x[None, :, None] * charts.axis_u[chart] + y[:, None, None] * charts.axis_v[chart]
         )

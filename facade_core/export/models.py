@@ -153,6 +153,8 @@ def layout_of(source: Textured, charts: np.ndarray, scale: float = 1.0) -> Drawn
 
 def _by_place(source: Textured, charts: np.ndarray) -> np.ndarray:
     """A number for the building of each chart, for each piece of ground its own, that rises along a curve through the block."""
+    if not len(charts):
+        return np.zeros(0, np.int64)
     building = source.charts.building[charts]
     _, of = np.unique(np.where(building >= 0, building, -1 - charts), return_inverse=True)
     centre = source.centres[charts, :2]
