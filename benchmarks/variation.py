@@ -26,6 +26,8 @@ from facade_core.variation.sampling import exchange
 from facade_core.variation.structure import relax
 
 SAMPLES = 20
+# Painted facades from this seed on were not looked at when weights and thresholds of the types were chosen.
+_UNSEEN = 11
 
 
 def elements_of(labels: np.ndarray, *, smallest: int = 40) -> list[Element]:
@@ -175,7 +177,7 @@ def planted(seeds: int = 3) -> dict[str, object]:
     from facade_core.synth import STYLES, facade
 
     found: dict[str, list[float]] = {}
-    for seed in range(seeds):
+    for seed in range(_UNSEEN, _UNSEEN + seeds):
         for style in STYLES:
             painted = facade((18.0, 16.0), floors=5, columns=6, style=style, metres_per_pixel=0.04, seed=seed)
             hierarchy = encode(painted.image, painted.elements)
