@@ -279,8 +279,10 @@ def test_bad_files_and_levels(coded, tmp_path):
 def test_a_photographed_facade_has_levels_and_a_small_file(data):
     from benchmarks.variation import run
 
-    report = run(data / "facades" / "ecp", every=40, others=False)
-    assert report["share with 5 to 10 levels"] == 1
+    report = run(data / "facades" / "ecp", every=10, others=False)
+    # 7 of these 9: the only two of the 83 facades with fewer than 5 levels are among them.
+    assert report["share with 5 to 10 levels"] >= 0.75
+    assert 5 <= report["median"]["levels"] <= 10
     assert report["energy falls"]
     assert report["median"]["psnr elements"] >= 22
     assert report["median"]["png elements and wall over bytes"] >= 9
