@@ -10,12 +10,15 @@ import shapely
 from shapely import Polygon
 
 from facade_core.export.baking import bake
+from facade_core.export.footprints import footprint
 from facade_core.export.models import Textured, grouped, shown_area
 from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces
 from facade_core.geometry.ground import add_level, add_planar
 
-# Corners nearer than this to their neighbours' line are left out of an outline, and smaller courtyards are closed.
+# Corners nearer than this to their neighbours' line are left out of an outline.
 TOLERANCE_M = 1.0
+# Gaps of twice this between a building's parts are closed, and courtyards smaller than this.
+CLOSED_M, COURTYARD_M2 = 0.01, 16.0
 # The shell's roof is above this share of the roofs' area.
 ROOF_SHARE = 0.7
 # A building of which roofs leave the shell by more than this keeps its own surfaces.
@@ -45,9 +48,10 @@ def simplified_shells(source: Textured, density: float, tell: Callable[[], None]
             kept.append(building)
             tell()
             continue
-        outline, base, top, apart = body
+        outlines, base, top, apart = body
         off = max(off, apart)
-        _extrude(pieces, building, outline, base, top)
+        for outline in outlines:
+            _extrude(pieces, building, outline, base, top)
     charts, mesh = pieces.values() if len(pieces) else _nothing()
     texels = charts.texels(density)
     rasters: dict[int, np.ndarray] = {}
@@ -57,31 +61,28 @@ def simplified_shells(source: Textured, density: float, tell: Callable[[], None]
     return Shells(Textured(charts, mesh, texels / density, texels, rasters.__getitem__), np.array(kept, np.int64), off)
 
 
-def _body(source: Textured, triangles: np.ndarray) -> tuple[Polygon, float, float, float] | None:
-    """Outline, base and top of a building's shell, and how far it leaves the roofs; None where it would leave them too far."""
+def _body(source: Textured, triangles: np.ndarray) -> tuple[list[Polygon], float, float, float] | None:
+    """Outlines, base and top of a building's shell, and how far it leaves the roofs; None where it would leave them too far."""
     mesh = source.mesh
     roof = triangles[source.charts.kind[mesh.chart[triangles]] == ROOF]
+    if not len(roof):
+        return None
     corners = mesh.vertices[mesh.triangles[roof]]
-    flat = shapely.polygons(corners[..., :2])
-    flat = flat[shapely.area(flat) > 1e-6]
-    if not len(flat):
-        return None
-    covered = shapely.union_all(shapely.buffer(flat, 0.01, join_style="mitre"))
-    parts = shapely.get_parts(shapely.simplify(covered, TOLERANCE_M))
-    parts = [p for p in parts if p.geom_type == "Polygon" and p.area > TOLERANCE_M**2]
-    if len(parts) != 1:
-        return None
-    holes = [ring for ring in parts[0].interiors if Polygon(ring).area > (4 * TOLERANCE_M) ** 2]
-    outline = shapely.orient_polygons(Polygon(parts[0].exterior, holes))
+    covered = shapely.union_all(shapely.buffer(footprint(source, triangles), CLOSED_M, join_style="mitre"))
+    outlines = [
+        shapely.orient_polygons(Polygon(part.exterior, [r for r in part.interiors if Polygon(r).area > COURTYARD_M2]))
+        for part in shapely.get_parts(shapely.simplify(covered, TOLERANCE_M))
+        if part.area > TOLERANCE_M**2
+    ]
     heights = corners[..., 2].mean(axis=1)
     order = np.argsort(heights)
     area = np.cumsum(shown_area(mesh)[roof][order])
     top = float(heights[order][np.searchsorted(area, ROOF_SHARE * area[-1])])
     base = float(mesh.vertices[mesh.triangles[triangles], 2].min())
     apart = max(float(np.abs(corners[..., 2] - top).max()), TOLERANCE_M)
-    if apart > OFF_M or top - base < TOLERANCE_M or not outline.is_valid:
+    if apart > OFF_M or top - base < TOLERANCE_M or not outlines or not all(o.is_valid for o in outlines):
         return None
-    return outline, base, top, apart
+    return outlines, base, top, apart
 
 
 def _extrude(pieces: Pieces, building: int, outline: Polygon, base: float, top: float) -> None:
