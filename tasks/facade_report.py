@@ -50,7 +50,7 @@ def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any
             "result": raster("atlas/seed"),
         }
         for seed in range(SAMPLES_SHOWN):
-            stages[f"sample-{seed}"] = hierarchy.sample(len(hierarchy.levels) // 2, seed)
+            stages["sample" if seed == 0 else f"sample-{seed}"] = hierarchy.sample(len(hierarchy.levels) // 2, seed)
         hidden = raster("facade_maps/occluded")
         if hidden.any():
             stages["hidden"] = overlay_hidden(raster("facade_maps/evidence"), hidden)

@@ -8,7 +8,7 @@ from facade_core.variation.hierarchy import Hierarchy
 from facade_core.variation.rendering import element_boxes
 
 # Height of a type's picture as a share of the facade's, and the pixels between pictures.
-_SHARE = 0.09
+_SHARE = 0.045
 _GAP = 4
 _PAPER = 255
 
@@ -33,7 +33,7 @@ def draw_level(hierarchy: Hierarchy, level: int) -> np.ndarray:
     at = _GAP
     for t in types[np.lexsort((types, -counts))]:
         x0, y0, x1, y1 = np.clip(boxes[t], 0, (width, height, width, height)).tolist()
-        across = min(max(6, round((x1 - x0) * tall / max(1, y1 - y0))), width - 2 * _GAP, 3 * tall)
+        across = min(max(6, round((x1 - x0) * tall / max(1, y1 - y0))), width - 2 * _GAP, 2 * tall)
         if min(x1 - x0, y1 - y0, across) < 1:
             continue
         if at + across > width - _GAP:
