@@ -30,6 +30,7 @@ def write_layers(
     """
     import geopandas as gpd
     import pyarrow as pa
+    import pyogrio
 
     try:
         rows = gpd.read_parquet(items)
@@ -43,12 +44,12 @@ def write_layers(
         "streets": gpd.GeoDataFrame(list(streets), geometry="geometry", crs=crs) if streets else None,
         "set_aside": rows[rows.kind != "facade"].drop(columns="geometry"),
     }
-    for name, layer in layers.items():
-        if layer is None or layer.empty:
-            continue
-        if isinstance(layer, gpd.GeoDataFrame):
-            layer.to_file(path, layer=name, driver="GPKG", engine="pyogrio")
-        else:
-            import pyogrio
-
-            pyogrio.write_dataframe(layer, path, layer=name, driver="GPKG", append=path.exists())
+    # the file states when it was changed: as of its newest row, so that the same catalogue gives the same file
+    changed = rows.updated.max().strftime("%Y-%m-%dT%H:%M:%S.000Z") if len(rows) else None
+    pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": changed})
+    try:
+        for name, layer in layers.items():
+            if layer is not None and not layer.empty:
+                pyogrio.write_dataframe(layer, path, layer=name, driver="GPKG")
+    finally:
+        pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})

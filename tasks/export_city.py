@@ -90,12 +90,13 @@ def _objects(
     triangles = grouped(source.charts.building[source.mesh.chart])
 
     def building(index: int, pool: Any) -> dict[str, Any]:
-        faces, surfaces, cut = building_faces(drawn, triangles[index], facades, layouts)
+        faces, surfaces = building_faces(drawn, triangles[index], facades, layouts)
+        opened = any(surface["type"] in ("Window", "Door") for surface in surfaces)
         advance("export", 1)
         return {
             "type": "Building",
             "attributes": _attributes(found, index),
-            "geometry": [multi_surface(faces, surfaces, pool, "3" if cut else "2")],
+            "geometry": [multi_surface(faces, surfaces, pool, "3" if opened else "2")],
         }
 
     def terrain(pool: Any) -> dict[str, Any]:

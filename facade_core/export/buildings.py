@@ -29,8 +29,8 @@ OPENINGS = {"window": "Window", "door": "Door"}
 
 def building_faces(
     drawn: Drawn, triangles: np.ndarray, facades: Mapping[int, str], layouts: Mapping[int, Sequence[Element]]
-) -> tuple[list[Face], list[dict[str, Any]], bool]:
-    """The faces of one building, the semantic surfaces that they count, and whether openings were cut.
+) -> tuple[list[Face], list[dict[str, Any]]]:
+    """The faces of one building, and the semantic surfaces that they count.
 
     triangles: the building's, of the mesh that is drawn. facades: chart -> id of the facade there; layouts: chart -> its
     elements in metres, y down, of which windows and doors are cut out. The ground below, the last faces, has no texture.
@@ -39,7 +39,6 @@ def building_faces(
     faces: list[Face] = []
     surfaces: list[dict[str, Any]] = []
     shared: dict[str, int] = {}
-    cut = False
 
     def surface(kind: str, **more: Any) -> int:
         surfaces.append({"type": kind, **more})
@@ -60,13 +59,12 @@ def building_faces(
             walls, openings = cut_openings(part, layouts[chart]) if chart in layouts else ([part], [])
             faces += [_face(drawn, chart, wall, semantic, known) for wall in walls]
             for element, opening in openings:
-                cut = True
                 faces.append(_face(drawn, chart, opening, surface(OPENINGS[element.label], parent=semantic), known))
     below = _ground(drawn, triangles)
     if below:
         semantic = surface("GroundSurface")
         faces += [Face(rings, semantic) for rings in below]
-    return faces, surfaces, cut
+    return faces, surfaces
 
 
 def _face(drawn: Drawn, chart: int, polygon: Polygon, semantic: int, known: Mapping[tuple[float, ...], int]) -> Face:

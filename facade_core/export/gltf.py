@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from facade_core.export.glb import Node, Primitive, glb_bytes
-from facade_core.export.models import GROUND_NODE, local_frame
+from facade_core.export.models import GROUND_NODE, grouped, local_frame
 from facade_core.street.scene import Scene
 
 
@@ -29,11 +29,12 @@ def write_glb(path: Path, scene: Scene, pages: Mapping[int, bytes], names: Mappi
 
     shown = sorted(pages)
     parts: dict[int, list[Primitive]] = {}
-    owner, page = charts.building[mesh.chart], placement.page[mesh.chart]
-    for building, picture in np.unique(np.column_stack([owner, page]), axis=0).tolist():
+    owner, page = charts.building[mesh.chart].astype(np.int64), placement.page[mesh.chart]
+    for code, triangles in grouped((owner + 1) * placement.pages + page).items():
+        building, picture = code // placement.pages - 1, code % placement.pages
         if picture not in pages:
             continue
-        used, index = np.unique(mesh.triangles[(owner == building) & (page == picture)], return_inverse=True)
+        used, index = np.unique(mesh.triangles[triangles], return_inverse=True)
         part = Primitive(position[used], normals[used], uv[used], index.reshape(-1, 3), shown.index(picture))
         parts.setdefault(building, []).append(part)
     names = names or {}

@@ -203,7 +203,7 @@ def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> 
         place[part.charts] = np.arange(len(part.charts))
         mine = np.flatnonzero(place[mesh.chart] >= 0)
         page = part.layout.page[place[mesh.chart[mine]]]
-        owner = source.charts.building[mesh.chart[mine]]
+        owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
         pages = len(part.layout.pages)
         for code, here in grouped((owner + 1) * pages + page).items():
             building, shown = code // pages - 1, code % pages

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 import json
 import shutil
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import click.testing
@@ -22,6 +24,7 @@ from catalogs.readers.cityjson import read_cityjson
 from facade_core.errors import InputError
 from flows.cli import main
 from tasks.export import FORMATS, export
+from tasks.export_models import write_3dtiles
 from tasks.published import Published, published
 
 Run = tuple[Path, dict[str, Any]]
@@ -184,6 +187,31 @@ def test_tiles_stand_on_the_block(found: Published, undisturbed: Run, tmp_path: 
     assert items.ymin.min() - 0.001 < latitude < items.ymax.max() + 0.001
     assert (path.parent / tileset["root"]["content"]["uri"]).is_file()
     assert tileset["root"]["children"]
+
+
+def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(found: Published, tmp_path: Path) -> None:
+    heights = []
+    for separation in (None, 17.5):
+        folder = tmp_path / str(separation)
+        folder.mkdir()
+        stated = SimpleNamespace(attrs=dict(found.group.attrs) | {"geoid_separation": separation})
+        _, notes = write_3dtiles(replace(found, group=stated), found.choose(())[:1], folder)
+        assert len(notes) == (separation is None)
+        tileset = json.loads((folder / "tileset.json").read_text())
+        centre = np.array(tileset["root"]["transform"])[12:15]
+        heights.append(Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*centre)[2])
+        assert ("17.5 m" in tileset["asset"]["extras"]["heights"]) == (separation is not None)
+    assert heights[1] - heights[0] == pytest.approx(17.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("style", ["3dtiles", "cityjsonseq", "gpkg"])
+def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: Published, tmp_path: Path, style: str) -> None:
+    name = found.names[int(found.choose(())[-1])]
+    one, two = (export(undisturbed[0], style, tmp_path / side, [name]).path for side in "ab")
+    files = sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file())
+    assert len(files) > 1
+    for file in files:
+        assert (one / file).read_bytes() == (two / file).read_bytes(), file
 
 
 def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, tmp_path: Path) -> None:

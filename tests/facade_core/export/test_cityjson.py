@@ -58,8 +58,7 @@ def test_faces_of_a_building_look_outwards_and_know_their_texture(drawn: Drawn, 
     triangles = grouped(coloured.charts.building[coloured.mesh.chart])[0]
     wall = next(c for c in np.flatnonzero(coloured.charts.building == 0) if coloured.charts.kind[c] == WALL)
     window = Element("window", 1.0, 2.0, 2.5, 4.0)
-    faces, surfaces, cut = building_faces(drawn, triangles, {wall: "a-0"}, {wall: [window]})
-    assert cut
+    faces, surfaces = building_faces(drawn, triangles, {wall: "a-0"}, {wall: [window]})
     centre = coloured.mesh.vertices[coloured.mesh.triangles[triangles]].mean(axis=(0, 1))
     area = 0.0
     for face in faces:
@@ -81,7 +80,7 @@ def test_faces_of_a_building_look_outwards_and_know_their_texture(drawn: Drawn, 
 def test_a_geometry_indexes_its_tables(drawn: Drawn, coloured: Textured) -> None:
     triangles = grouped(coloured.charts.building[coloured.mesh.chart])
     pool = Pool(np.array([386000.0, 6671900.0, 0.0]))
-    faces, surfaces, _ = building_faces(drawn, triangles[1], {}, {})
+    faces, surfaces = building_faces(drawn, triangles[1], {}, {})
     geometry = multi_surface(faces, surfaces, pool, "2")
     terrain = multi_surface(ground_faces(drawn, triangles[-1]), (), pool, "2", "CompositeSurface")
     tables = pool.tables(["p.jpg"] * 9)
