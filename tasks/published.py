@@ -58,8 +58,13 @@ class Published:
 
         from tasks.standing import page_path
 
-        with Image.open(page_path(self.folder, page)) as image:
-            return np.asarray(image.convert("RGB"))
+        path = page_path(self.folder, page)
+        try:
+            with Image.open(path) as image:
+                return np.asarray(image.convert("RGB"))
+        except OSError as error:
+            again = publishes_again(self.folder.parent.parent)
+            raise InputError(f"{path} cannot be read as a picture; {again}") from error
 
     def choose(self, ids: Sequence[str]) -> np.ndarray:
         """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
@@ -91,6 +96,7 @@ def published(out: Path) -> Published:
 
     Raises InputError where nothing is, or several runs have, and StoreError where the store does not hold the snapshot.
     """
+    import icechunk
     import zarr
 
     from catalogs.query import items_path, runs_in
@@ -103,20 +109,24 @@ def published(out: Path) -> Published:
     if len(runs) > 1:
         raise InputError(f"{out}: holds {len(runs)} runs; name one, such as {runs[0].folder}")
     folder = items_path(runs[0].folder).parent
-    again = f"`streetloom run BLOCK.yaml --out {runs[0].folder}` publishes again"
+    again = publishes_again(runs[0].folder)
     repository = open_repository(runs[0].folder / "store")
     try:
         session = repository.readonly_session(snapshot_id=folder.name)
-    except Exception as error:  # icechunk's errors share no base with what it raises for a malformed id
-        raise StoreError(f"{folder.parent.parent}: its store has no snapshot {folder.name}; {again}") from error
-    group = zarr.open_group(session.store, mode="r")
-    try:
+        group: StoreGroup = zarr.open_group(session.store, mode="r")
         plan = read_plan(session, float(cast(float, group["atlas"].attrs["texels_per_metre"])))
-    except KeyError as error:
-        raise StoreError(f"{runs[0].folder}: published by another version, without {error}; {again}") from error
+        buildings, records = open_table(session, "buildings").load(), read_journal(group, "facades")
+    except (icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
+        why = " ".join(str(error).split())[:120]
+        raise StoreError(
+            f"{runs[0].folder}: its store does not hold snapshot {folder.name} as this version writes it ({why}); {again}"
+        ) from error
     missing = [page for page in range(plan.scene.spec.pages) if not page_path(folder, page).is_file()]
     if missing:
         raise InputError(f"{page_path(folder, missing[0])} is missing; {again}")
-    return Published(
-        folder, folder.name, group, plan, open_table(session, "buildings").load(), read_journal(group, "facades")
-    )
+    return Published(folder, folder.name, group, plan, buildings, records)
+
+
+def publishes_again(out: Path) -> str:
+    """The remedy where a published folder is damaged."""
+    return f"remove {out / 'current'}, and `streetloom run BLOCK.yaml --out {out}` publishes again"

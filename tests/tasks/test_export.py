@@ -21,7 +21,7 @@ from pyproj import Transformer
 
 from catalogs.items import COLUMNS
 from catalogs.readers.cityjson import read_cityjson
-from facade_core.errors import InputError
+from facade_core.errors import InputError, StoreError
 from flows.cli import main
 from tasks.export import FORMATS, export
 from tasks.export_models import write_3dtiles
@@ -298,3 +298,15 @@ def test_what_is_not_published_is_refused_in_one_line(undisturbed: Run, tmp_path
     assert done.exit_code == 2
     assert "0000.jpg is missing" in done.stderr
     assert len(done.stderr.splitlines()) == 1
+    (broken / "published" / snapshot / "pages").mkdir()
+    for path in (undisturbed[0] / "published" / snapshot / "pages").iterdir():
+        (broken / "published" / snapshot / "pages" / path.name).write_bytes(path.read_bytes()[:500])
+    with pytest.raises(InputError, match=r"\.jpg cannot be read as a picture; remove .*current, and"):
+        export(broken, "glb", tmp_path / "glb")
+    assert not (tmp_path / "glb").exists()
+    for other in ("0" * 20, "short"):
+        (broken / "published" / other).mkdir()
+        (broken / "published" / other / "items.parquet").touch()
+        (broken / "current").write_text(other)
+        with pytest.raises(StoreError, match=f"does not hold snapshot {other}"):
+            export(broken, "glb")
