@@ -9,9 +9,9 @@ from typing import Any, cast
 
 import click
 
-EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
-FOLDER = click.Path(file_okay=False, path_type=Path)
+from flows.cli_paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER
+from flows.cli_results import catalog, export, query, view
+from flows.cli_training import bench, train
 
 
 class Commands(click.Group):
@@ -39,6 +39,7 @@ def main() -> None:
       streetloom run block.yaml --out out/mine
       streetloom query out/mine --where "floors >= 5"
       streetloom view out/mine
+      streetloom export out/mine --format 3dtiles
     """
 
 
@@ -156,206 +157,6 @@ def fetch(name: str | None, out: Path) -> None:
     click.echo(f"ready: streetloom run {block}")
 
 
-@main.command()
-@click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
-@click.option("--where", metavar="SQL", help="A condition on the columns of items.parquet, and on run.")
-@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
-@click.option("--since", metavar="WHEN", help="Made since a date (2026-11-21), a time (UTC) or an age (36h, 7d).")
-@click.option("--format", "style", type=click.Choice(["table", "json", "geojson"]), default="table", show_default=True)
-def query(folder: Path, where: str | None, bbox: tuple[float, ...] | None, since: str | None, style: str) -> None:
-    """Find facades in what a run published, or in what all runs in a folder did.
-
-    \b
-    Examples:
-      streetloom query out/demo --where "floors >= 5 and occluded > 0.1"
-      streetloom query out --since 7d --where "status = 'failed' and run <> 'demo'"
-      streetloom query out/demo --bbox 24.94 60.16 24.95 60.17 --format geojson
-    """
-    from catalogs.query import format_items
-    from catalogs.query import query as find
-
-    click.echo(format_items(find(folder, where=where, bbox=bbox or None, since=since, note=_note), style))
-
-
-@main.command()
-@click.argument("folder", metavar="OUT", type=EXISTING_FOLDER)
-@click.option(
-    "--format",
-    "style",
-    required=True,
-    type=click.Choice(["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg"]),
-    help="glb, 3dtiles, cityjson(seq), lod3: models; coco, labelme: elements of the facades; gpkg: for QGIS.",
-)
-@click.option("--to", type=click.Path(path_type=Path), help="Where it goes.  [default: OUT/exports/FORMAT]")
-@click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
-def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
-    """Write what a run has published for other programs. An earlier export in the same place is replaced.
-
-    \b
-    Examples:
-      streetloom export out/demo --format glb
-      streetloom export out/demo --format 3dtiles --to tiles/
-      streetloom export out/demo --format lod3 --building w123456 --building w123457
-      streetloom export out/demo --format gpkg --to demo.gpkg
-    """
-    from flows.console import progress
-    from tasks.export import export as write
-
-    with progress(quiet=not sys.stderr.isatty()):
-        done = write(folder, style, to, buildings)
-    for line in done.notes:
-        _note(line)
-    for file in done.files:
-        click.echo(file)
-
-
-@main.command()
-@click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
-def catalog(folder: Path) -> None:
-    """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder (or of one run).
-
-    \b
-    Example:
-      streetloom catalog out
-    """
-    from catalogs.stac_catalog import write_catalog
-
-    click.echo(write_catalog(folder, note=_note))
-
-
-def _note(line: str) -> None:
-    click.echo(f"streetloom: {line}", err=True)
-
-
-@main.group()
-def train() -> None:
-    """Train the models that are shipped, from a data folder.
-
-    \b
-    Example:
-      streetloom train parser --data ../shared/data --out parser/
-    """
-
-
-@train.command("parser")
-@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds facades/ and streetphotos/.")
-@click.option("--out", type=FOLDER, required=True, help="Where the .onnx and its .json go, and where a run goes on.")
-@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's, 1 the shipped forest's.")
-@click.option("--segmenter", type=click.Choice(["network", "forest"]), default="network", show_default=True)
-@click.option(
-    "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Go on from the network in OUT, to measure."
-)
-def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | None) -> None:
-    """Train the facade parser (extra: train; `make train-setup`). An interrupted run goes on where it was.
-
-    With --fold, the network in OUT learns the training part of a set whose licence allows no shipped weights, for the
-    benchmark of that set.
-
-    \b
-    Examples:
-      streetloom train parser --data ../shared/data --out parser/
-      streetloom train parser --data ../shared/data --out parser/ --fold artdeco
-      streetloom train parser --data ../shared/data --out forest/ --segmenter forest --seed 1
-    """
-    from flows.console import progress
-    from tasks.train import train_fold, train_forest, train_network
-
-    with progress(quiet=False):
-        if fold:
-            model = train_fold(data, out, fold, seed=seed)
-        elif segmenter == "forest":
-            model = train_forest(data, out, seed=seed)
-        else:
-            model = train_network(data, out, seed=seed)
-    click.echo(model)
-
-
-@train.command("layout")
-@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds layouts/.")
-@click.option("--out", type=FOLDER, required=True, help="Where layouts.json goes.")
-@click.option("--seed", default=1, show_default=True, help="1 is the shipped model's.")
-@click.option("--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Every fifth facade to hold out.")
-@click.option("--size", type=click.IntRange(10), help="Learn from so many of the facades only.")
-def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | None) -> None:
-    """Train the layout model on layouts/cmp.jsonl without a fifth, and on the layouts in metres.
-
-    \b
-    Example:
-      streetloom train layout --data ../shared/data --out layout/
-    """
-    from flows.console import progress
-    from tasks.train_layout import train_layout
-
-    with progress(quiet=False):
-        model = train_layout(data, out, seed=seed, fold=fold, size=size)
-    click.echo(model)
-
-
-@main.command()
-@click.argument("out", metavar="OUT", type=EXISTING_FOLDER)
-@click.option(
-    "--port", type=click.IntRange(0, 65535), default=8710, show_default=True, help="0 takes any that is free."
-)
-@click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to serve on; others see it only by theirs."
-)
-@click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
-def view(out: Path, port: int, host: str, opened: bool) -> None:
-    """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D. Ctrl-C ends it.
-
-    \b
-    Examples:
-      streetloom view out/demo
-      streetloom view out/mine --port 0 --no-open      beside a run that is still going
-    """
-    from facade_core.errors import InputError
-
-    if not (out / "store").is_dir():
-        raise InputError(
-            f"{out}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
-        )
-    try:
-        from flows.viewer.app import serve
-    except ModuleNotFoundError as error:
-        raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
-
-    def ready(address: str) -> None:
-        click.echo(f"{address}  (Ctrl-C ends it)")
-        if opened:
-            import webbrowser
-
-            webbrowser.open(address)
-
-    serve(out, host, port, ready)
-
-
-@main.command(context_settings={"ignore_unknown_options": True})
-@click.argument("name", required=False)
-@click.argument("options", nargs=-1, type=click.UNPROCESSED)
-def bench(name: str | None, options: tuple[str, ...]) -> None:
-    """Run a benchmark by name, which prints JSON; without a name, list them. OPTIONS are the benchmark's own.
-
-    \b
-    Examples:
-      streetloom bench block --json
-      streetloom bench parsing --data ../shared/data
-    """
-    import importlib
-    import pkgutil
-
-    import benchmarks
-
-    names = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
-    if name is None:
-        click.echo("\n".join(names))
-        return
-    if name not in names:
-        raise click.BadParameter(f"{name}: there is {', '.join(names)}", param_hint="NAME")
-    # every benchmark prints JSON; --json is accepted since all commands that can print it have it
-    sys.argv = [f"benchmarks/{name}.py", *(option for option in options if option != "--json")]
-    importlib.import_module(f"benchmarks.{name}").main()
-
-
 def _run(
     block_file: Path,
     out: Path,
@@ -406,7 +207,11 @@ def _redo(run: Any, street: str, only: bool) -> None:
     streets, dependants = redo_street(run, street, only=only)
     others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
     fate = ", marked stale until the next run" if only and dependants else ""
-    _note(f"doing street {', '.join(streets)} again; {others}{fate}")
+    click.echo(f"streetloom: doing street {', '.join(streets)} again; {others}{fate}", err=True)
+
+
+for command in (query, export, catalog, view, train, bench):
+    main.add_command(command)
 
 
 if __name__ == "__main__":
