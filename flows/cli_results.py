@@ -40,16 +40,16 @@ def query(folder: Path, where: str | None, bbox: tuple[float, ...] | None, since
     type=click.Choice(["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg"]),
     help="glb, 3dtiles, cityjson(seq), lod3: models; coco, labelme: elements of the facades; gpkg: for QGIS.",
 )
-@click.option("--to", type=click.Path(path_type=Path), help="Where it goes.  [default: OUT/exports/FORMAT]")
+@click.option("--to", type=click.Path(path_type=Path), help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]")
 @click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
 def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
-    """Write what a run has published for other programs. An earlier export in the same place is replaced.
+    """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
 
     \b
     Examples:
       streetloom export out/demo --format glb
       streetloom export out/demo --format 3dtiles --to tiles/
-      streetloom export out/demo --format lod3 --building w123456 --building w123457
+      streetloom export out/demo --format lod3 --building w123949253
       streetloom export out/demo --format gpkg --to demo.gpkg
     """
     from flows.console import progress
