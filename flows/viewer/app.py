@@ -43,7 +43,9 @@ def application(out: Path, host: str) -> Starlette:
                 return make(request)
             except StoreError as error:  # nothing is there yet: a run that has just begun
                 return JSONResponse({"reason": str(error)}, status_code=503)
-            except (FacadeError, IndexError, ValueError, KeyError) as error:
+            except KeyError as error:
+                return JSONResponse({"reason": f"the address lacks {error}"}, status_code=404)
+            except (FacadeError, IndexError, ValueError) as error:
                 return JSONResponse({"reason": str(error)}, status_code=404)
 
         return endpoint

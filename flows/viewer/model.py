@@ -45,9 +45,15 @@ class Model:
 
 
 def _server(host: str) -> ViserServer:
+    import rich
     import viser
 
-    server = viser.ViserServer(host=host, port=0, label="Streetloom", verbose=False)
+    console = rich.get_console()
+    console.quiet = True  # it announces its own address, which is no use without the page
+    try:
+        server = viser.ViserServer(host=host, port=0, label="Streetloom", verbose=False)
+    finally:
+        console.quiet = False
     server.scene.set_up_direction("+y")  # glTF's
     server.gui.configure_theme(control_layout="collapsible", show_logo=False, show_share_button=False)
     return server
