@@ -30,7 +30,8 @@ class _Street:
     """The street that was looked at last: its window with so many of its viewpoints in it, and the texel that each pixel
     of the picture shows, -1 beside the street and -2 for the sky."""
 
-    key: tuple[str, int]
+    view: View
+    street: int
     plan: Plan
     window: Window
     steps: int
@@ -51,19 +52,24 @@ class Growth:
         steps = int(np.searchsorted(own, viewpoint)) + 1
         with self._lock:
             held = self._street
-            if held is None or held.key != (view.snapshot, street) or held.steps > steps:
+            if held is None or not _same(held, view) or held.street != street or held.steps > steps:
                 if not view.group["journal/viewpoints"][viewpoint].item():
                     raise InputError(
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )
-                plan = held.plan if held and held.key[0] == view.snapshot else _plan(view)
+                plan = held.plan if held and _same(held, view) else _plan(view)
                 window = replay(plan, view.group, street, steps)
-                held = _Street((view.snapshot, street), plan, window, steps, _texels(plan, window, street))
+                held = _Street(view, street, plan, window, steps, _texels(plan, window, street))
             for step in own[held.steps : steps]:
                 propagate(held.plan.scene, held.window, held.plan.viewpoints[step], view.group["panoramas/rgb"][step])
             held.steps = steps
             self._street = held
             return _draw(held)
+
+
+def _same(held: _Street, view: View) -> bool:
+    """Whether a view is of the run that is held: a run that goes on has a new snapshot every moment, and one plan."""
+    return held.view.tables is view.tables
 
 
 def _plan(view: View) -> Plan:
