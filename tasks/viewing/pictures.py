@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.errors import FacadeError
+from facade_core.errors import InputError
 from facade_core.export import draw_facade, overlay_hidden
 from facade_core.labels import CLASSES, COLOURS, colourise
 from facade_core.types import Lattice
@@ -19,10 +19,6 @@ from tasks.viewing.reading import View
 _COMPLETED = 0.3
 # Pictures are drawn at least this high, so that lines over small facades stay thin.
 _LEAST_HEIGHT = 480
-
-
-class StageError(FacadeError):
-    """A facade has no such stage."""
 
 
 def stages(view: View, index: int) -> list[tuple[str, str]]:
@@ -46,9 +42,9 @@ def stages(view: View, index: int) -> list[tuple[str, str]]:
 
 
 def picture(view: View, index: int, stage: str) -> np.ndarray:
-    """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises StageError for another."""
+    """The picture (h, w, 3) uint8 of a stage that `stages` lists. Raises InputError for another."""
     if stage not in dict(stages(view, index)):
-        raise StageError(f"{view.tables.facades.id[index]}: no picture of stage {stage}")
+        raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {stage}")
     record = view.records[index]
     assert record is not None  # it has stages
     if stage == "source":

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 from dataclasses import dataclass
 from functools import cached_property
@@ -201,11 +200,6 @@ class Reader:
                 tables = self._view.tables if same and self._view else _read_tables(session, group)
                 self._view, self._key = View(self.out, session, group, tables), key
             return self._view
-
-    def summary(self) -> dict[str, Any]:
-        """summary.json of what was published last, empty where nothing was."""
-        snapshot = current_snapshot(self.out)
-        return json.loads((self.out / "published" / snapshot / "summary.json").read_text()) if snapshot else {}
 
 
 def _read_tables(session: icechunk.Session, group: StoreGroup) -> _Tables:
