@@ -10,6 +10,8 @@ import numpy as np
 from facade_core.geometry.charts import Mesh
 
 MISS = -1
+# The local origin lies on a grid of this step, metres: the same rays hit the same places when something is built elsewhere.
+ORIGIN_M = 1024.0
 
 
 def _open3d() -> Any:
@@ -28,7 +30,7 @@ class RayCaster:
     def __init__(self, mesh: Mesh) -> None:
         open3d = _open3d()
         # Embree works in float32: a local origin keeps millimetres for coordinates of millions of metres.
-        self.centre = mesh.vertices.mean(axis=0)
+        self.centre = np.round(mesh.vertices.mean(axis=0) / ORIGIN_M) * ORIGIN_M
         self._chart = mesh.chart
         self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         self._tensor = open3d.core.Tensor

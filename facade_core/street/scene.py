@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
+from hashlib import blake2b
 
 import numpy as np
 from numba import njit
@@ -19,7 +20,8 @@ from facade_core.street.daylight import Daylight
 
 @dataclass(frozen=True)
 class Scene:
-    """Geometry of a block. `spacing` (metres between viewpoints) and `visibility_range` (metres) gate the views of Eq. 1."""
+    """Geometry of a block. `spacing` (metres between viewpoints) and `visibility_range` (metres) gate the views of Eq. 1;
+    names are the ids of the buildings, by row."""
 
     mesh: Mesh
     charts: Charts
@@ -27,6 +29,15 @@ class Scene:
     spec: AtlasSpec
     spacing: float = 5.0
     visibility_range: float = 40.0
+    names: tuple[str, ...] = ()
+
+    @cached_property
+    def building_numbers(self) -> np.ndarray:
+        """A number of 32 bits for each building, (buildings,) int64, that chance may be seeded by: of its id, so that it stays
+        when others come and go; its row where the scene has no names."""
+        if not self.names:
+            return np.arange(max(1, int(self.charts.building.max(initial=0)) + 1))
+        return np.array([int.from_bytes(blake2b(name.encode(), digest_size=4).digest()) for name in self.names])
 
     @cached_property
     def caster(self) -> RayCaster:

@@ -62,19 +62,20 @@ class Swatches:
         if (ground := kind == GROUND).any():
             albedo[ground] = self._ground(points[ground])
         building = charts.building[chart]
+        number = self._scene.building_numbers[building]
         along, down = _place(charts, chart, points)
         flat = charts.normal()[:, 2][chart] > TILED
         if (roof := (kind == ROOF) & flat).any():
-            albedo[roof] = roofing(points[roof], building[roof], self._seed)
+            albedo[roof] = roofing(points[roof], number[roof], self._seed)
         if (tiled := (kind == ROOF) & ~flat).any():
-            albedo[tiled] = tiling(along[tiled], down[tiled], building[tiled], self._seed)
+            albedo[tiled] = tiling(along[tiled], down[tiled], number[tiled], self._seed)
         if (wall := kind == WALL).any():
             above = points[wall, 2] - self._foot[building[wall]]
-            albedo[wall] = plaster(along[wall], down[wall], above, building[wall], self._seed)
+            albedo[wall] = plaster(along[wall], down[wall], above, number[wall], self._seed)
         if (window := kind == WINDOW).any():
             albedo[window] = glass(along[window], down[window], charts.size[chart[window], 1], self._seed)
         if (door := kind == DOOR).any():
-            albedo[door] = wood(along[door], down[door], building[door], self._seed)
+            albedo[door] = wood(along[door], down[door], number[door], self._seed)
         if (ceiling := kind == CEILING).any():
             albedo[ceiling] = soffit(along[ceiling], down[ceiling], self._seed)
         return np.clip(albedo * shade(charts.normal()[chart])[:, None], 0, 255).astype(np.uint8)
