@@ -45,6 +45,7 @@ class TextureSettings:
     walls: Literal["exemplar", "translate"] = "exemplar"
     translator: Literal["swatch", "neural"] = "swatch"
     panorama_width: Annotated[int, _whole(64, 8192), AfterValidator(_even)] = 1024
+    levelling: Annotated[bool, Field(strict=True)] = True
 
 
 class _Keys(BaseModel):
@@ -132,6 +133,7 @@ _EXPECTED = {
     "int_type": ("a whole number", "write it in digits, without quotes"),
     "int_from_float": ("a whole number", "write it without a fraction"),
     "string_type": ("text", "write it in quotes"),
+    "bool_type": ("true or false", "write one of them, without quotes"),
     "list_type": ("a list", "write [first, second, ...]"),
 }
 

@@ -78,6 +78,15 @@ COLUMNS = (
     Column("lattice_rows", "int32", "", "horizontal lattice lines, borders included"),
     Column("lattice_columns", "int32", "", "vertical lattice lines, borders included"),
     Column("layout_score", "double", "", "score of the completed layout, higher is better"),
+    Column(
+        "quality",
+        "string",
+        "",
+        "good, or what to look at: mostly-hidden, no-windows, unsure-parse, rows-differ, height-assumed",
+    ),
+    Column(
+        "parents", "string", "", "what it is made from: block/, building/, street/ with their ids, image/ with names"
+    ),
     Column("status", "string", "", "done or failed", required=True),
     Column("reason", "string", "", "why the unit failed"),
     Column("seconds", "double", "seconds", "time spent on the facade"),

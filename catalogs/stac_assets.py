@@ -69,6 +69,11 @@ def pictures_by_unit(folder: Path, units: Iterable[str]) -> dict[str | None, lis
     return found
 
 
+def card_asset(folder: Path, name: str) -> Asset:
+    """A model's card, beside its Item in `folder`."""
+    return _file(folder, name, "./", title="model card", media_type="text/markdown", roles=["metadata"])
+
+
 def _file(folder: Path, path: str, up: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
     from pystac import Asset
 

@@ -8,7 +8,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from catalogs.query import Run, items_path, runs_in
-from catalogs.stac import COLLECTION, STAC, to_json
+from catalogs.stac import collections_in, to_json
+from catalogs.stac_versions import supersede
 from facade_core.errors import InputError
 
 CATALOG = "catalog.json"
@@ -17,9 +18,10 @@ CATALOG = "catalog.json"
 def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = None) -> Path:
     """Write folder/catalog.json, of a run or of a folder of runs, in one step: a reader sees the old file or the new one.
 
-    A run's has one child, the Collection that `current` leads to. A folder's has one child per run in it, at most two levels
-    down: the run's own catalog.json, which is mended where it is missing or old. note is told of each run that is left out, in
-    one line. Raises InputError where nothing is published.
+    A run's has the Collections as children that `current` leads to, and the STAC files of older snapshots are marked as
+    deprecated. A folder's has one child per run in it, at most two levels down: the run's own catalog.json, which is mended
+    where it is missing or old. note is told of each run that is left out, in one line. Raises InputError where nothing is
+    published.
     """
     folder = Path(folder)
     runs, left_out = runs_in(folder)
@@ -46,15 +48,14 @@ def _write_run(run: Run) -> None:
     """Until `current` stays: of two that write at once, the last sees the newest snapshot."""
     snapshot = None
     while snapshot != (snapshot := items_path(run.folder).parent):
-        collection = snapshot / STAC / COLLECTION
-        if not collection.is_file():
-            raise InputError(f"{collection} is missing; `streetloom run BLOCK.yaml --out {run.folder}` publishes again")
+        collections = collections_in(snapshot)
+        missing = [path for _, path in collections if not path.is_file()]
+        if missing:
+            raise InputError(f"{missing[0]} is missing; `streetloom run BLOCK.yaml --out {run.folder}` publishes again")
         name = _name(run.folder)
-        _write(
-            run.folder,
-            f"What Streetloom published in {name}",
-            [(f"./{collection.relative_to(run.folder).as_posix()}", name)],
-        )
+        children = [(f"./{path.relative_to(run.folder).as_posix()}", kind) for kind, path in collections]
+        _write(run.folder, f"What Streetloom published in {name}", children)
+    supersede(run.folder / "published", snapshot.name)
 
 
 def _write(folder: Path, description: str, children: Sequence[tuple[str, str]]) -> None:

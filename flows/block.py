@@ -73,12 +73,13 @@ def city_block(
     """
     out = out or Path("out") / (block_file.stem if block_file else "demo")
     with locked(out):
-        block = read_block((block_file or write_demo(out / "input")).resolve())
+        source = (block_file or write_demo(out / "input")).resolve()
+        block = read_block(source)
         run = run_of(block, out)
         summary = nothing_due(run)
         if summary is None:
             with tell_progress(block.name):
-                summary = _texture(run, block, workers, dask, only)
+                summary = _texture(run, block, source, workers, dask, only)
         tell_outcome(run, summary)
     if summary["failures"]:
         # not Failed: everything else is done and published, and a retry would change nothing
@@ -86,7 +87,7 @@ def city_block(
     return summary
 
 
-def _texture(run: Run, block: Block, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
+def _texture(run: Run, block: Block, source: Path, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
     ingest = ingest_block.submit(run, block) if dask is None else None
     with connect(workers, dask, run.out) as compute:
@@ -96,7 +97,7 @@ def _texture(run: Run, block: Block, workers: int, dask: str | None, only: str |
         outcome += _process(run, exemplars_due(run, block.exemplars), compute)
         outcome += _facades(run, block, outline, compute)
         outcome += _streets(run, outline, compute, only)
-        published = publish_block(run)
+        published = publish_block(run, source)
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     return published | {
         "out": run.out,

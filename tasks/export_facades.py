@@ -30,34 +30,32 @@ def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
 
 
 def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """ID.png and ID.json for every facade."""
+    """ID.png and ID.json for every facade; the ones to open first are the ID.json."""
     from facade_core.export.annotations import labelme
 
     facades = list(_annotated(found, buildings, folder, ""))
-    for facade in facades:
-        path = folder / f"{file_stem(facade.facade)}.json"
-        path.write_text(json.dumps(labelme(facade), indent=2, allow_nan=False) + "\n")
-    return [""], _left_out(found, buildings, len(facades))
+    names = [f"{file_stem(facade.facade)}.json" for facade in facades]
+    for name, facade in zip(names, facades, strict=True):
+        (folder / name).write_text(json.dumps(labelme(facade), indent=2, allow_nan=False) + "\n")
+    return names, _left_out(found, buildings, len(facades))
 
 
 def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[Annotated]:
     """Every finished facade, its picture written into the folder."""
     from PIL import Image
 
-    from facade_core.atlas.rasters import Rasters, read_rasters
     from facade_core.export.annotations import Annotated
+    from tasks.facade_report import chart_raster
 
-    placement = found.plan.scene.placement
     facades = found.rectified(buildings)
     begin_stage("export", len(facades))
     for index in facades:
         name = found.plan.facades.id[index]
         chart = int(found.plan.facades.chart[index])
-        size = (int(placement.height[chart]), int(placement.width[chart]))
-        flat = read_rasters(found.group["atlas/seed"], placement, Rasters.of(placement, [chart]))
+        texture = chart_raster(found.group, found.plan.scene.placement, chart, "atlas/seed")
         file = f"{within}{file_stem(name)}.png"
-        Image.fromarray(flat.reshape(*size, 3)).save(folder / file)
-        yield Annotated(name, file, size[1], size[0], found.elements(index))
+        Image.fromarray(texture).save(folder / file)
+        yield Annotated(name, file, texture.shape[1], texture.shape[0], found.elements(index))
         advance("export", 1)
 
 

@@ -15,6 +15,7 @@ from catalogs.items import ROW_KEYS
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import draw_facade, overlay_hidden
+from facade_core.geometry.packing import Placement
 from facade_core.ingest import Facades, Plan
 from facade_core.types import Lattice
 from facade_core.variation import Hierarchy, draw_level
@@ -27,6 +28,14 @@ if TYPE_CHECKING:
 LEVELS_SHOWN = 3
 # Sampled variations that the report draws.
 SAMPLES_SHOWN = 3
+# A facade of which more than this share was hidden, or of whose elements the parser was less sure on average, wants a look.
+HIDDEN, SURE = 0.5, 0.5
+
+
+def chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> np.ndarray:
+    """The texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
+    flat = read_rasters(group[name], placement, Rasters.of(placement, [chart]))
+    return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
 
 
 def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any] | None], folder: Path) -> None:
@@ -35,13 +44,9 @@ def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any
         if record is None or "lattice" not in record:
             continue
         chart = int(plan.facades.chart[index])
-        placement = plan.scene.placement
-        shape = (int(placement.height[chart]), int(placement.width[chart]))
-        rasters = Rasters.of(placement, [chart])
 
-        def raster(name: str, rasters: Rasters = rasters, shape: tuple[int, int] = shape) -> np.ndarray:
-            flat = read_rasters(group[name], plan.scene.placement, rasters)
-            return flat.reshape(*shape, *flat.shape[1:])
+        def raster(name: str, chart: int = chart) -> np.ndarray:
+            return chart_raster(group, plan.scene.placement, chart, name)
 
         lattice = Lattice(tuple(record["lattice"]["rows"]), tuple(record["lattice"]["columns"]))
         hierarchy = Hierarchy.from_bytes(base64.b64decode(group["hierarchies/data"][index].item()))
@@ -77,6 +82,7 @@ def item_rows(
     from shapely import LineString
 
     facades, charts = plan.facades, plan.scene.charts
+    heights = list(map(str, buildings.height_source.values))
     rows = []
     for index, name in enumerate(facades.id):
         chart = int(facades.chart[index])
@@ -94,7 +100,8 @@ def item_rows(
                 "geometry": LineString([start, end]),
                 "street": street.name or street.id,
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
-                **facts(facades, index, record),
+                **facts(facades, index, record, heights[int(facades.building[index])]),
+                "parents": _parents(run.block, str(buildings.id.values[facades.building[index]]), street.id, record),
                 "updated": made_at(record) or ingested,
                 "status": record["status"],
                 "reason": record.get("reason"),
@@ -105,8 +112,9 @@ def item_rows(
     return rows
 
 
-def facts(facades: Facades, index: int, record: Mapping[str, Any]) -> dict[str, Any]:
-    """The columns of a facade that come from its place in the plan and its journal record; None where the record has none."""
+def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source: str) -> dict[str, Any]:
+    """The columns of a facade that come from its place in the plan, its journal record and where its building's height is from;
+    None where the record has none."""
     lattice = record.get("lattice", {})
     return {
         "height_m": round(float(facades.height[index]), 3),
@@ -117,8 +125,35 @@ def facts(facades: Facades, index: int, record: Mapping[str, Any]) -> dict[str, 
         **dict(zip(_SHARES, (record.get("provenance") or [None] * 5)[1:], strict=True)),
         "lattice_rows": len(lattice["rows"]) if lattice else None,
         "lattice_columns": len(lattice["columns"]) if lattice else None,
+        "quality": _quality(record, int(facades.floors[index]), height_source) if "elements" in record else None,
         "seconds": round(sum(record.get("seconds", {}).values()), 4),
     }
+
+
+def _quality(record: Mapping[str, Any], floors: int, height_source: str) -> str:
+    """What somebody should look at before using a facade, comma-separated; good where there is nothing."""
+    elements = record["elements"]
+    windows = np.array([element[1:5] for element in elements if element[0] == "window"], float).reshape(-1, 4)
+    # height_source is "default" where the height was assumed
+    flags = {
+        "mostly-hidden": (record.get("occluded") or 0) > HIDDEN,
+        "no-windows": not len(windows),
+        "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < SURE,
+        "rows-differ": len(windows) > 0 and abs(_window_rows(windows) - floors) > 1,
+        "height-assumed": height_source == "default",
+    }
+    return ", ".join(name for name, raised in flags.items() if raised) or "good"
+
+
+def _window_rows(windows: np.ndarray) -> int:
+    """How many rows the windows (n, 4) x0, y0, x1, y1 stand in: a row ends where the next window begins below its middle."""
+    middle = np.sort((windows[:, 1] + windows[:, 3]) / 2)
+    return 1 + int((np.diff(middle) > np.median(windows[:, 3] - windows[:, 1]) / 2).sum())
+
+
+def _parents(block: str, building: str, street: str, record: Mapping[str, Any]) -> str:
+    images = [f"image/{name}" for name in (record.get("source") or "").split(", ") if name]
+    return ", ".join([f"block/{block}", f"building/{building}", f"street/{street}", *images])
 
 
 def masked_regions(records: Sequence[dict[str, Any] | None]) -> list[dict[str, Any]]:

@@ -28,7 +28,8 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
 from facade_core.ingest import Plan
 from facade_core.street.translate import Swatches
-from tasks.facade_report import facade_sheets, item_rows, made_at, masked_regions, set_aside_rows
+from tasks.catalogue_facts import block_facts, models_used, run_facts, street_facts
+from tasks.facade_report import facade_sheets, item_rows, masked_regions, set_aside_rows
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
 from tasks.run import Run, code_version
@@ -44,8 +45,12 @@ T = TypeVar("T")
 
 
 @task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
-def publish_block(run: Run) -> dict[str, Any]:
-    """Write published/<snapshot>/ from the newest snapshot and nothing else, unless `current` already points at it."""
+def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
+    """Write published/<snapshot>/ from the newest snapshot, unless `current` already points at it.
+
+    block_file: what the block was read from: the catalogue names its sources. The snapshot published before is linked as the
+    earlier version.
+    """
     session = open_repository(run.store).readonly_session(BRANCH)
     snapshot = session.snapshot_id
     out = Path(run.out)
@@ -55,7 +60,7 @@ def publish_block(run: Run) -> dict[str, Any]:
         temporary = out / "published" / f".{snapshot}.tmp"
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
-        _write(run, session, temporary)
+        _write(run, session, temporary, block_file, current_snapshot(out))
         shutil.rmtree(final, ignore_errors=True)
         os.replace(temporary, final)
         pointer = out / ".current.tmp"
@@ -67,7 +72,7 @@ def publish_block(run: Run) -> dict[str, Any]:
     return published_summary(out, snapshot)
 
 
-def _write(run: Run, session: Any, folder: Path) -> None:
+def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predecessor: str | None) -> None:
     group: StoreGroup = zarr.open_group(session.store, mode="r")
     plan = read_plan(session, run.texels_per_metre)
     scene = plan.scene
@@ -118,9 +123,9 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         ),
     ]
     broken += [
-        ("street", record["unit"], f"stale: {record['reason']}")
+        ("street", record["unit"], f"stale: {record['reason']}" if record["status"] == "stale" else record["reason"])
         for record in read_journal(group, "streets")
-        if record and record["status"] == "stale"
+        if record and record["status"] in ("stale", "failed")
     ]
     aside = set_aside_rows(run, broken, code_version(), ingested)
     write_items(folder / "items.parquet", rows + aside, run.crs)
@@ -146,15 +151,16 @@ def _write(run: Run, session: Any, folder: Path) -> None:
         poses=[r for r in read_journal(group, "poses") if r and r["status"] == "done"],
         heights=Counter(map(str, buildings.height_source.values)),
     )
-    made = [at for stage in STAGES for record in read_journal(group, stage) if (at := made_at(record))]
+    journals = {stage: read_journal(group, stage) for stage in STAGES}
+    work = run_facts(journals, ingested)
     write_stac(
         folder,
         rows=rows + aside,
-        block=run.block,
-        crs=run.crs,
-        code_version=code_version(),
-        buildings=len(buildings.id),
-        updated=max(made, default=ingested),
+        block=block_facts(run, plan, group, session.snapshot_id, rows, work.ended, block_file),
+        streets=street_facts(plan, journals["streets"], journals["viewpoints"]),
+        run=work,
+        models=models_used(records),
+        predecessor=predecessor,
     )
 
 

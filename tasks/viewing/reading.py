@@ -14,18 +14,17 @@ import zarr
 
 from catalogs.items import BBOX, COLUMNS
 from facade_core.atlas.journal import STAGES, read_journal
-from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import BRANCH, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from facade_core.geometry.packing import Placement
 from facade_core.ingest import Facades
-from tasks.facade_report import facts
+from tasks.facade_report import chart_raster, facts
 from tasks.plan import read_facades
 from tasks.standing import current_snapshot
 
 # What a facade may be coloured by: not what names it, nor where it lies.
-_NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", *BBOX}
+_NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
 SHOWN = tuple(column for column in COLUMNS if column.name not in _NOT_SHOWN)
 
 
@@ -42,6 +41,7 @@ class _Tables:
     line: np.ndarray
     azimuth: np.ndarray
     buildings: tuple[str, ...]
+    height_source: tuple[str, ...]
     streets: tuple[dict[str, Any], ...]
     position: np.ndarray
     forward: np.ndarray
@@ -89,9 +89,7 @@ class View:
 
     def rasters(self, index: int, name: str) -> np.ndarray:
         """The texels (h, w, ...) of facade number `index` in an array of the store, such as facade_maps/labels."""
-        placement, chart = self.tables.placement, int(self.tables.facades.chart[index])
-        flat = read_rasters(self.group[name], placement, Rasters.of(placement, [chart]))
-        return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
+        return chart_raster(self.group, self.tables.placement, int(self.tables.facades.chart[index]), name)
 
     def overview(self) -> dict[str, Any]:
         """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the viewpoints."""
@@ -131,7 +129,7 @@ class View:
             "street": street["name"] or street["id"],
             "azimuth_deg": round(float(tables.azimuth[index]), 1),
             "status": "waiting",
-            **facts(facades, index, record or {}),
+            **facts(facades, index, record or {}, tables.height_source[int(facades.building[index])]),
         }
         if record:
             row |= {"status": record["status"], "reason": record.get("reason")}
@@ -148,22 +146,25 @@ class View:
         return seen
 
     def progress(self) -> dict[str, Any]:
-        """Units done, failed and in all by stage, why some failed, which viewpoints are done, and whether all is published."""
+        """Units done, failed, stale and in all by stage, and why; which viewpoints are done; whether all is published."""
         stages = []
         viewpoints: list[int] = []
         failures = [
             {"stage": str(kind), "unit": str(unit), "reason": str(reason)}
             for kind, unit, reason in self.group.attrs["set_aside"]
         ]
+        outdated: list[dict[str, str]] = []
         for stage, records in self.journals.items():
             made = [record for record in records if record]
-            failed = [record for record in made if record["status"] != "done"]
+            stale = [record for record in made if record["status"] == "stale"]
+            failed = [record for record in made if record["status"] == "failed"]
             if stage == "viewpoints":
                 viewpoints = [number for number, record in enumerate(records) if record and record["status"] == "done"]
             if records:
-                stages.append(
-                    {"name": stage, "done": len(made) - len(failed), "failed": len(failed), "total": len(records)}
-                )
+                done = len(made) - len(failed) - len(stale)
+                counts = {"done": done, "failed": len(failed), "stale": len(stale), "total": len(records)}
+                stages.append({"name": stage, **counts})
+            outdated += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in stale]
             failures += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in failed]
         return {
             "snapshot": self.snapshot,
@@ -171,6 +172,7 @@ class View:
             "ended": self.published == self.snapshot,
             "stages": stages,
             "failures": failures,
+            "stale": outdated,
             "done_viewpoints": viewpoints,
         }
 
@@ -220,6 +222,7 @@ def _read_tables(session: icechunk.Session, group: StoreGroup) -> _Tables:
         np.stack([start, start + along[:, :2] * charts.size.values[facades.chart, :1]], axis=1),
         np.degrees(np.arctan2(normal[:, 0], normal[:, 1])) % 360,
         tuple(map(str, buildings.id.values)),
+        tuple(map(str, buildings.height_source.values)),
         tuple(
             {"id": str(id_), "name": str(name), "line": streets.point.values[streets.point_street.values == i].tolist()}
             for i, (id_, name) in enumerate(zip(streets.id.values, streets.name.values, strict=True))
