@@ -85,9 +85,19 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
     buildings = open_table(session, "buildings").load()
     (folder / "pages").mkdir()
 
+    def texels(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        """Of any chart, as they are in the store."""
+        x, y = int(scene.placement.x[chart]), int(scene.placement.y[chart])
+        part = (
+            int(scene.placement.page[chart]),
+            slice(y + rows.start, y + rows.stop),
+            slice(x + columns.start, x + columns.stop),
+        )
+        return group["atlas/colour"][part], group["atlas/provenance"][part]
+
     def page_jpeg(page: int) -> tuple[int, np.ndarray, bytes]:
         colour, provenance = group["atlas/colour"][page], group["atlas/provenance"][page]
-        filled = fill_unseen(scene, swatches, page, colour, provenance)
+        filled = fill_unseen(scene, swatches, page, colour, provenance, levelling=run.levelling, read=texels)
         # exports cut their pictures from these pages: as little as can be is lost to being encoded twice
         page_path(folder, page).write_bytes(_jpeg(filled, 95, subsampling=0))
         return page, filled, _jpeg(filled, 90)

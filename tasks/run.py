@@ -28,6 +28,7 @@ class Run:
     panorama_width: int
     storey: float
     walls: str
+    levelling: bool = True
 
     @property
     def store(self) -> Path:
@@ -61,4 +62,5 @@ def run_of(block: Block, out: Path) -> Run:
         panorama_width=texture.panorama_width,
         storey=block.storey,
         walls=texture.walls,
+        levelling=texture.levelling,
     )

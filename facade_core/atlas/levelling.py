@@ -6,6 +6,8 @@ import numpy as np
 
 # Metres from a seam at which a third of its offset is left.
 LEVELLED_M = 2.0
+# So many times as far away, what is left of it is not seen: nothing there needs a look.
+LEVELLED_REACHES = 2.5
 # Texels around a seam whose mean colours are compared: more than a texture's grain, less than a window.
 BESIDE = 9
 # Levels out of 255 by which a seam is levelled at most: beyond, two materials meet, not two exposures of one.

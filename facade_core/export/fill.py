@@ -2,50 +2,111 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
-from facade_core.atlas.levelling import LEVELLED_M, level, spread
+from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level, spread
 from facade_core.atlas.provenance import UNSEEN
+from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
+from facade_core.geometry.charts import GROUND
+from facade_core.street.overhead import free_above
 from facade_core.street.scene import Scene
 from facade_core.street.translate import Swatches
 
 # Swatches are evaluated for every second texel and interpolated: these surfaces are seen from afar.
 STRIDE = 2
 
+# World points (n, 2) -> colour (n, 3) uint8 and whether it is known (n,).
+Aerial = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
-def fill_unseen(scene: Scene, swatches: Swatches, page: int, colour: np.ndarray, provenance: np.ndarray) -> np.ndarray:
-    """A page's colour (h, w, 3) with the unseen texels of its charts and gutters painted with their material, levelled to the
-    seen texels of the same chart, and with what lies between charts coloured like them, so that mipmaps do not bleed.
 
-    provenance (h, w) stays as it is: UNSEEN says which texels were filled.
+def fill_unseen(
+    scene: Scene,
+    swatches: Swatches,
+    page: int,
+    colour: np.ndarray,
+    provenance: np.ndarray,
+    *,
+    levelling: bool = True,
+    read: Reader | None = None,
+    aerial: Aerial | None = None,
+) -> np.ndarray:
+    """A page's colour (h, w, 3) with the unseen texels of its charts and gutters painted, and with what lies between charts
+    coloured like them, so that mipmaps do not bleed.
+
+    Ground under the free sky takes the `aerial` picture where there is one, all else its material. With `levelling` what is
+    painted is levelled to the seen texels of the same surface: of its own chart, and of the charts beside it where `read`
+    gives the texels of any chart. provenance (h, w) stays as it is: UNSEEN says which texels were filled.
     """
-    import cv2
-
     filled = colour.copy()
     owned = np.zeros(colour.shape[:2], bool)
-    placement, charts, gutter = scene.placement, scene.charts, scene.spec.gutter
-    for chart in np.flatnonzero(placement.page == page):
-        width, height = int(placement.width[chart]), int(placement.height[chart])
-        x, y = int(placement.x[chart]) - gutter, int(placement.y[chart]) - gutter
-        box = (slice(y, y + height + 2 * gutter), slice(x, x + width + 2 * gutter))
-        owned[box] = True
-        unseen = provenance[box] == UNSEEN
+    placement, gutter = scene.placement, scene.spec.gutter
+    reach = LEVELLED_M * scene.spec.texels_per_metre
+    for chart in np.flatnonzero(placement.page == page).tolist():
+        size = (int(placement.height[chart]), int(placement.width[chart]))
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        own = (slice(y, y + size[0]), slice(x, x + size[1]))
+        wide = (slice(y - gutter, y + size[0] + gutter), slice(x - gutter, x + size[1] + gutter))
+        owned[wide] = True
+        unseen = provenance[own] == UNSEEN
         if not unseen.any():
             continue
-        rows = (np.arange(-(-height // STRIDE)) * STRIDE + STRIDE / 2) / scene.spec.texels_per_metre
-        columns = (np.arange(-(-width // STRIDE)) * STRIDE + STRIDE / 2) / scene.spec.texels_per_metre
-        points = (
-            charts.origin[chart]
-            + columns[None, :, None] * charts.axis_u[chart]
-            + rows[:, None, None] * charts.axis_v[chart]
-        )
-        owner = np.full(points.shape[0] * points.shape[1], chart)
-        swatch = swatches.colour(owner, points.reshape(-1, 3)).reshape(*points.shape[:2], 3)
-        swatch = cv2.resize(swatch, (width, height), interpolation=cv2.INTER_LINEAR)
-        swatch = np.pad(swatch, [(gutter, gutter), (gutter, gutter), (0, 0)], mode="edge")
-        filled[box][unseen] = swatch[unseen]
-        filled[box] = level(filled[box], ~unseen, unseen, reach=LEVELLED_M * scene.spec.texels_per_metre)
+        raster = colour[own].copy()
+        raster[unseen] = _painted(scene, swatches, chart, size, aerial)[unseen]
+        if levelling:
+            raster = _levelled(scene, chart, raster, provenance[own], read, reach)
+        grown = np.pad(raster, [(gutter, gutter), (gutter, gutter), (0, 0)], mode="edge")
+        empty = provenance[wide] == UNSEEN
+        filled[wide][empty] = grown[empty]
     if owned.any() and not owned.all():
         between = np.round(spread(filled, owned)).astype(np.uint8)
         filled[~owned] = between[~owned]
     return filled
+
+
+def _painted(scene: Scene, swatches: Swatches, chart: int, size: tuple[int, int], aerial: Aerial | None) -> np.ndarray:
+    """A whole chart (h, w, 3) in its material, or as seen from above."""
+    import cv2
+
+    height, width = size
+    if width <= 0 or height <= 0:
+        return np.zeros((height, width, 3), np.uint8)
+    rows = np.arange(-(-height // STRIDE)) * STRIDE + STRIDE / 2
+    columns = np.arange(-(-width // STRIDE)) * STRIDE + STRIDE / 2
+    points = _points(scene, chart, rows, columns)
+    owner = np.full(points.shape[0] * points.shape[1], chart)
+    swatch = swatches.colour(owner, points.reshape(-1, 3)).reshape(*points.shape[:2], 3)
+    painted = cv2.resize(swatch, (width, height), interpolation=cv2.INTER_LINEAR)
+    if aerial is not None and scene.charts.kind[chart] == GROUND:
+        points = _points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5).reshape(-1, 3)
+        seen, known = aerial(points[:, :2])
+        known[known] = free_above(scene.caster, points[known])
+        painted.reshape(-1, 3)[known] = seen[known]
+    return painted
+
+
+def _points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """World points (h, w, 3) of rows (h,) and columns (w,) of a chart's raster, in texels."""
+    charts, step = scene.charts, 1 / scene.spec.texels_per_metre
+    across = step * columns[None, :, None] * charts.axis_u[chart]
+    return charts.origin[chart] + across + step * rows[:, None, None] * charts.axis_v[chart]
+
+
+def _levelled(
+    scene: Scene, chart: int, raster: np.ndarray, provenance: np.ndarray, read: Reader | None, reach: float
+) -> np.ndarray:
+    """A chart's raster (h, w, 3), its unseen texels levelled to the seen ones of it and of the charts around."""
+    margin, density, size = round(LEVELLED_REACHES * reach), scene.spec.texels_per_metre, provenance.shape
+    if read is None or len(pieces_around(scene.charts, chart, margin / density)) == 0:
+        return level(raster, provenance > UNSEEN, provenance == UNSEEN, reach=reach)
+    around = read
+
+    def with_own(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        return (raster[rows, columns], provenance[rows, columns]) if one == chart else around(one, rows, columns)
+
+    colour, known = surrounded(scene.charts, density, chart, (size[0], size[1]), margin, with_own)
+    own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
+    free = np.zeros(known.shape, bool)
+    free[own] = provenance == UNSEEN
+    return level(colour, known > UNSEEN, free, reach=reach)[own]

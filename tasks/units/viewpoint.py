@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
+import hashlib
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import zarr
 
-from facade_core.atlas.levelling import LEVELLED_M, level
+from facade_core.atlas.journal import read_records
+from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level
 from facade_core.atlas.provenance import TRANSLATED
-from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
+from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters, write_rasters
+from facade_core.atlas.surroundings import pieces_around, surrounded
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan
 from facade_core.street.blend import blend
@@ -65,6 +68,7 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
         "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
         if (panorama.chart >= 0).any()
         else 0.0,
+        "passes": _passes(here.plan, panorama.chart, rgb),
         "worker": worker_name(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
@@ -81,16 +85,18 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     scene = here.plan.scene
     colour, views = blend(window.state)
     held = Rasters.of(scene.placement, window.writable)
-    atlas = group["atlas"]
+    resolved = _levelled(scene, held, window) if run.levelling else window.colour[: held.total]
+    provenance = window.provenance[: held.total]
+    written = replace(held, charts=held.charts[~_held_by_later(here.plan, group, street, held.charts)])
     for name, flat in {
         "street": colour,
         "street_views": views,
-        "colour": _levelled(scene, held, window),
-        "provenance": window.provenance[: held.total],
+        "colour": resolved,
+        "provenance": provenance,
     }.items():
-        write_rasters(atlas[name], scene.spec, scene.placement, held, flat)
+        write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, written, flat)
     return fork, {
-        "chunks": chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, window.writable),
+        "digests": chart_digests(resolved, provenance, scene.placement, held, here.plan.ids),
         "texels": int((views > 0).sum()),
         "worker": worker_name(),
         "started": start,
@@ -99,18 +105,58 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
 
 
 def _levelled(scene: Scene, held: Rasters, window: Window) -> np.ndarray:
-    """The colour of the charts that the street writes, what it translated levelled to what the facade stages know."""
-    placement, reach = scene.placement, LEVELLED_M * scene.spec.texels_per_metre
+    """The colour of the charts that the street writes, what it translated levelled to what the facade stages know of the same
+    surface, on this chart or beside it."""
+    charts, placement, reach = scene.charts, scene.placement, LEVELLED_M * scene.spec.texels_per_metre
+    margin = round(LEVELLED_REACHES * reach)
     colour = window.colour[: held.total].copy()
-    for chart in held.charts.tolist():
-        texels = held.slice(placement, chart)
-        provenance = window.provenance[texels]
-        if provenance.max() <= TRANSLATED or not (provenance == TRANSLATED).any():
-            continue
+    known = np.zeros(len(charts), bool)
+    for chart in window.rasters.charts.tolist():
+        known[chart] = window.provenance[window.rasters.slice(placement, chart)].max(initial=0) > TRANSLATED
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         shape = (int(placement.height[chart]), int(placement.width[chart]))
-        provenance, raster = provenance.reshape(shape), colour[texels].reshape(*shape, 3)
-        colour[texels] = level(raster, provenance > TRANSLATED, provenance == TRANSLATED, reach=reach).reshape(-1, 3)
+        if window.rasters.offset[chart] < 0:
+            empty = np.zeros(shape, np.uint8)[rows, columns]
+            return np.repeat(empty[..., None], 3, axis=2), empty
+        texels = window.rasters.slice(placement, chart)
+        whole = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
+        return whole[0][rows, columns], whole[1][rows, columns]
+
+    for chart in held.charts.tolist():
+        around = pieces_around(charts, chart, margin / scene.spec.texels_per_metre)
+        texels = held.slice(placement, chart)
+        if not (known[chart] or known[around].any()) or not (window.provenance[texels] == TRANSLATED).any():
+            continue
+        size = (int(placement.height[chart]), int(placement.width[chart]))
+        wider = margin if len(around) else 0
+        raster, provenance = surrounded(charts, scene.spec.texels_per_metre, chart, size, wider, read)
+        raster = level(raster, provenance > TRANSLATED, provenance == TRANSLATED, reach=reach)
+        colour[texels] = raster[wider : wider + size[0], wider : wider + size[1]].reshape(-1, 3)
     return colour
+
+
+def _passes(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
+    """A digest of what other streets may take of a panorama: its pixels on charts that the street stage writes."""
+    shared = (chart >= 0) & plan.writable[chart]
+    return hashlib.blake2b(np.where(shared[..., None], rgb, 0).astype(np.uint8).tobytes(), digest_size=8).hexdigest()
+
+
+def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> np.ndarray:
+    """Which of the charts (k,) of a street that is done again hold the texels of one of a later wave: (k,) bool.
+
+    Those are blended of more views than this street's, or will be once that street is done again too.
+    """
+    pairs = plan.street_charts
+    pairs = pairs[(plan.wave[pairs[:, 0]] > plan.wave[street]) & np.isin(pairs[:, 1], charts)]
+    later = np.unique(pairs[:, 0])
+    records = dict(zip(later.tolist(), read_records(group, "streets", later), strict=True))
+    held = [
+        chart
+        for other, chart in pairs.tolist()
+        if (record := records[other]) and record["status"] == "done" and f"{plan.ids[chart]:016x}" in record["digests"]
+    ]
+    return np.isin(charts, held)
 
 
 def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int, street_key: str) -> _Progress:
@@ -124,8 +170,8 @@ def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int
 
 
 def replay(plan: Plan, group: StoreGroup, street: int, step: int) -> Window:
-    """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that shows one of its
-    charts, then the street's own."""
+    """A street's window after its first `step` viewpoints: seeds, every panorama that there is of earlier waves and shows one of
+    its charts, then the street's own."""
     scene = plan.scene
     own = plan.of_street(street)
     is_own = np.isin(plan.views[:, 0], [v.id for v in own])
@@ -136,7 +182,9 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int) -> Window:
     window = Window.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
     shows = np.unique(plan.views[np.isin(plan.views[:, 1], writable), 0])
-    earlier = [plan.viewpoints[v] for v in shows if plan.wave[plan.viewpoints[v].street] < plan.wave[street]]
+    shows = np.array([v for v in shows if plan.wave[plan.viewpoints[v].street] < plan.wave[street]], np.int64)
+    records = read_records(group, "viewpoints", shows)
+    earlier = [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
     for viewpoint in [*earlier, *own[:step]]:
         propagate(scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id])
     return window

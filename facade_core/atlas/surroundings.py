@@ -1,0 +1,76 @@
+"""A chart's raster with what lies around it on the same surface: what is done to pieces side by side meets at their borders."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from facade_core.geometry.charts import Charts
+
+# Pieces of one surface are in one plane where their normals are closer than this (cosine), and they are no further apart.
+ALIKE, APART_M = 0.98, 0.5
+
+# Of some rows and columns of a chart's raster: colour (h, w, 3) and provenance (h, w).
+Reader = Callable[[int, slice, slice], tuple[np.ndarray, np.ndarray]]
+
+
+def pieces_around(charts: Charts, chart: int, margin: float) -> np.ndarray:
+    """The other pieces (k,) of a chart's surface that lie in its plane and come within `margin` metres of it."""
+    others = np.flatnonzero(charts.surface == charts.surface[chart])
+    others = others[others != chart]
+    if len(others) == 0:
+        return others
+    normal = np.cross(charts.axis_v[chart], charts.axis_u[chart])
+    corners = _corners(charts, others) - charts.origin[chart]
+    x, y = corners @ charts.axis_u[chart], corners @ charts.axis_v[chart]
+    width, height = charts.size[chart]
+    near = (x.max(axis=1) > -margin) & (x.min(axis=1) < width + margin)
+    near &= (y.max(axis=1) > -margin) & (y.min(axis=1) < height + margin)
+    near &= np.abs(corners @ normal).min(axis=1) < APART_M
+    near &= np.cross(charts.axis_v[others], charts.axis_u[others]) @ normal > ALIKE
+    return others[near]
+
+
+def surrounded(
+    charts: Charts, density: float, chart: int, size: tuple[int, int], margin: int, read: Reader
+) -> tuple[np.ndarray, np.ndarray]:
+    """Colour (h + 2 m, w + 2 m, 3) and provenance (h + 2 m, w + 2 m) of a chart of size (h, w) texels and of what lies within
+    m = `margin` texels of it on pieces of its surface; 0 where there is none. density: texels per metre."""
+    height, width = size
+    rows, columns = height + 2 * margin, width + 2 * margin
+    colour, provenance = np.zeros((rows, columns, 3), np.uint8), np.zeros((rows, columns), np.uint8)
+    for other in pieces_around(charts, chart, margin / density).tolist():
+        # texel (x, y) of the chart with its margin is texel turn @ (x, y) + move of the other piece
+        axes = np.stack([charts.axis_u[other], charts.axis_v[other]])
+        turn = axes @ np.stack([charts.axis_u[chart], charts.axis_v[chart]], axis=1)
+        move = axes @ (charts.origin[chart] - charts.origin[other]) * density + turn @ np.full(2, 0.5 - margin) - 0.5
+        extent = np.ceil(charts.size[other] * density - 1e-6).astype(np.int64).clip(1)
+        ends = np.array([[0, 0], [0, 1], [1, 0], [1, 1]]) * (extent - 1)
+        back = (ends - move) @ np.linalg.inv(turn).T
+        x0, y0 = np.maximum(np.floor(back.min(axis=0)) - 1, 0).astype(int)
+        x1, y1 = np.minimum(np.ceil(back.max(axis=0)) + 2, (columns, rows)).astype(int)
+        if x0 >= x1 or y0 >= y1:
+            continue
+        grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1)
+        at = np.floor(grid @ turn.T + move + 0.5).astype(np.int64)
+        # grids of pieces are not one grid: a texel may fall between the two, into the gutter
+        inside = ((at >= -1) & (at <= extent)).all(axis=2)
+        if not inside.any():
+            continue
+        at = np.clip(at, 0, extent - 1)
+        low, high = at[inside].min(axis=0), at[inside].max(axis=0) + 1
+        theirs, known = read(other, slice(low[1], high[1]), slice(low[0], high[0]))
+        column, row = (at[inside] - low).T
+        colour[y0:y1, x0:x1][inside] = theirs[row, column]
+        provenance[y0:y1, x0:x1][inside] = known[row, column]
+    own = (slice(margin, margin + height), slice(margin, margin + width))
+    colour[own], provenance[own] = read(chart, slice(0, height), slice(0, width))
+    return colour, provenance
+
+
+def _corners(charts: Charts, chosen: np.ndarray) -> np.ndarray:
+    """World points (k, 4, 3) of the corners of charts (k,)."""
+    share = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])[None] * charts.size[chosen][:, None]
+    across = share[..., :1] * charts.axis_u[chosen][:, None]
+    return charts.origin[chosen][:, None] + across + share[..., 1:] * charts.axis_v[chosen][:, None]
