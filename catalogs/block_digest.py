@@ -1,4 +1,4 @@
-"""One digest of everything that determines a block's result."""
+"""Digests of what determines a block's result: of everything, and of single files."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import hashlib
 import json
 from collections.abc import Iterable, Mapping
 from dataclasses import asdict
+from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -39,18 +40,25 @@ def block_digest(
         "geoid_separation": keys.geoid_separation,
         "seed": keys.seed,
         "geometry": [
-            [key, *map(_file_digest, files.get(key, ()))] for key in ("buildings.path", "streets.path", "terrain.path")
+            [key, *map(file_digest, files.get(key, ()))] for key in ("buildings.path", "streets.path", "terrain.path")
         ],
         "rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
         "images": [
-            [(path.name, _file_digest(path)) for path in folder]
+            [(path.name, file_digest(path)) for path in folder]
             for folder in (exemplars, photos.values(), built.textures)
         ],
-        "panoramas": [(p.id, asdict(p.pose), _file_digest(p.path)) for p in panoramas],
+        "panoramas": [(p.id, asdict(p.pose), file_digest(p.path)) for p in panoramas],
     }
     return hashlib.sha256(json.dumps(settings, sort_keys=True).encode()).hexdigest()
 
 
-def _file_digest(path: Path) -> str:
+def file_digest(path: Path) -> str:
+    """The sha256 of a file's content; read once as long as its size and date stay."""
+    state = path.stat()
+    return _content_digest(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=65536)
+def _content_digest(path: Path, size: int, modified: int) -> str:
     with path.open("rb") as file:
         return hashlib.file_digest(file, "sha256").hexdigest()

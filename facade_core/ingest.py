@@ -4,47 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import shapely
 
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.geometry.charts import WALL
+from facade_core.facades import Facades, find_facades
 from facade_core.geometry.gaps import streets_between
-from facade_core.geometry.packing import pack
+from facade_core.geometry.packing import Places, pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import terrain_of
+from facade_core.identity import Things, chart_ids, look_around, things_of
 from facade_core.rectify import sightings
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Elevation, Pose, Street
 
-# A wall is a facade when it is at least this large and this share of it is seen from some street.
-FACADE_WIDTH_M = 3.0
-FACADE_HEIGHT_M = 2.5
-FACADE_SEEN = 0.25
-# Nor is one that has fewer texels a side: there is nothing to parse in it.
-FACADE_TEXELS = 16
-# Points of a wall that are looked at, per axis.
-SAMPLES = (5, 4)
-
-
-@dataclass(frozen=True)
-class Facades:
-    """Facades as columns: chart, street, building (n,) int32 indices; width, height (n,) metres; floors (n,) int32; seen (n,)
-    the share of the wall that its street sees; id, a name that stays the same as long as the building's footprint does."""
-
-    id: tuple[str, ...]
-    chart: np.ndarray
-    street: np.ndarray
-    building: np.ndarray
-    width: np.ndarray
-    height: np.ndarray
-    floors: np.ndarray
-    seen: np.ndarray
-
-    def __len__(self) -> int:
-        return len(self.id)
+__all__ = ["Facades", "Plan", "Sightings", "ingest"]
 
 
 @dataclass(frozen=True)
@@ -69,7 +46,8 @@ class Plan:
     streets are the given ones, or those derived from the gaps; poses are those of the block's panoramas, on the ground where
     they had no height. refused: buildings without usable surfaces, as (id, reason). textured (charts,) bool: charts with a
     texture of the source's own. views (k, 2) int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows;
-    writable (charts,) bool: charts that the street stage writes; wave (streets,) int32.
+    writable (charts,) bool: charts that the street stage writes; wave (streets,) int32. ids (charts,) uint64 and looks
+    (viewpoints,) digests say what each chart is and each viewpoint sees, wherever it stands in the order.
     """
 
     scene: Scene
@@ -83,6 +61,13 @@ class Plan:
     views: np.ndarray
     writable: np.ndarray
     wave: np.ndarray
+    ids: np.ndarray
+    looks: tuple[str, ...]
+
+    @cached_property
+    def things(self) -> Things:
+        """What stands in the block."""
+        return things_of(self.scene.charts, self.scene.mesh, self.scene.names)
 
     def textured_buildings(self) -> tuple[int, ...]:
         """The buildings that have textures of their own besides those on facades."""
@@ -90,9 +75,20 @@ class Plan:
         others[self.facades.chart] = False
         return tuple(np.unique(self.scene.charts.building[others]).tolist())
 
+    def own_charts(self, building: int) -> list[int]:
+        """The charts of a building, its facades aside, that have textures of their own."""
+        mine = self.textured & (self.scene.charts.building == building)
+        mine[self.facades.chart] = False
+        return np.flatnonzero(mine).tolist()
+
     def of_street(self, street: int) -> list[Viewpoint]:
         """A street's viewpoints in their order."""
         return [viewpoint for viewpoint in self.viewpoints if viewpoint.street == street]
+
+    @cached_property
+    def street_charts(self) -> np.ndarray:
+        """Pairs of street and chart, (k, 2) int64, sorted: what the viewpoints of each street show."""
+        return np.unique(np.column_stack([self.street_of_views(), self.views[:, 1]]), axis=0)
 
     def street_of_views(self) -> np.ndarray:
         """The street of every row of views, (k,) int64."""
@@ -114,7 +110,7 @@ class Plan:
 
     def street_texels(self) -> np.ndarray:
         """Per street the texels of the charts that its viewpoints see, and of those that it writes, (streets, 2) int64."""
-        seen = np.unique(np.column_stack([self.street_of_views(), self.views[:, 1]]), axis=0)
+        seen = self.street_charts
         texels = self.texels()
         total = np.zeros((len(self.wave), 2), np.int64)
         np.add.at(total, seen[:, 0], np.column_stack([texels, texels * self.writable])[seen[:, 1]])
@@ -136,13 +132,15 @@ def ingest(
     storey: float,
     walls: str,
     page: int = 2048,
+    last: Places | None = None,
 ) -> Plan:
     """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
 
     Without streets they are derived from the gaps between the buildings. Without an elevation the ground follows the
     buildings' bases. poses and panorama_sizes (rows, columns) are those of the panoramas. Lengths in metres; walls is
     "exemplar" (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart).
-    Raises GeometryError for a block without geometry.
+    With the places of an earlier ingest, charts stay where they are in the atlas. Raises GeometryError for a block without
+    geometry.
     """
     footprints = [building.footprint for building in buildings]
     streets = tuple(streets) or streets_between(footprints)
@@ -151,11 +149,19 @@ def ingest(
     charts, mesh, refused = block_surfaces(
         buildings, streets, terrain=terrain, ground_margin=visibility_range, largest=one_page.largest
     )
+    names = tuple(building.id for building in buildings)
+    ids = chart_ids(charts, names)
     placement = pack(
-        charts.texels(texels_per_metre), charts.building, page=page, chunk=one_page.chunk, gutter=one_page.gutter
+        charts.texels(texels_per_metre),
+        charts.building,
+        page=page,
+        chunk=one_page.chunk,
+        gutter=one_page.gutter,
+        ids=ids,
+        last=last,
     )
     spec = AtlasSpec(placement.pages, texels_per_metre, page=page)
-    scene = Scene(mesh, charts, placement, spec, spacing=spacing, visibility_range=visibility_range)
+    scene = Scene(mesh, charts, placement, spec, spacing=spacing, visibility_range=visibility_range, names=names)
 
     obstacles = shapely.STRtree(footprints)
     cameras: list[Viewpoint] = []
@@ -166,11 +172,11 @@ def ingest(
         for position, ahead in zip(positions, forward, strict=True):
             cameras.append(Viewpoint(len(cameras), index, position, ahead))
 
-    seen = [scene.seen(camera, panorama_width) for camera in cameras]
+    seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, streets, panorama_width)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
-    facades = _facades(scene, buildings, cameras, seen, len(streets), storey)
+    facades = find_facades(scene, buildings, cameras, seen, len(streets), storey)
     on_ground = tuple(
         replace(pose, z=float(terrain.height(np.array([[pose.x, pose.y]]))[0]) + height) if pose.z is None else pose
         for pose in poses
@@ -193,6 +199,8 @@ def ingest(
         views=views,
         writable=writable,
         wave=_waves(scene, cameras, seen, writable, len(streets)),
+        ids=ids,
+        looks=looks,
     )
 
 
@@ -208,63 +216,6 @@ def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Seq
         np.array(columns[1], np.int32),
         np.array(columns[2], np.float64),
         np.array(columns[3], np.float64),
-    )
-
-
-def _facades(
-    scene: Scene,
-    buildings: Sequence[Building],
-    cameras: Sequence[Viewpoint],
-    seen: Sequence[np.ndarray],
-    streets: int,
-    storey: float,
-) -> Facades:
-    """Walls that a street sees, by looking from every viewpoint at a grid of points on each wall in its panorama."""
-    charts = scene.charts
-    candidate = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
-    candidate &= charts.texels(scene.spec.texels_per_metre).min(axis=1) >= FACADE_TEXELS
-    at = np.stack(
-        np.meshgrid((np.arange(SAMPLES[0]) + 0.5) / SAMPLES[0], (np.arange(SAMPLES[1]) + 0.5) / SAMPLES[1]), axis=-1
-    ).reshape(-1, 2)
-    visible = np.zeros((streets, len(charts), len(at)), bool)
-    for camera, row in zip(cameras, seen, strict=True):
-        walls = row[candidate[row]]
-        if len(walls) == 0:
-            continue
-        xy = at[None] * charts.size[walls][:, None]
-        points = (
-            charts.origin[walls][:, None]
-            + xy[..., :1] * charts.axis_u[walls][:, None]
-            + xy[..., 1:] * charts.axis_v[walls][:, None]
-        )
-        ray = points - camera.position
-        distance, chart = scene.caster.cast(camera.position, ray)
-        reached = (distance > 1 - 1e-3) | (chart == walls[:, None])
-        visible[camera.street, walls] |= reached & (np.linalg.norm(ray, axis=-1) <= scene.visibility_range)
-    share = visible.mean(axis=2) if streets else np.zeros((1, len(charts)))
-    owner = share.argmax(axis=0)
-    best = share.max(axis=0)
-    chart = np.flatnonzero(candidate & (best >= FACADE_SEEN))
-    building = charts.building[chart]
-    wall_number = np.zeros(len(charts), np.int64)
-    walls = np.flatnonzero(charts.kind == WALL)
-    walls = walls[np.argsort(charts.building[walls], kind="stable")]
-    owners = charts.building[walls]
-    wall_number[walls] = np.arange(len(walls)) - np.searchsorted(owners, owners)
-    width, height = charts.size[chart].T
-    levels = np.array([buildings[b].levels or 0 for b in building], np.int64)
-    floors = np.where(levels > 0, levels, np.maximum(1, np.round(height / storey))).astype(np.int32)
-    # Tagged levels can contradict the height; a storey below 2.2 m or above 6 m is one that nobody built.
-    floors = np.clip(floors, np.ceil(height / 6.0), np.maximum(1, np.floor(height / 2.2))).astype(np.int32)
-    return Facades(
-        id=tuple(f"{buildings[b].id}-{wall_number[c]}" for b, c in zip(building, chart, strict=True)),
-        chart=chart.astype(np.int32),
-        street=owner[chart].astype(np.int32),
-        building=building.astype(np.int32),
-        width=width,
-        height=height,
-        floors=floors,
-        seen=best[chart],
     )
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import deque
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -92,6 +93,7 @@ def _texture(run: Run, block: Block, source: Path, workers: int, dask: str | Non
     ingest = ingest_block.submit(run, block) if dask is None else None
     with connect(workers, dask, run.out) as compute:
         outline = ingest.result() if ingest else ingest_block(run, block)
+        run = replace(run, ingested=outline.ingested)
         outcome = _process(run, textures_due(run, outline.textured, block.textures), compute)
         outcome += _process(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
         outcome += _process(run, exemplars_due(run, block.exemplars), compute)

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from facade_core.atlas.journal import unit_key
 from tasks.commits import journal
 from tasks.fan_out import Stage, Work
+from tasks.keys import exemplar_key
 from tasks.outcome import is_done
 from tasks.run import Run
 from tasks.units.exemplar import exemplar_unit
@@ -17,7 +17,7 @@ from tasks.units.memory import exemplar_memory
 def exemplars_due(run: Run, paths: Sequence[Path]) -> Stage:
     """The exemplars that the journal does not hold yet; one that cannot be used will be set aside with its reason."""
     held = journal(run.store, "exemplars")
-    keys = [unit_key(run.key, "exemplar", path.name) for path in paths]
+    keys = [exemplar_key(run, path) for path in paths]
     due = [i for i, key in enumerate(keys) if not is_done(held[i], key)]
     work = [Work({i: (paths[i].stem, keys[i])}, (i, paths[i], keys[i]), exemplar_memory(paths[i])) for i in due]
     return Stage("exemplars", exemplar_unit, work, skipped=len(paths) - len(due))

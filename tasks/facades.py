@@ -8,14 +8,14 @@ from pathlib import Path
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from facade_core.atlas.journal import unit_key
-from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.style import choose_exemplars
+from tasks.carry import forget_units
 from tasks.commits import journal
 from tasks.fan_out import Stage, Work
 from tasks.imagery import Imagery
+from tasks.keys import facade_key
 from tasks.outcome import is_done
-from tasks.plan import read_facades
+from tasks.plan import plan_of_run
 from tasks.run import Run
 from tasks.units.facade import facade_unit
 from tasks.units.memory import facade_memory
@@ -28,14 +28,15 @@ def choose(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
     Those with panoramas or own textures have one too, in case that these show too little of them.
     """
     usable = [(i, r) for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"]
-    facades = read_facades(open_repository(run.store).readonly_session(BRANCH))
+    plan = plan_of_run(run)
+    facades, numbers = plan.facades, plan.scene.building_numbers
     bare = [i for i, name in enumerate(facades.id) if name not in photos]
     if not usable or not bare:
         return {}
     chosen = choose_exemplars(
         facades.width[bare],
         facades.floors[bare],
-        facades.building[bare],
+        numbers[facades.building[bare]],
         [r["width_m"] for _, r in usable],
         [r["floors"] for _, r in usable],
         seed=run.seed,
@@ -53,14 +54,18 @@ def facades_due(
 ) -> Stage:
     """The facades that the journal does not hold yet. Those of a building go to one worker: they may share chunks."""
     held = journal(run.store, "facades")
+    plan = plan_of_run(run)
+    exemplars = {i: r["key"] for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"}
+    keys = [facade_key(run, plan, f, imagery[f], exemplars, textures) for f in range(len(names))]
+    stale = [f for f, key in enumerate(keys) if held[f] and not is_done(held[f], key)]
+    forget_units(run, plan, "facades", {f: [int(plan.facades.chart[f])] for f in stale})
     skipped = 0
     work = []
     for facades in buildings:
-        keys = {f: unit_key(run.key, "facade", names[f]) for f in facades}
         due = [f for f in facades if not is_done(held[f], keys[f])]
         skipped += len(facades) - len(due)
         if due:
-            arguments = (due, keys, {f: imagery[f] for f in due}, textures)
+            arguments = (due, {f: keys[f] for f in due}, {f: imagery[f] for f in due}, textures)
             memory = max(facade_memory(texels[f], imagery[f]) for f in due)
             work.append(Work({f: (names[f], keys[f]) for f in due}, arguments, memory))
     return Stage("facades", facade_unit, work, skipped=skipped)

@@ -19,9 +19,11 @@ from facade_core.atlas.store import BRANCH, commit, create_arrays, open_reposito
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan
 from facade_core.types import Pose
+from tasks.carry import carry_over, last_ingest
+from tasks.keys import exemplar_key, pose_key
 from tasks.plan import plan_of, read_plan, write_plan
 from tasks.progress import advance, begin_stage
-from tasks.run import Run
+from tasks.run import Run, code_version
 
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
 VIEWS = 4
@@ -43,7 +45,8 @@ class Outline:
     texels: of each facade; buildings: the facades of each building that has some; textured: the buildings with textures of
     their own, in order; panoramas: those that show each facade, best first, as (index, pose); own: whether each facade has a
     texture of its own; streets: names; waves: the streets of each wave; viewpoints: how many each street has; windows: texels
-    that each street sees, and those of them that it writes; set_aside: input that cannot be used, as (kind, unit, reason).
+    that each street sees, and those of them that it writes; set_aside: input that cannot be used, as (kind, unit, reason);
+    ingested: when the plan was written, seconds since 1970.
     """
 
     facades: tuple[str, ...]
@@ -57,12 +60,16 @@ class Outline:
     panoramas: tuple[tuple[tuple[int, Pose], ...], ...]
     own: tuple[bool, ...]
     set_aside: tuple[tuple[str, str, str], ...]
+    ingested: float
     skipped: bool
 
 
 @task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
 def ingest_block(run: Run, block: Block) -> Outline:
-    """Write the block's plan and empty arrays in one commit, unless the store holds them for the same inputs and code."""
+    """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
+
+    Arrays are empty, or hold what is left of an earlier ingest with the same code.
+    """
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
@@ -71,14 +78,17 @@ def ingest_block(run: Run, block: Block) -> Outline:
     if skipped:
         plan = read_plan(session, run.texels_per_metre)
     else:
-        plan = plan_of(block)
-        root = zarr.group(store=session.store, overwrite=True)
+        last = last_ingest(run, repository)
+        plan = plan_of(block, last.places if last else None)
+        if last is None:
+            root = zarr.group(store=session.store, overwrite=True)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.refused]
         set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
             block=run.block,
             key=run.key,
+            made_by=[code_version(), run.crs, run.texels_per_metre],
             crs=run.crs,
             seed=run.seed,
             geoid_separation=block.geoid_separation,
@@ -87,21 +97,31 @@ def ingest_block(run: Run, block: Block) -> Outline:
             ingested=time.time(),
         )
         write_plan(session, plan, block.buildings, run.crs)
-        create_arrays(
-            root,
-            plan.scene.spec,
-            crs=run.crs,
-            panorama_width=run.panorama_width,
-            poses=len(block.panoramas),
-            exemplars=len(block.exemplars),
-            textures=len(plan.textured_buildings()),
-            facades=len(plan.facades),
-            viewpoints=len(plan.viewpoints),
-            streets=len(plan.streets),
-        )
+        if last is None:
+            create_arrays(
+                root,
+                plan.scene.spec,
+                crs=run.crs,
+                panorama_width=run.panorama_width,
+                poses=len(block.panoramas),
+                exemplars=len(block.exemplars),
+                textures=len(plan.textured_buildings()),
+                facades=len(plan.facades),
+                viewpoints=len(plan.viewpoints),
+                streets=len(plan.streets),
+            )
+        else:
+            carry_over(
+                root,
+                last,
+                plan,
+                panorama_width=run.panorama_width,
+                poses=[pose_key(run, plan, i, panorama.path) for i, panorama in enumerate(block.panoramas)],
+                exemplars=[exemplar_key(run, path) for path in block.exemplars],
+            )
         commit(session, f"ingest {run.block}")
     advance("ingest", 1)
-    return _outline(plan, tuple(map(tuple, root.attrs["set_aside"])), skipped)
+    return _outline(plan, tuple(map(tuple, root.attrs["set_aside"])), float(root.attrs["ingested"]), skipped)
 
 
 def _notes(block: Block, plan: Plan) -> list[str]:
@@ -113,7 +133,7 @@ def _notes(block: Block, plan: Plan) -> list[str]:
     return notes
 
 
-def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
+def _outline(plan: Plan, set_aside: tuple, ingested: float, skipped: bool) -> Outline:
     building = plan.facades.building.tolist()
     facades: dict[int, list[int]] = {}
     for facade, one in enumerate(building):
@@ -138,6 +158,7 @@ def _outline(plan: Plan, set_aside: tuple, skipped: bool) -> Outline:
         ),
         own=tuple(plan.textured[plan.facades.chart].tolist()),
         set_aside=set_aside,
+        ingested=ingested,
         skipped=skipped,
     )
 

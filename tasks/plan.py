@@ -13,10 +13,11 @@ import shapely
 from catalogs.block import Block
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, open_repository, open_table, text_column, write_table
+from facade_core.facades import Facades
 from facade_core.geometry.charts import KINDS, Charts, Mesh
-from facade_core.geometry.packing import Placement
+from facade_core.geometry.packing import Placement, Places
 from facade_core.geometry.streets import Viewpoint
-from facade_core.ingest import Facades, Plan, Sightings, ingest
+from facade_core.ingest import Plan, Sightings, ingest
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Pose, Street
 from tasks.run import Run
@@ -28,8 +29,8 @@ if TYPE_CHECKING:
 METRES = {"units": "m"}
 
 
-def plan_of(block: Block) -> Plan:
-    """Ingest a block as its settings say."""
+def plan_of(block: Block, last: Places | None = None) -> Plan:
+    """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas."""
     texture = block.texture
     return ingest(
         block.buildings,
@@ -44,6 +45,7 @@ def plan_of(block: Block) -> Plan:
         panorama_width=texture.panorama_width,
         storey=block.storey,
         walls=texture.walls,
+        last=last,
     )
 
 
@@ -70,6 +72,7 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
                 "height": ("chart", placement.height, {"units": "texel"}),
                 "writable": ("chart", plan.writable, {"long_name": "written by the street stage"}),
                 "textured": ("chart", plan.textured, {"long_name": "with a texture of the source's own"}),
+                "id": ("chart", plan.ids, {"long_name": "digest of the chart's kind, place and building"}),
             },
             attrs={"page_size": scene.spec.page, "chunk": scene.spec.chunk, "gutter": scene.spec.gutter},
         ),
@@ -130,6 +133,7 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
                     METRES,
                 ),
                 "forward": (("viewpoint", "xy"), np.array([v.forward for v in plan.viewpoints]).reshape(-1, 2)),
+                "look": ("viewpoint", text_column(plan.looks), {"long_name": "digest of the geometry in sight"}),
                 "view_viewpoint": ("view", plan.views[:, 0]),
                 "view_chart": ("view", plan.views[:, 1]),
             },
@@ -211,6 +215,7 @@ def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
         spec,
         spacing=cameras.attrs["spacing"],
         visibility_range=cameras.attrs["visibility_range"],
+        names=tuple(map(str, built.id.values)),
     )
     lines = [streets.point.values[streets.point_street.values == i] for i in range(streets.sizes["street"])]
     return Plan(
@@ -238,6 +243,8 @@ def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
         views=np.column_stack([cameras.view_viewpoint.values, cameras.view_chart.values]),
         writable=charts_table.writable.values,
         wave=streets.wave.values,
+        ids=charts_table.id.values,
+        looks=tuple(map(str, cameras.look.values)),
     )
 
 

@@ -5,11 +5,12 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from facade_core.atlas.journal import unit_key
 from facade_core.types import Pose
 from tasks.commits import journal
 from tasks.fan_out import Stage, Work
+from tasks.keys import pose_key
 from tasks.outcome import is_done
+from tasks.plan import plan_of_run
 from tasks.run import Run
 from tasks.units.memory import pose_memory
 from tasks.units.pose import pose_unit
@@ -18,7 +19,8 @@ from tasks.units.pose import pose_unit
 def poses_due(run: Run, paths: Sequence[Path]) -> Stage:
     """The panoramas whose pose is not refined yet."""
     held = journal(run.store, "poses")
-    keys = [unit_key(run.key, "pose", path.name) for path in paths]
+    plan = plan_of_run(run)
+    keys = [pose_key(run, plan, i, path) for i, path in enumerate(paths)]
     due = [i for i, key in enumerate(keys) if not is_done(held[i], key)]
     work = [Work({i: (paths[i].name, keys[i])}, (i, paths[i], keys[i]), pose_memory(paths[i])) for i in due]
     return Stage("poses", pose_unit, work, skipped=len(paths) - len(due))

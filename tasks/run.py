@@ -16,7 +16,8 @@ VERSION = "0.1.0"
 class Run:
     """One run of a block into the absolute folder `out`.
 
-    `key` is the ingest key: digest of the block's inputs and settings and of the code.
+    `key` is the ingest key: digest of the block's inputs and settings and of the code. ingested is when the store's plan was
+    written, 0 before: a process that serves many runs keeps what it read of one plan from the next.
     """
 
     out: str
@@ -29,6 +30,7 @@ class Run:
     storey: float
     walls: str
     levelling: bool = True
+    ingested: float = 0.0
 
     @property
     def store(self) -> Path:

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from threading import Lock
-from typing import Any
 
 import icechunk
 import numpy as np
@@ -19,7 +18,6 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.features import file_stem
 from facade_core.atlas.journal import (
     forget_record,
-    latest_chunks,
     read_journal,
     read_records,
     unit_key,
@@ -29,6 +27,7 @@ from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from facade_core.ingest import Plan
+from tasks.carry import forget_units
 from tasks.cluster import ClusterGone
 from tasks.commits import begin, finish
 from tasks.compute import Compute
@@ -36,6 +35,7 @@ from tasks.outcome import Outcome, failure, is_done
 from tasks.plan import plan_of_run
 from tasks.progress import advance
 from tasks.run import Run
+from tasks.street_keys import street_keys
 from tasks.units.viewpoint import street_unit, viewpoint_unit
 
 
@@ -56,16 +56,15 @@ def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
     wave, name = int(plan.wave[street]), plan.streets[street].id
     own = [v.id for v in plan.of_street(street)]
     reads, writes = street_chunks(plan, street)
-
-    done_streets = read_journal(group, "streets")
-    before = latest_chunks(_seeds(plan, group, own), [r for r in done_streets if r and r["wave"] < wave])
-    street_key = unit_key(run.key, "street", name, {cell: before[cell] for cell in reads if cell in before})
-    keys = _chain(street_key, own)
-    if is_done(done_streets[street], street_key):
+    found = street_keys(run, plan, group, street)
+    street_key, keys = found.street, found.viewpoints
+    if is_done(read_records(group, "streets", np.array([street]))[0], street_key):
         advance("viewpoints", len(own))
         return Outcome(skipped=len(own) + 1)
     held = read_records(group, "viewpoints", np.array(own, np.int64))
     first = next((k for k in range(len(own)) if not is_done(held[k], keys[k])), len(own))
+    # who reads them later must not take them for what this street shows now
+    forget_units(run, plan, "viewpoints", {own[k]: [] for k in range(first, len(own)) if held[k]})
     outcome = Outcome(skipped=first)
     advance("viewpoints", first)
     step = first
@@ -91,11 +90,11 @@ def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
         raise
     except Exception as error:
         session, fork = begin(run.store)
-        record = failure(name, street_key, error) | {"wave": wave, "chunks": {}}
+        record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
         record["reason"] = f"viewpoint {step}: {record['reason']}"
         finish(session, fork, "streets", {street: record}, f"street {name} failed")
         return outcome.add([record])
-    _tag(run, f"street-{file_stem(name)}-{street_key[:12]}", snapshot)
+    _tag(run, f"street-{file_stem(name)}-{unit_key(street_key)[:12]}", snapshot)
     return outcome.add([record])
 
 
@@ -116,9 +115,7 @@ def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[s
     session = open_repository(run.store).writable_session(BRANCH)
     group: StoreGroup = zarr.open_group(session.store)
     if group.attrs.get("key") != run.key:
-        raise InputError(
-            f"{run.out}: its inputs or the code changed since it was made, so all is due; run it without --redo"
-        )
+        raise InputError(f"{run.out}: its inputs or the code changed since it was made; run it without --redo first")
     plan = plan_of_run(run)
     found = find_redo(plan, street)
     names = [[plan.streets[index].id for index in indices] for indices in (found.streets, found.dependants)]
@@ -160,7 +157,7 @@ def chosen_streets(run: Run, only: str | None) -> frozenset[int] | None:
 
 def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[str]]:
     """The chunks that a street reads, and those of them that it writes, as "page/row/column"."""
-    charts = np.unique(plan.views[plan.street_of_views() == street, 1])
+    charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
     spec, placement = plan.scene.spec, plan.scene.placement
     reads, writes = set(), set()
     for chart in charts.tolist():
@@ -169,16 +166,6 @@ def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[st
         if plan.writable[chart]:
             writes |= cells
     return frozenset(reads), frozenset(writes)
-
-
-def _seeds(plan: Plan, group: StoreGroup, viewpoints: Sequence[int]) -> list[dict[str, Any] | None]:
-    """The records of those who seeded the buildings that some viewpoints see, in the order in which they wrote: charts share
-    chunks only within a building."""
-    charts = np.unique(plan.views[np.isin(plan.views[:, 0], viewpoints), 1])
-    buildings = np.unique(plan.scene.charts.building[charts])
-    textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
-    facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
-    return read_records(group, "textures", textures) + read_records(group, "facades", facades)
 
 
 # Chunks that the streets under way in this process read and write, by store and street.
@@ -207,15 +194,6 @@ def _claimed(run: Run, name: str, reads: frozenset[str], writes: frozenset[str])
     finally:
         with _claiming:
             del _under_way[run.out, name]
-
-
-def _chain(street_key: str, viewpoints: Sequence[int]) -> list[str]:
-    """Keys of a street's viewpoints: each stands on the one before it."""
-    keys, key = [], street_key
-    for viewpoint in viewpoints:
-        key = unit_key(key, viewpoint)
-        keys.append(key)
-    return keys
 
 
 def _tag(run: Run, tag: str, snapshot: str) -> None:

@@ -5,12 +5,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from pathlib import Path
 
-from facade_core.atlas.journal import unit_key
-from facade_core.atlas.store import BRANCH, open_repository, open_table
+from tasks.carry import forget_units
 from tasks.commits import journal
 from tasks.fan_out import Stage, Work
 from tasks.ingest import Textured
+from tasks.keys import texture_key
 from tasks.outcome import is_done
+from tasks.plan import plan_of_run
 from tasks.run import Run
 from tasks.units.memory import texture_memory
 from tasks.units.texture import texture_unit
@@ -21,10 +22,11 @@ def textures_due(run: Run, buildings: Sequence[Textured], textures: Sequence[Pat
     if not buildings:
         return Stage("textures", texture_unit)
     held = journal(run.store, "textures")
-    ids = open_table(open_repository(run.store).readonly_session(BRANCH), "buildings").id.values
-    names = [str(ids[one.building]) for one in buildings]
-    keys = [unit_key(run.key, "texture", name) for name in names]
+    plan = plan_of_run(run)
+    names = [plan.scene.names[one.building] for one in buildings]
+    keys = [texture_key(run, plan, one.building, textures) for one in buildings]
     due = [i for i, key in enumerate(keys) if not is_done(held[i], key)]
+    forget_units(run, plan, "textures", {i: plan.own_charts(buildings[i].building) for i in due if held[i]})
     work = [
         Work(
             {i: (names[i], keys[i])},

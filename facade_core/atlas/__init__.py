@@ -1,8 +1,8 @@
 """The texture atlas in chunked zarr (Icechunk): its shape, its store, its journal and what wins on a texel."""
 
-from facade_core.atlas.journal import STAGES, atlas_digest, latest_chunks, read_journal, unit_key, write_record
+from facade_core.atlas.journal import STAGES, atlas_digest, latest_digests, read_journal, unit_key, write_record
 from facade_core.atlas.provenance import INPAINTED, PHOTO, PROVENANCE, SYNTHESISED, TRANSLATED, UNSEEN, resolve
-from facade_core.atlas.rasters import Rasters, chunk_digests, read_rasters, write_rasters
+from facade_core.atlas.rasters import Rasters, chart_digests, chunk_digests, read_rasters, write_rasters
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import commit, create_arrays, expire, open_repository, open_table, write_table
 
@@ -17,11 +17,12 @@ __all__ = [
     "AtlasSpec",
     "Rasters",
     "atlas_digest",
+    "chart_digests",
     "chunk_digests",
     "commit",
     "create_arrays",
     "expire",
-    "latest_chunks",
+    "latest_digests",
     "open_repository",
     "open_table",
     "read_journal",

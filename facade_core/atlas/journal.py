@@ -45,16 +45,16 @@ def unit_key(*parts: Any) -> str:
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
-def latest_chunks(seeds: list[dict[str, Any] | None], streets: list[dict[str, Any] | None]) -> dict[str, str]:
-    """Digest of every chunk as its last writer left it: first those who seed (own textures, then facades), then streets in the
-    order of their waves."""
-    chunks: dict[str, str] = {}
+def latest_digests(seeds: list[dict[str, Any] | None], streets: list[dict[str, Any] | None]) -> dict[str, str]:
+    """Digest of every chart, by its id, as its last writer left it: first those who seed (own textures, then facades), then
+    streets in the order of their waves."""
+    charts: dict[str, str] = {}
     for record in seeds:
         if record:
-            chunks.update(record.get("chunks", {}))
+            charts.update(record.get("digests", {}))
     for record in sorted((r for r in streets if r), key=lambda r: (r["wave"], r["unit"])):
-        chunks.update(record["chunks"])
-    return chunks
+        charts.update(record["digests"])
+    return charts
 
 
 def seed_records(group: StoreGroup) -> list[dict[str, Any] | None]:
@@ -63,9 +63,9 @@ def seed_records(group: StoreGroup) -> list[dict[str, Any] | None]:
 
 
 def atlas_digest(group: StoreGroup) -> str:
-    """One digest of the whole atlas: of the chunks' digests in (page, row, column) order."""
-    chunks = latest_chunks(seed_records(group), read_journal(group, "streets"))
+    """One digest of the whole atlas: of the charts' digests in the order of their ids, wherever they lie on the pages."""
+    charts = latest_digests(seed_records(group), read_journal(group, "streets"))
     digest = hashlib.sha256()
-    for name in sorted(chunks, key=lambda n: tuple(int(v) for v in n.split("/"))):
-        digest.update(f"{name}:{chunks[name]}\n".encode())
+    for name in sorted(charts):
+        digest.update(f"{name}:{charts[name]}\n".encode())
     return digest.hexdigest()

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.zarr_types import StoreArray
+from facade_core.atlas.zarr_types import StoreArray, StoreGroup
 from facade_core.geometry.packing import Placement
 
 
@@ -85,9 +85,32 @@ def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rast
         array[region] = whole
 
 
+def clear_rasters(group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int]) -> None:
+    """Make the atlas and the facade maps at some charts as they were before anything was written."""
+    arrays = [array for folder in ("atlas", "facade_maps") for _, array in group[folder].arrays()]
+    for chart in charts:
+        one = Rasters.of(placement, [chart])
+        for array in arrays:
+            write_rasters(array, spec, placement, one, np.zeros((one.total, *array.shape[3:]), array.dtype))
+
+
 def _region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, slice]:
     page, row, column = cell
     return page, slice(row * chunk, (row + 1) * chunk), slice(column * chunk, (column + 1) * chunk)
+
+
+def chart_digests(
+    colour: np.ndarray, provenance: np.ndarray, placement: Placement, rasters: Rasters, ids: np.ndarray
+) -> dict[str, str]:
+    """Digest of colour (total, 3) and provenance (total,) of every held chart: its id of `ids` (charts,) uint64, in hexadecimal
+    -> hex. The same wherever the chart lies on the pages."""
+    digests: dict[str, str] = {}
+    for c in rasters.charts.tolist():
+        texels = rasters.slice(placement, c)
+        digest = hashlib.blake2b(np.ascontiguousarray(colour[texels]).tobytes(), digest_size=8)
+        digest.update(np.ascontiguousarray(provenance[texels]).tobytes())
+        digests[f"{int(ids[c]):016x}"] = digest.hexdigest()
+    return digests
 
 
 def chunk_digests(

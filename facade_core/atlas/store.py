@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -79,17 +79,7 @@ def create_arrays(
                 overwrite=True,
             )
         group[folder].attrs.update(crs=crs, texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel")
-    group.create_array(
-        "panoramas/rgb",
-        shape=(viewpoints, panorama_width // 2, panorama_width, 3),
-        chunks=(1, panorama_width // 2, panorama_width, 3),
-        dtype="uint8",
-        dimension_names=("viewpoint", "row", "column", "band"),
-        fill_value=0,
-        attributes={"long_name": "translated equirectangular panorama; the truth of street texturing"},
-        overwrite=True,
-    )
-    group["panoramas"].attrs.update(crs=crs)
+    create_panoramas(group, crs=crs, width=panorama_width, viewpoints=viewpoints)
     for exemplar in range(exemplars):  # units that run side by side must not create the same group
         group.create_group(f"exemplars/{exemplar}", overwrite=True)
     group.create_array(
@@ -111,6 +101,45 @@ def create_arrays(
             attributes={"long_name": f"record of each unit of {stage}, JSON; empty until it is done"},
             overwrite=True,
         )
+
+
+def create_panoramas(group: StoreGroup, *, crs: str, width: int, viewpoints: int) -> None:
+    """An empty panorama for each viewpoint, `width` pixels wide."""
+    group.create_array(
+        "panoramas/rgb",
+        shape=(viewpoints, width // 2, width, 3),
+        chunks=(1, width // 2, width, 3),
+        dtype="uint8",
+        dimension_names=("viewpoint", "row", "column", "band"),
+        fill_value=0,
+        attributes={"long_name": "translated equirectangular panorama; the truth of street texturing"},
+        overwrite=True,
+    )
+    group["panoramas"].attrs.update(crs=crs)
+
+
+def resize_arrays(
+    group: StoreGroup, spec: AtlasSpec, *, units: Mapping[str, int], panorama_width: int, exemplars: int
+) -> None:
+    """The arrays of `create_arrays` for other numbers of pages and of units by stage.
+
+    What is in both keeps its content, but for panoramas of another width, which begin anew.
+    """
+    for folder in ("atlas", "facade_maps"):
+        for _, array in group[folder].arrays():
+            array.resize((spec.pages, *array.shape[1:]))
+    for stage, count in units.items():
+        group[f"journal/{stage}"].resize((count,))
+    group["hierarchies/data"].resize((units["facades"],))
+    panoramas = group["panoramas/rgb"]
+    if panoramas.shape[2] == panorama_width:
+        panoramas.resize((units["viewpoints"], *panoramas.shape[1:]))
+    else:
+        create_panoramas(
+            group, crs=group["panoramas"].attrs["crs"], width=panorama_width, viewpoints=units["viewpoints"]
+        )
+    for exemplar in range(exemplars):
+        group.require_group(f"exemplars/{exemplar}")
 
 
 def write_table(session: icechunk.Session, group: str, table: xr.Dataset) -> None:

@@ -39,11 +39,29 @@ class Placement:
         return np.column_stack([np.full(len(grid), self.page[chart]), grid]).astype(np.int32)
 
 
-def pack(texels: np.ndarray, owner: np.ndarray, *, page: int, chunk: int, gutter: int) -> Placement:
+@dataclass(frozen=True)
+class Places:
+    """Where the charts of an earlier ingest lie: ids (n,) uint64, as of `facade_core.identity`, and their placement."""
+
+    ids: np.ndarray
+    placement: Placement
+
+
+def pack(
+    texels: np.ndarray,
+    owner: np.ndarray,
+    *,
+    page: int,
+    chunk: int,
+    gutter: int,
+    ids: np.ndarray | None = None,
+    last: Places | None = None,
+) -> Placement:
     """Pack rasters of `texels` (n, 2) width and height into square pages of `page` texels.
 
     Charts up to half a chunk share chunks, but only with charts of the same `owner` (n,), the building; charts without one
-    (-1) never share. Charts keep their order, first fit over the last few pages, so that neighbours stay together.
+    (-1) never share. Charts keep their order, first fit over the last few pages, so that neighbours stay together. With the
+    places of an earlier ingest, charts (of `ids` (n,) uint64) that it had stay, and the others take the first free places.
     Raises GeometryError for a chart larger than a page less its gutters.
     """
     outer = texels.astype(np.int64) + 2 * gutter
@@ -56,15 +74,45 @@ def pack(texels: np.ndarray, owner: np.ndarray, *, page: int, chunk: int, gutter
     size = np.ones((blocks, 2), np.int64)
     large = (outer > chunk // 2).any(axis=1)
     size[block[large]] = -(-outer[large] // chunk)
-    block_page, block_x, block_y, pages = _first_fit(size, page // chunk)
+    place = np.full((blocks, 3), -1, np.int64)
+    if last is not None and ids is not None:
+        corner = np.column_stack([inner_x, inner_y]) + gutter
+        place = _stayed(place, block, corner, texels, ids, last, chunk)
+    _first_fit(place, size, page // chunk, OPEN_PAGES if last is None else blocks + int(place[:, 0].max(initial=0)) + 1)
     return Placement(
-        page=block_page[block].astype(np.int32),
-        x=(block_x[block] * chunk + inner_x + gutter).astype(np.int32),
-        y=(block_y[block] * chunk + inner_y + gutter).astype(np.int32),
+        page=place[block, 0].astype(np.int32),
+        x=(place[block, 1] * chunk + inner_x + gutter).astype(np.int32),
+        y=(place[block, 2] * chunk + inner_y + gutter).astype(np.int32),
         width=texels[:, 0].astype(np.int32),
         height=texels[:, 1].astype(np.int32),
-        pages=int(pages),
+        pages=int(place[:, 0].max(initial=-1)) + 1,
     )
+
+
+def _stayed(
+    place: np.ndarray,
+    block: np.ndarray,
+    corner: np.ndarray,
+    texels: np.ndarray,
+    ids: np.ndarray,
+    last: Places,
+    chunk: int,
+) -> np.ndarray:
+    """`place` (blocks, 3) with page, column and row of each block whose charts were all there, at the same places in it."""
+    if len(last.ids) == 0:
+        return place
+    order = np.argsort(last.ids)
+    at = order[np.searchsorted(last.ids, ids, sorter=order).clip(max=len(order) - 1)]
+    held = last.placement
+    column, row = held.x[at] - corner[:, 0], held.y[at] - corner[:, 1]
+    fits = (last.ids[at] == ids) & (held.width[at] == texels[:, 0]) & (held.height[at] == texels[:, 1])
+    fits &= (column % chunk == 0) & (row % chunk == 0)
+    found = np.column_stack([held.page[at], column // chunk, row // chunk]).astype(np.int64)
+    first = np.unique(block, return_index=True)[1]
+    fits &= (found == found[first][block]).all(axis=1)
+    whole = np.ones(len(place), bool)
+    np.logical_and.at(whole, block, fits)
+    return np.where(whole[:, None], found[first], place)
 
 
 @njit(cache=True)
@@ -94,28 +142,35 @@ def _share_chunks(outer, owner, chunk):
 
 
 @njit(cache=True)
-def _first_fit(size, side):
-    """Blocks of chunks on pages of side x side chunks: the first free place on the last OPEN_PAGES pages."""
-    n = len(size)
-    page = np.empty(n, np.int64)
-    x = np.empty(n, np.int64)
-    y = np.empty(n, np.int64)
-    taken = np.zeros((max(1, n), side, side), np.bool_)
+def _first_fit(place, size, side, open_pages):
+    """Blocks of chunks on pages of side x side chunks, in place: those without a page take the first free place on the last
+    open_pages pages."""
     pages = 0
-    for i in range(n):
+    for i in range(len(place)):
+        pages = max(pages, place[i, 0] + 1)
+    taken = np.zeros((pages + max(1, len(place)), side, side), np.bool_)
+    free = np.full(len(taken), side * side, np.int64)
+    for i in range(len(place)):
+        page, column, row = place[i]
+        if page >= 0:
+            taken[page, row : row + size[i, 1], column : column + size[i, 0]] = True
+            free[page] -= size[i, 0] * size[i, 1]
+    for i in range(len(place)):
+        if place[i, 0] >= 0:
+            continue
         width, height = size[i, 0], size[i, 1]
-        placed = False
-        for p in range(max(0, pages - OPEN_PAGES), pages + 1):
+        for p in range(max(0, pages - open_pages), pages + 1):
+            if free[p] < width * height:
+                continue
             for row in range(side - height + 1):
                 for column in range(side - width + 1):
                     if not taken[p, row : row + height, column : column + width].any():
                         taken[p, row : row + height, column : column + width] = True
-                        page[i], x[i], y[i] = p, column, row
-                        placed = True
+                        free[p] -= width * height
+                        place[i, 0], place[i, 1], place[i, 2] = p, column, row
                         break
-                if placed:
+                if place[i, 0] >= 0:
                     break
-            if placed:
+            if place[i, 0] >= 0:
                 pages = max(pages, p + 1)
                 break
-    return page, x, y, pages

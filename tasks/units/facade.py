@@ -13,7 +13,7 @@ import numpy as np
 import zarr
 
 from facade_core.atlas.provenance import resolve
-from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import Box, Facade, count_columns, from_exemplar, from_photo, things_in_front
@@ -80,18 +80,11 @@ def facade_unit(
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
         if made is not None:
             begun = time.time()
-            _write(group, plan, facade, made, confidence)
+            digests = _write(group, plan, facade, made, confidence)
             seconds["write"] = time.time() - begun
-            record |= _summary(made)
+            record |= _summary(made) | {"digests": digests}
         records[facade] = record | {"seconds": {stage: round(s, 4) for stage, s in seconds.items()}}
         start = prepared = time.time()
-    for facade, record in records.items():
-        if "lattice" in record:
-            begun = time.time()
-            scene, chart = plan.scene, int(plan.facades.chart[facade])
-            atlas = group["atlas"]
-            record["chunks"] = chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, [chart])
-            record["seconds"]["digest"] = round(time.time() - begun, 4)
     return fork, records
 
 
@@ -189,7 +182,8 @@ def _widened(hidden: np.ndarray) -> np.ndarray:
     return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
 
 
-def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade, confidence: np.ndarray) -> None:
+def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade, confidence: np.ndarray) -> dict[str, str]:
+    """Write a facade's rasters and hierarchy; returns the digest of its chart."""
     scene, chart = plan.scene, int(plan.facades.chart[facade])
     rasters = Rasters.of(scene.placement, [chart])
     seed = made.image.reshape(-1, 3)
@@ -208,6 +202,7 @@ def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade, confidence:
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
     group["hierarchies/data"][facade] = base64.b64encode(made.hierarchy.to_bytes()).decode()
+    return chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
 
 
 def _summary(made: Facade) -> dict[str, Any]:

@@ -11,7 +11,7 @@ import numpy as np
 import zarr
 
 from facade_core.atlas.provenance import PHOTO, UNSEEN, resolve
-from facade_core.atlas.rasters import Rasters, chunk_digests, write_rasters
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.rectify import own_texture
 from tasks.run import Run
@@ -26,12 +26,11 @@ def texture_unit(
     start = time.time()
     plan = context(run).plan
     scene = plan.scene
-    mine = plan.textured & (scene.charts.building == building)
-    mine[plan.facades.chart] = False
-    charts = np.flatnonzero(mine).tolist()
+    charts = plan.own_charts(building)
     images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)])
     group: StoreGroup = zarr.open_group(fork.store)
     atlas = group["atlas"]
+    digests: dict[str, str] = {}
     for chart in charts:
         rgb, covered = own_texture(scene, chart, images)
         seed = rgb.reshape(-1, 3)
@@ -45,12 +44,13 @@ def texture_unit(
             "provenance": provenance,
         }.items():
             write_rasters(atlas[array], scene.spec, scene.placement, rasters, flat)
+        digests |= chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
     record = {
         "unit": name,
         "key": key,
         "status": "done",
         "charts": len(charts),
-        "chunks": chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, charts),
+        "digests": digests,
         "worker": worker_name(),
         "started": start,
         "seconds": {"texture": round(time.time() - start, 4)},

@@ -139,7 +139,7 @@ def _levelled(scene: Scene, held: Rasters, window: Window) -> np.ndarray:
 def _passes(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
     """A digest of what other streets may take of a panorama: its pixels on charts that the street stage writes."""
     shared = (chart >= 0) & plan.writable[chart]
-    return hashlib.blake2b(np.where(shared[..., None], rgb, 0).astype(np.uint8).tobytes(), digest_size=8).hexdigest()
+    return hashlib.blake2b(np.where(shared[..., None], rgb, np.uint8(0)).tobytes(), digest_size=8).hexdigest()
 
 
 def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> np.ndarray:
@@ -170,8 +170,8 @@ def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int
 
 
 def replay(plan: Plan, group: StoreGroup, street: int, step: int) -> Window:
-    """A street's window after its first `step` viewpoints: seeds, every panorama that there is of earlier waves and shows one of
-    its charts, then the street's own."""
+    """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
+    one of its charts, then the street's own."""
     scene = plan.scene
     own = plan.of_street(street)
     is_own = np.isin(plan.views[:, 0], [v.id for v in own])

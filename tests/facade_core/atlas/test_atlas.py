@@ -19,7 +19,7 @@ from facade_core.atlas import (
     AtlasSpec,
     Rasters,
     atlas_digest,
-    chunk_digests,
+    chart_digests,
     commit,
     create_arrays,
     expire,
@@ -121,26 +121,27 @@ def test_two_units_on_one_chunk_are_refused_not_lost(repository, placement) -> N
 
 
 def test_digest_sees_colour_and_provenance_and_nothing_else(repository, placement) -> None:
-    spec = AtlasSpec(placement.pages, 20.0, page=512)
     session = repository.writable_session("main")
     group = zarr.open_group(session.store)
     digests = []
     for name, value in (("colour", 3), ("provenance", 4), ("street", 5)):
         group[f"atlas/{name}"][int(placement.page[3]), int(placement.y[3]) + 5, int(placement.x[3]) + 5] = value
-        chunks = chunk_digests(group["atlas/colour"], group["atlas/provenance"], spec, placement, [3])
-        write_record(group, "facades", 0, {"unit": "a", "key": "k", "chunks": chunks, "seconds": value})
+        one = Rasters.of(placement, [3])
+        colour, provenance = (read_rasters(group[f"atlas/{n}"], placement, one) for n in ("colour", "provenance"))
+        found = chart_digests(colour, provenance, placement, one, np.arange(len(placement.page), dtype=np.uint64))
+        write_record(group, "facades", 0, {"unit": "a", "key": "k", "digests": found, "seconds": value})
         digests.append(atlas_digest(group))
     assert digests[0] != digests[1]
     assert digests[1] == digests[2]
 
 
-def test_later_waves_decide_a_shared_chunk(repository) -> None:
+def test_later_waves_decide_a_shared_chart(repository) -> None:
     session = repository.writable_session("main")
     group = zarr.open_group(session.store)
-    write_record(group, "streets", 0, {"unit": "a", "wave": 1, "chunks": {"0/0/0": "late"}})
-    write_record(group, "streets", 1, {"unit": "b", "wave": 0, "chunks": {"0/0/0": "early"}})
+    write_record(group, "streets", 0, {"unit": "a", "wave": 1, "digests": {"00": "late"}})
+    write_record(group, "streets", 1, {"unit": "b", "wave": 0, "digests": {"00": "early"}})
     shared = atlas_digest(group)
-    write_record(group, "streets", 1, {"unit": "b", "wave": 0, "chunks": {}})
+    write_record(group, "streets", 1, {"unit": "b", "wave": 0, "digests": {}})
     assert atlas_digest(group) == shared
 
 

@@ -1,0 +1,141 @@
+"""What charts, buildings and views are, as digests: they stay as long as what they stand for does, whatever comes and goes
+elsewhere in the block. Keys of units and places in the atlas are carried over from one ingest to the next by them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from hashlib import blake2b
+
+import numpy as np
+import shapely
+
+from facade_core.geometry.charts import Charts, Mesh
+from facade_core.geometry.raycast import MISS
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.scene import Scene
+from facade_core.types import Street
+
+# Of a view's pixels that show no chart within the range: the sky, and what lies beyond.
+SKY, BEYOND = 0, 1
+# A centreline colours the ground up to this far beside it, metres.
+BESIDE_M = 8.0
+
+
+@dataclass(frozen=True)
+class Things:
+    """What stands in a block, as columns: the buildings in their rows, then each ground chart.
+
+    digest (k,) uint64 of a thing's whole surface; low, high (k, 3) the corners of its box, metres, inf and -inf where it has no
+    surface; of_chart (charts,) the thing that each chart is of.
+    """
+
+    digest: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+    of_chart: np.ndarray
+
+    def within(self, low: np.ndarray, high: np.ndarray) -> list[str]:
+        """The things whose boxes meet the box from low to high (3,), as sorted hexadecimal digests."""
+        meet = (self.low <= high).all(axis=1) & (self.high >= low).all(axis=1)
+        return [f"{digest:016x}" for digest in np.sort(self.digest[meet]).tolist()]
+
+
+def chart_ids(charts: Charts, names: Sequence[str]) -> np.ndarray:
+    """A number for each chart, (n,) uint64, of its kind, its place and the id of its building, by row in `names`.
+
+    Charts that are alike in all of that are told apart by their order.
+    """
+    frames = np.column_stack([charts.kind, charts.origin, charts.axis_u, charts.axis_v, charts.size]) + 0.0  # no -0
+    count: dict[bytes, int] = {}
+    found = np.empty(len(charts), np.uint64)
+    for chart, (row, building) in enumerate(zip(frames, charts.building.tolist(), strict=True)):
+        name = names[building] if building >= 0 else ""
+        digest = blake2b(row.tobytes() + name.encode(), digest_size=8)
+        twin = count[digest.digest()] = count.get(digest.digest(), -1) + 1
+        if twin:
+            digest.update(twin.to_bytes(4))
+        found[chart] = int.from_bytes(digest.digest())
+    return found
+
+
+def things_of(charts: Charts, mesh: Mesh, names: Sequence[str]) -> Things:
+    """The things of a block; names are the ids of the buildings, by row."""
+    ground = np.flatnonzero(charts.building < 0)
+    of_chart = charts.building.astype(np.int64)
+    of_chart[ground] = len(names) + np.arange(len(ground))
+    count = len(names) + len(ground)
+    owner = of_chart[mesh.chart]
+    order = np.argsort(owner, kind="stable")
+    corners = mesh.vertices[mesh.triangles[order]] + 0.0
+    surface, first_chart = charts.surface[mesh.chart[order]], mesh.chart[order]
+    digest = np.zeros(count, np.uint64)
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    ends = np.searchsorted(owner[order], np.arange(count + 1))
+    for thing in np.flatnonzero(np.diff(ends)).tolist():
+        part = slice(ends[thing], ends[thing + 1])
+        low[thing], high[thing] = corners[part].min(axis=(0, 1)), corners[part].max(axis=(0, 1))
+        found = blake2b(names[thing].encode() if thing < len(names) else b"", digest_size=8)
+        found.update(corners[part].tobytes())
+        for number in (surface[part], first_chart[part]):
+            found.update((number - number.min()).astype(np.int64).tobytes())
+        digest[thing] = int.from_bytes(found.digest())
+    return Things(digest, low, high, of_chart)
+
+
+def look_around(
+    scene: Scene,
+    things: Things,
+    ids: np.ndarray,
+    cameras: Sequence[Viewpoint],
+    streets: Sequence[Street],
+    width: int,
+) -> tuple[list[np.ndarray], tuple[str, ...]]:
+    """What the panorama of each viewpoint, `width` pixels wide, shows: sorted charts, and the digest of all geometry that the
+    panorama is made of.
+
+    That is every pixel's chart (of `ids`) and depth, the things that the charts are of, which charts are one surface, the light
+    on them, and the centrelines near. Whatever else changes in the block, what the viewpoint makes stays.
+    """
+    seen, digests = [], []
+    for camera in cameras:
+        _, depth, chart = scene.look(camera, width)
+        shown = chart != MISS
+        pixels = np.where(shown, ids[chart], np.where(np.isfinite(depth), BEYOND, SKY).astype(np.uint64))
+        digest = blake2b(np.concatenate([camera.position, camera.forward]).tobytes(), digest_size=16)
+        digest.update(pixels.tobytes())
+        digest.update(np.where(shown, depth, 0).astype(np.float32).tobytes())
+        seen.append(np.unique(chart[shown]))
+        digests.append(digest)
+    light = _light(scene, np.unique(np.concatenate([*seen, np.zeros(0, np.int32)])))
+    lines = _lines_near(streets, cameras, scene.visibility_range + BESIDE_M)
+    for charts, digest, near in zip(seen, digests, lines, strict=True):
+        ordered = charts[np.argsort(ids[charts])]
+        surface = scene.charts.surface[ordered]
+        _, first, of = np.unique(surface, return_index=True, return_inverse=True)
+        for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered], near):
+            digest.update(np.ascontiguousarray(part).tobytes())
+    return seen, tuple(digest.hexdigest() for digest in digests)
+
+
+def _light(scene: Scene, charts: np.ndarray) -> np.ndarray:
+    """A digest of the daylight on each of some charts, (all charts,) uint64."""
+    daylight = scene.daylight
+    daylight.reach(charts)
+    found = np.zeros(len(scene.charts), np.uint64)
+    for chart in charts.tolist():
+        start = int(daylight.place[chart])
+        cells = daylight.light[start : start + int(daylight.rows[chart] * daylight.columns[chart])]
+        found[chart] = int.from_bytes(blake2b(cells.tobytes(), digest_size=8).digest())
+    return found
+
+
+def _lines_near(streets: Sequence[Street], cameras: Sequence[Viewpoint], reach: float) -> list[np.ndarray]:
+    """The segments (k, 4) of centrelines within reach of each viewpoint, in the order of their coordinates."""
+    points = [shapely.get_coordinates(street.line) for street in streets]
+    ends = np.concatenate([np.column_stack([line[:-1], line[1:]]) for line in points] or [np.zeros((0, 4))])
+    segments = np.unique(ends, axis=0)
+    places = shapely.points(np.array([camera.position[:2] for camera in cameras]).reshape(-1, 2))
+    tree = shapely.STRtree(shapely.linestrings(segments.reshape(-1, 2, 2)))
+    camera, near = tree.query(places, predicate="dwithin", distance=reach)
+    return [segments[np.sort(near[camera == index])] for index in range(len(cameras))]

@@ -1,0 +1,112 @@
+"""Keys of units: what each depends on, and nothing else of the block, so that a change makes due only what it reaches.
+
+A key is text, one digest for each kind of input ("code:0f3a... photo:77b1..."): two keys of a unit tell why it is due.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.block_digest import file_digest
+from facade_core.atlas.journal import unit_key
+from facade_core.ingest import Plan
+from facade_core.types import Pose
+from tasks.imagery import Imagery
+from tasks.run import Run, code_version
+
+# What of a block a panorama may be matched with, metres from where it was taken.
+AROUND_POSE_M = 150.0
+# Geometry lies this far off the planes of its charts at most.
+OFF_PLANE_M = 1.0
+
+
+def parts_key(**parts: Any) -> str:
+    """The key of a unit from its inputs by kind: strings, numbers, nested lists and dicts."""
+    return " ".join(f"{kind}:{unit_key(value)[:16]}" for kind, value in {"code": code_version(), **parts}.items())
+
+
+def changed_parts(held: str, key: str) -> list[str]:
+    """The kinds of input in which two keys of a unit differ."""
+    before, now = (dict(part.partition(":")[::2] for part in text.split()) for text in (held, key))
+    return sorted(kind for kind in before | now if before.get(kind) != now.get(kind))
+
+
+def exemplar_key(run: Run, path: Path) -> str:
+    return parts_key(settings=[run.seed, run.storey, run.texels_per_metre], picture=[path.stem, file_digest(path)])
+
+
+def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
+    pose = plan.poses[panorama]
+    place = np.array([pose.x, pose.y, pose.z])
+    return parts_key(
+        settings=run.texels_per_metre,
+        picture=[path.name, file_digest(path)],
+        pose=_pose(pose),
+        geometry=plan.things.within(place - AROUND_POSE_M, place + AROUND_POSE_M),
+    )
+
+
+def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
+    """Of the charts of a building that have textures of their own, its facades aside."""
+    return parts_key(settings=run.texels_per_metre, own=_own(plan, plan.own_charts(building), textures))
+
+
+def facade_key(
+    run: Run,
+    plan: Plan,
+    facade: int,
+    imagery: Imagery,
+    exemplars: Mapping[int, str],
+    textures: Sequence[Path],
+) -> str:
+    """exemplars: the key of each exemplar that could be prepared, by index."""
+    table, placement = plan.facades, plan.scene.placement
+    chart = int(table.chart[facade])
+    shape = (int(placement.width[chart]), int(placement.height[chart]))
+    size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
+    parts: dict[str, Any] = {
+        "settings": [table.id[facade], run.seed, run.texels_per_metre],
+        "geometry": [f"{plan.ids[chart]:016x}", shape, size],
+    }
+    if imagery.photo is not None:
+        return parts_key(**parts, photo=[imagery.photo.name, imagery.rectified, file_digest(imagery.photo)])
+    if imagery.panoramas:
+        parts["panoramas"] = [[path.name, file_digest(path), _pose(pose)] for path, pose in imagery.panoramas]
+        parts["between"] = [_between(plan, chart, pose) for _, pose in imagery.panoramas]
+    if imagery.own:
+        parts["own"] = _own(plan, [chart], textures)
+    if imagery.exemplar is not None:
+        parts["exemplar"] = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0])]
+    return parts_key(**parts, walls=run.walls)
+
+
+def _pose(pose: Pose) -> list[Any]:
+    return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
+
+
+def _between(plan: Plan, chart: int, pose: Pose) -> list[str]:
+    """What may stand between a panorama and a chart, or is either."""
+    charts = plan.scene.charts
+    across, down = charts.size[chart]
+    corners = charts.origin[chart] + np.array([[0, 0], [across, 0], [0, down], [across, down]]) @ np.stack(
+        [charts.axis_u[chart], charts.axis_v[chart]]
+    )
+    points = np.concatenate([corners, [[pose.x, pose.y, pose.z]]])
+    return plan.things.within(points.min(axis=0) - OFF_PLANE_M, points.max(axis=0) + OFF_PLANE_M)
+
+
+def _own(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[Any]:
+    """The textures that some charts carry, by chart: where each corner lies on which picture."""
+    mesh = plan.scene.mesh
+    found = []
+    for chart in charts:
+        mine = mesh.chart == chart
+        pictures = [file_digest(textures[i]) if i >= 0 else None for i in mesh.texture[mine].tolist()]
+        shape = mesh.vertices[mesh.triangles[mine]].tobytes() + mesh.uv[mine].tobytes()
+        found.append([f"{plan.ids[chart]:016x}", blake2b(shape, digest_size=8).hexdigest(), pictures])
+    return found

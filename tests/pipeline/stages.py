@@ -1,0 +1,166 @@
+"""A very small block, and its stages one after the other in this process, without a server or a cluster."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+import zarr
+from PIL import Image
+
+from catalogs.block import Block, read_block
+from facade_core.atlas.journal import STAGES, atlas_digest, latest_digests, read_journal, seed_records
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.store import open_repository
+from facade_core.synth import exemplars
+from tasks.compute import Serial
+from tasks.exemplars import exemplars_due
+from tasks.facades import choose, facades_due
+from tasks.fan_out import Stage, process_batch
+from tasks.imagery import imagery_of
+from tasks.ingest import ingest_block
+from tasks.plan import read_plan
+from tasks.poses import poses_due, refined
+from tasks.run import Run, run_of
+from tasks.streets import texture_street
+from tasks.textures import textures_due
+
+EAST, NORTH = 385_000.0, 6_671_000.0
+# South-western corner, width along x, depth along y, height of each building; two beside each street, one at the crossing.
+BUILDINGS = {
+    "a": (4, 5, 12, 8, 7.0),
+    "b": (24, -13, 12, 8, 10.0),
+    "c": (4, 155, 12, 8, 7.0),
+    "d": (24, 137, 12, 8, 10.0),
+    "e": (50, 6, 10, 10, 6.5),
+}
+# Two streets that cross, and one far away.
+STREETS = {"1": [(0, 0), (45, 0)], "2": [(40, -15), (40, 25)], "3": [(0, 150), (45, 150)]}
+SETTINGS = {"texels_per_metre": 4, "visibility_range": 25.0, "panorama_width": 256}
+
+
+def write_block(
+    folder: Path,
+    *,
+    buildings: dict[str, tuple[float, ...]] | None = None,
+    streets: dict[str, Sequence[tuple[float, float]]] | None = None,
+    **keys: Any,
+) -> Path:
+    """Write or change the block in a folder; `keys` are those of the block file, texture's merged with SETTINGS."""
+    folder.mkdir(parents=True, exist_ok=True)
+    shapes = []
+    for name, (x, y, width, depth, height) in (buildings or BUILDINGS).items():
+        ring = [(x, y), (x + width, y), (x + width, y + depth), (x, y + depth), (x, y)]
+        shapes.append(_feature("Polygon", [[_place(p) for p in ring]], id=name, height=height))
+    lines = [
+        _feature("LineString", [_place(p) for p in line], id=name, name=f"street {name}")
+        for name, line in (streets or STREETS).items()
+    ]
+    for name, features in (("buildings", shapes), ("streets", lines)):
+        collection = {"type": "FeatureCollection", "features": features}
+        (folder / f"{name}.geojson").write_text(json.dumps(collection))
+    if not (folder / "exemplars").is_dir():
+        (folder / "exemplars").mkdir()
+        for number, painted in enumerate(exemplars(3, seed=5, metres_per_pixel=0.2)):
+            Image.fromarray(painted.image).save(folder / "exemplars" / f"{number}.png")
+    photos = {"photos": {"path": "photos"}} if (folder / "photos").is_dir() else {}
+    block = {
+        "name": "small",
+        "crs": "EPSG:32635",
+        "buildings": {"path": "buildings.geojson", "crs": "EPSG:32635"},
+        "streets": {"path": "streets.geojson", "crs": "EPSG:32635"},
+        "imagery": {"exemplars": {"path": "exemplars"}} | photos,
+        "seed": 3,
+        **keys,
+        "texture": SETTINGS | keys.get("texture", {}),
+    }
+    (folder / "block.yaml").write_text(yaml.safe_dump(block))
+    return folder / "block.yaml"
+
+
+def write_photo(folder: Path, facade: str, seed: int) -> None:
+    """A photo for a facade; the block is to be written after the first."""
+    (folder / "photos").mkdir(exist_ok=True)
+    painted = exemplars(seed + 1, seed=seed, metres_per_pixel=0.2)[seed]
+    Image.fromarray(painted.image).save(folder / "photos" / f"{facade}.png")
+
+
+def texture(block_file: Path, out: Path, *, stop_before: str = "") -> Run:
+    """All stages of a block but publishing, one unit at a time; or those before a street."""
+    out.mkdir(parents=True, exist_ok=True)
+    block, compute = read_block(block_file), Serial()
+    run = run_of(block, out)
+    outline = ingest_block.fn(run, block)
+    run = replace(run, ingested=outline.ingested)
+    _do(run, textures_due(run, outline.textured, block.textures), compute)
+    _do(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
+    _do(run, exemplars_due(run, block.exemplars), compute)
+    _do(run, _facades(run, block, outline), compute)
+    for wave in outline.waves:
+        for street in wave:
+            if outline.streets[street] == stop_before:
+                return run
+            outcome = texture_street.fn(run, street, outline.streets[street], 0, compute)
+            assert not outcome.failed, outcome.failed
+    return run
+
+
+def started(out: Path) -> dict[tuple[str, str], float]:
+    """When each unit that is done was begun, by stage and name."""
+    group = _group(out)
+    return {(stage, r["unit"]): r["started"] for stage in STAGES for r in read_journal(group, stage) if r}
+
+
+def redone(before: dict[tuple[str, str], float], out: Path) -> set[tuple[str, str]]:
+    """The units that were done since."""
+    return {unit for unit, at in started(out).items() if before.get(unit) != at}
+
+
+def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
+    """Colour and provenance of every chart, by its id, as they lie in the store."""
+    session = open_repository(run.store).readonly_session("main")
+    group = zarr.open_group(session.store, mode="r")
+    plan = read_plan(session, run.texels_per_metre)
+    placement = plan.scene.placement
+    found = {}
+    for chart, number in enumerate(plan.ids.tolist()):
+        one = Rasters.of(placement, [chart])
+        colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, one) for name in ("colour", "provenance"))
+        found[f"{number:016x}"] = (colour, provenance)
+    return found
+
+
+def digests_of(out: Path) -> tuple[str, dict[str, str]]:
+    """The digest of the atlas and those of its charts, from the journal."""
+    group = _group(out)
+    return atlas_digest(group), latest_digests(seed_records(group), read_journal(group, "streets"))
+
+
+def _facades(run: Run, block: Block, outline: Any) -> Stage:
+    chosen = choose.fn(run, block.photos) if run.walls == "exemplar" else {}
+    panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in refined(run, outline.panoramas)]
+    imagery = imagery_of(outline.facades, block.photos, block.photos_rectified, panoramas, outline.own, chosen)
+    return facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
+
+
+def _do(run: Run, stage: Stage, compute: Serial) -> None:
+    if stage.work:
+        outcome = process_batch.fn(run, stage.name, "1", stage.function, stage.work, compute)
+        assert not outcome.failed, outcome.failed
+
+
+def _group(out: Path) -> Any:
+    return zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
+
+
+def _place(point: tuple[float, float]) -> list[float]:
+    return [EAST + point[0], NORTH + point[1]]
+
+
+def _feature(kind: str, coordinates: Any, **properties: Any) -> dict[str, Any]:
+    return {"type": "Feature", "properties": properties, "geometry": {"type": kind, "coordinates": coordinates}}
