@@ -1,0 +1,116 @@
+"""The test block, Ingolstadt with windows and doors, walked along with any translator and any way of blending."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from facade_core.atlas.provenance import TRANSLATED
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.geometry import block_surfaces, pack, terrain_of
+from facade_core.geometry.equirectangular import project
+from facade_core.geometry.streets import Viewpoint, viewpoints
+from facade_core.street import Panorama, Scene, Weighting, Window, blend, propagate, render
+from facade_core.types import Street
+
+WIDTH = 512
+TEXELS_PER_METRE = 10.0
+STREETS, VIEWPOINTS = 6, 12
+Blending = Literal["no blend", "average", "weighted"]
+BLENDINGS: tuple[Blending, ...] = ("no blend", "average", "weighted")
+# What a translator is given: the panorama as the engine renders it, and the same without any texture.
+Translate = Callable[[Panorama, Panorama], np.ndarray]
+# Metres by which what a viewpoint sees may be off what the one before saw.
+_SAME_M = 0.15
+
+
+@dataclass(frozen=True)
+class Walk:
+    """A street after all its viewpoints: its window, the mean absolute difference (0 to 255) between what consecutive outputs
+    show of the same place, and the panoramas that came out."""
+
+    window: Window
+    difference: float
+    outputs: tuple[np.ndarray, ...]
+
+
+def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
+    """The scene, and the viewpoints of its longest streets that stand between buildings."""
+    from catalogs.block import read_block
+
+    os.environ["STREETLOOM_DATA"] = str(data)
+    read = read_block(Path(__file__).parent / "ingolstadt_lod3.yaml")
+    streets = sorted(read.streets, key=lambda s: -s.line.length)[:STREETS]
+    terrain = terrain_of(read.buildings, None)
+    charts, mesh, _ = block_surfaces(
+        read.buildings,
+        streets,
+        terrain=terrain,
+        ground_margin=40.0,
+        largest=AtlasSpec(1, TEXELS_PER_METRE).largest,
+    )
+    placement = pack(charts.texels(TEXELS_PER_METRE), charts.building, page=2048, chunk=128, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE))
+    own = []
+    for number, street in enumerate(streets):
+        positions, forward = viewpoints(street.line, ground=terrain.height)
+        first = max(0, (len(positions) - VIEWPOINTS) // 2)
+        chosen = list(zip(positions, forward, strict=True))[first : first + VIEWPOINTS]
+        own.append([Viewpoint(100 * number + i, number, p, f) for i, (p, f) in enumerate(chosen)])
+    return scene, own, streets
+
+
+def walk(scene: Scene, own: Sequence[Viewpoint], translate: Translate, blending: Blending = "weighted") -> Walk:
+    """Texture a street from nothing."""
+    weighting = Weighting() if blending == "weighted" else Weighting(gated=False, clamp="none")
+    charts = np.unique(np.concatenate([scene.seen(viewpoint, WIDTH) for viewpoint in own]))
+    window, empty = _window(scene, charts, weighting), _window(scene, charts, weighting)
+    outputs: list[np.ndarray] = []
+    differences = []
+    before: tuple[Panorama, np.ndarray] | None = None
+    for viewpoint in own:
+        panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
+        rgb = translate(panorama, render(scene, empty, viewpoint, (WIDTH // 2, WIDTH)))
+        if blending == "no blend":
+            latest = _window(scene, charts, weighting)
+            propagate(scene, latest, viewpoint, rgb, seen=panorama.chart)
+            fresh = blend(latest.state)[1] > 0
+            taken = np.flatnonzero(fresh)
+            window.colour[taken], window.provenance[taken] = latest.colour[taken], TRANSLATED
+        else:
+            propagate(scene, window, viewpoint, rgb, seen=panorama.chart)
+        if before is not None:
+            differences.append(_difference(*before, panorama, rgb))
+        before = (panorama, rgb)
+        outputs.append(rgb)
+    return Walk(window, float(np.mean(differences)), tuple(outputs))
+
+
+def between(own: Sequence[Viewpoint]) -> list[Viewpoint]:
+    """Viewpoints halfway between consecutive ones: where nobody stood who textured the street."""
+    return [
+        Viewpoint(a.id, a.street, (a.position + b.position) / 2, a.forward)
+        for a, b in zip(own[:-1], own[1:], strict=True)
+    ]
+
+
+def _window(scene: Scene, charts: np.ndarray, weighting: Weighting) -> Window:
+    rasters, write = Window.layout(scene.placement, charts, charts)
+    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+    return Window.of(scene.placement, rasters, write, seed, evidence, weighting=weighting)
+
+
+def _difference(earlier: Panorama, old: np.ndarray, later: Panorama, new: np.ndarray) -> float:
+    """Mean absolute difference of two panoramas where both see the same place."""
+    seen = later.chart >= 0
+    points = later.points[seen]
+    place, distance = project(points, earlier.viewpoint.position, earlier.viewpoint.forward, old.shape[1])
+    column = np.minimum(place[:, 0].astype(int) % old.shape[1], old.shape[1] - 1)
+    row = np.clip(place[:, 1].astype(int), 0, old.shape[0] - 1)
+    same = (earlier.chart[row, column] == later.chart[seen]) & (np.abs(earlier.depth[row, column] - distance) < _SAME_M)
+    return float(np.abs(new[seen][same].astype(int) - old[row[same], column[same]]).mean())

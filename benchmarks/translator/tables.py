@@ -1,0 +1,193 @@
+"""The paper's tables 1 and 2: every network is trained with the same budget, and walks the test block."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street import Panorama, Scene, Swatches, Window, render
+from facade_core.street.translator_training import Course, as_picture, seen_by
+
+# Budget of each row.
+BUDGET = Course(width=16, steps=400, crop=(128, 256), batch=1, check=400)
+ROWS = {
+    "CUT": replace(BUDGET, conditioned=False),
+    "PUT 1": replace(BUDGET, masked=False, equirectangular=False, merged=False),
+    "PUT 2": replace(BUDGET, masked=False, equirectangular=False),
+    "PUT 3": replace(BUDGET, masked=False),
+    "PUT 4": replace(BUDGET, equirectangular=False),
+    "full": BUDGET,
+}
+# Rows of panoramas with facades, as shares of the height: no road and little sky.
+FACADES = (0.28, 0.53)
+PLACES = ("toulouse", "strasbourg_stra_1")
+SIDE = 128
+RESAMPLES = 2000
+
+
+def measure(data: Path, models: Path, shipped: Translate | None) -> dict[str, Any]:
+    """Kernel distances of every row and blending, means over streets with 95 % bootstrap intervals, and which of the paper's
+    orderings hold: only those whose paired differences' intervals exclude zero."""
+    scene, own, streets = ingolstadt(data)
+    real = _real(data)
+    by_row: dict[str, dict[str, Any]] = {}
+
+    def score(name: str, translate: Translate, blending: Blending) -> None:
+        by_row[f"{name}, {blending}"] = _scores(scene, own, translate, blending, real)
+
+    for blending in BLENDINGS:
+        for name in ("CUT", "full"):
+            score(name, network(_file(models, name), ROWS[name]), blending)
+    for name in ("PUT 1", "PUT 2", "PUT 3", "PUT 4"):
+        score(name, network(_file(models, name), ROWS[name]), "weighted")
+    swatches = Swatches(scene, streets, seed=7)
+    score("exemplar (swatches)", lambda panorama, _: swatches.translate(panorama), "weighted")
+    if shipped:
+        score("shipped network", shipped, "weighted")
+    score("untextured", lambda _, bare: bare.rgb, "weighted")
+    table = {
+        name: {kind: interval(values) for kind, values in scores.items() if kind != "difference"}
+        | {"difference_between_consecutive": interval(scores["difference"])}
+        for name, scores in by_row.items()
+    }
+    return {
+        "budget": f"{BUDGET.steps} steps, width {BUDGET.width}, crops of {BUDGET.crop[0]} x {BUDGET.crop[1]}",
+        "real": PLACES,
+        "streets": len(own),
+        "crops": int(8 * sum(len(between(views)) for views in own)),
+        "rows": table,
+        "orderings": {kind: _orderings(by_row, kind) for kind in ("full", "crop")},
+    }
+
+
+def network(path: Path, course: Course) -> Translate:
+    """A row's network as a translator."""
+    import torch
+
+    from facade_core.street.translator_network import Generator, as_input
+
+    generator = Generator(course.width, bands=course.bands, equirectangular=course.equirectangular)
+    generator.load_state_dict(torch.load(path, weights_only=True))
+    generator.eval()
+
+    def translate(panorama: Panorama, bare: Panorama) -> np.ndarray:
+        grey, partial = as_input(bare.rgb), as_input(panorama.rgb if course.conditioned else bare.rgb)
+        known = torch.from_numpy(panorama.textured & course.conditioned)[None, None]
+        given = seen_by(partial, grey, known, course)
+        with torch.no_grad():
+            entry = generator.entry(given, [(0, len(bare.rgb))])
+            rgb = as_picture(generator.decode(generator.blocks_of(entry, True, []), True)[0])
+        rgb[panorama.chart < 0] = 0
+        return rgb
+
+    return translate
+
+
+def _scores(
+    scene: Scene, own: list[list[Viewpoint]], translate: Translate, blending: Blending, real: dict[str, np.ndarray]
+) -> dict[str, list[float]]:
+    """Per street: kernel distances of crops of its views to real ones, and the difference of consecutive outputs."""
+    from facade_core.street.translator_distance import features, kernel_distance
+
+    found: dict[str, list[float]] = {"full": [], "crop": [], "difference": []}
+    for views in own:
+        walked = walk(scene, views, translate, blending)
+        pictures = [_look(scene, walked.window, viewpoint) for viewpoint in between(views)]
+        for kind, cut in KINDS.items():
+            crops = [crop for picture in pictures for crop in cut(picture)]
+            found[kind].append(kernel_distance(features(crops), real[kind]))
+        found["difference"].append(walked.difference)
+    return found
+
+
+def _look(scene: Scene, window: Window, viewpoint: Viewpoint) -> np.ndarray:
+    return render(scene, window, viewpoint, (512, 1024)).rgb
+
+
+def full_crops(panorama: np.ndarray) -> list[np.ndarray]:
+    """Eight crops of all but zenith and nadir of a panorama (512, 1024, 3), at half its size."""
+    import cv2
+
+    small = cv2.resize(panorama, (512, 256), interpolation=cv2.INTER_AREA)
+    return [small[top : top + SIDE, left : left + SIDE] for top in (26, 51) for left in range(0, 512, SIDE)]
+
+
+def facade_crops(panorama: np.ndarray) -> list[np.ndarray]:
+    """Eight crops of the rows of a panorama (512, 1024, 3) that show facades."""
+    top = round(FACADES[0] * len(panorama))
+    return [panorama[top : top + SIDE, left : left + SIDE] for left in range(0, 1024, SIDE)]
+
+
+KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {"full": full_crops, "crop": facade_crops}
+
+
+def _real(data: Path) -> dict[str, np.ndarray]:
+    """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
+    from facade_core.street.translator_distance import features
+    from tasks.train_translator import Places, panoramas
+
+    held_out = panoramas([data / "panoramas"], Places(PLACES))[1]
+    turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
+    return {kind: features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
+
+
+def interval(values: list[float]) -> dict[str, float]:
+    """Mean over streets and its 95 % bootstrap interval."""
+    sample = np.asarray(values)
+    means = sample[np.random.default_rng(0).integers(0, len(sample), (RESAMPLES, len(sample)))].mean(1)
+    low, high = np.quantile(means, [0.025, 0.975])
+    return {"mean": round(float(sample.mean()), 2), "low": round(float(low), 2), "high": round(float(high), 2)}
+
+
+def _orderings(by_row: dict[str, dict[str, Any]], kind: str) -> dict[str, str]:
+    """The paper's orderings: holds, does not hold (the contrary does), or undecided."""
+    claims = [(f"{name}, weighted", f"{name}, no blend") for name in ("CUT", "full")]
+    claims += [(f"{name}, no blend", f"{name}, average") for name in ("CUT", "full")]
+    claims += [(f"full, {blending}", f"CUT, {blending}") for blending in BLENDINGS]
+    order = ["full", "PUT 4", "PUT 3", "PUT 2", "PUT 1"]
+    claims += [(f"{a}, weighted", f"{b}, weighted") for a, b in zip(order[:-1], order[1:], strict=True)]
+    verdicts = {}
+    for better, worse in claims:
+        gain = interval(list(np.subtract(by_row[worse][kind], by_row[better][kind])))
+        verdict = "holds" if gain["low"] > 0 else "does not hold" if gain["high"] < 0 else "undecided"
+        verdicts[f"{better} < {worse}"] = f"{verdict} ({gain['mean']} [{gain['low']}, {gain['high']}])"
+    return verdicts
+
+
+def train_rows(data: Path, models: Path, *, seed: int = 0) -> dict[str, float]:
+    """Train the rows that `models` does not hold yet, in the order of the tables; seconds a step of each."""
+    import time
+
+    import torch
+
+    from facade_core.street import translator_training
+    from tasks.train_translator import Places, panoramas, renderings
+
+    missing = [
+        name for name in ("full", "CUT", "PUT 4", "PUT 3", "PUT 2", "PUT 1") if not _file(models, name).is_file()
+    ]
+    if not missing:
+        return {}
+    blocks = Path(__file__).parents[2] / "catalogs" / "blocks"
+    folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
+    learnt, judged, _ = panoramas(folders, Places(("strasbourg_stra_1",), ("toulouse",)))
+    rendered, rendered_judged = renderings([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
+    domains = translator_training.Domains(rendered, learnt, rendered_judged, judged)
+    seconds = {}
+    for name in missing:
+        begun = time.perf_counter()
+        trained = translator_training.train(domains, ROWS[name], seed=seed)
+        seconds[name] = round((time.perf_counter() - begun) / ROWS[name].steps, 2)
+        models.mkdir(parents=True, exist_ok=True)
+        torch.save(dict(trained.weights), _file(models, name))
+    return seconds
+
+
+def _file(models: Path, name: str) -> Path:
+    return models / f"{name.replace(' ', '_')}.pt"

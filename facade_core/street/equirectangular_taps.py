@@ -1,0 +1,69 @@
+"""Where the taps of a convolution kernel fall in an equirectangular image (street paper, 3 Neural network)."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+
+import numpy as np
+from numba import njit
+
+# Side of the kernel.
+SIDE = 7
+TAPS = SIDE * SIDE
+
+
+@lru_cache(maxsize=8)
+def taps(height: int) -> tuple[np.ndarray, np.ndarray]:
+    """Rows and column offsets (height, TAPS) float32 of the kernel's taps, row by row of the kernel, in pixels.
+
+    The kernel is a patch of the sphere: the pixels around a place at the equator, moved along the meridian to the row's
+    latitude. Rows count from the middle of the first one, and lie in -0.5 .. height - 0.5; a column offset beyond a quarter of
+    the width means a tap on the far side of a pole.
+    """
+    step = np.pi / height
+    latitude = (0.5 - (np.arange(height) + 0.5) / height)[:, None, None] * np.pi
+    place = (np.arange(SIDE) - SIDE // 2) * step
+    down, right = place[None, :, None], place[None, None, :]
+    x = np.cos(down) * np.sin(right)
+    y, z = -np.sin(down), np.cos(down) * np.cos(right)
+    up = y * np.cos(latitude) + z * np.sin(latitude)
+    ahead = z * np.cos(latitude) - y * np.sin(latitude)
+    rows = (0.5 - np.arcsin(np.clip(up, -1, 1)) / np.pi) * height - 0.5
+    columns = np.arctan2(np.broadcast_to(x, up.shape), ahead) / step
+    return rows.reshape(height, TAPS).astype(np.float32), columns.reshape(height, TAPS).astype(np.float32)
+
+
+def gather(image: np.ndarray, top: int, bottom: int) -> np.ndarray:
+    """What the taps of rows top..bottom see of a whole panorama `image` (bands, h, 2 h) float32: (bands * TAPS, rows, 2 h).
+
+    Bilinear; columns wrap at +-180 degrees.
+    """
+    rows, columns = taps(image.shape[1])
+    out = np.empty((len(image) * TAPS, bottom - top, image.shape[2]), np.float32)
+    _gather(image, rows[top:bottom], columns[top:bottom], out)
+    return out
+
+
+@njit(cache=True, nogil=True)
+def _gather(image, rows, columns, out):
+    bands, height, width = image.shape
+    line = np.empty(width, np.float32)
+    for r in range(rows.shape[0]):
+        for k in range(rows.shape[1]):
+            above = int(np.floor(rows[r, k]))
+            below_share = np.float32(rows[r, k] - above)
+            first, second = max(above, 0), min(above + 1, height - 1)
+            left = int(np.floor(columns[r, k]))
+            right_share = np.float32(columns[r, k] - left)
+            shift = left % width
+            for band in range(bands):
+                for c in range(width):
+                    line[c] = image[band, first, c] * (1 - below_share) + image[band, second, c] * below_share
+                target = out[band * TAPS + k, r]
+                # columns c + shift and the next one, in two runs without a remainder each
+                for c in range(width - shift - 1):
+                    target[c] = line[c + shift] * (1 - right_share) + line[c + shift + 1] * right_share
+                target[width - shift - 1] = line[width - 1] * (1 - right_share) + line[0] * right_share
+                for c in range(width - shift, width):
+                    at = c + shift - width
+                    target[c] = line[at] * (1 - right_share) + line[at + 1] * right_share

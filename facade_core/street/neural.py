@@ -1,0 +1,103 @@
+"""The neural translator: the trained network in onnxruntime (street paper, 3 Neural network)."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.errors import ModelError
+from facade_core.geometry.raycast import MISS
+from facade_core.street.equirectangular_taps import gather
+from facade_core.street.render import Panorama
+
+SHIPPED = Path(__file__).parent / "models" / "translator.onnx"
+# Raised whenever the meaning of the inputs or outputs changes.
+TRANSLATOR_VERSION = 1
+# Constant, so that results do not depend on the machine's number of cores.
+_INTRA_OP_THREADS = 2
+# An output depends on no row of a panorama that is farther from its own; a multiple of the network's stride of 4.
+REACH = 96
+# Pixels that the network works on at once, reach included, at most: its memory is about 2 kB a pixel.
+_PIXELS = 600_000
+
+
+@dataclass(frozen=True)
+class Neural:
+    """A trained network; texture that the panorama has already is what it goes on from."""
+
+    session: Any
+
+    def translate(self, panorama: Panorama) -> np.ndarray:
+        """The fully textured panorama, (h, w, 3) uint8, sky black. Widths are multiples of 8."""
+        rgb = self.textured(panorama.rgb)
+        rgb[panorama.chart == MISS] = panorama.rgb[panorama.chart == MISS]
+        return rgb
+
+    def textured(self, image: np.ndarray) -> np.ndarray:
+        """What the network makes of a whole panorama (h, 2 h, 3) uint8, in bands that are equal to the whole.
+
+        Raises ModelError for a width that is no multiple of 8.
+        """
+        height, width = image.shape[:2]
+        if width % 8:
+            raise ModelError(f"a panorama {width} pixels wide; the network takes multiples of 8: change panorama_width")
+        planes = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32) / np.float32(127.5) - 1
+        out = np.empty((height, width, 3), np.uint8)
+        step = height if height * width <= _PIXELS else max(4, (_PIXELS // width - 2 * REACH) // 4 * 4)
+        for top in range(0, height, step):
+            bottom = min(top + step, height)
+            first, last = max(top - REACH, 0), min(bottom + REACH, height)
+            rgb = self.session.run(None, {"seen": gather(planes, first, last)[None]})[0][0]
+            band = rgb[:, top - first : bottom - first].transpose(1, 2, 0)
+            out[top:bottom] = np.clip((band + 1) * 127.5 + 0.5, 0, 255)
+        return out
+
+
+def load(path: Path = SHIPPED) -> Neural:
+    """The translator of an .onnx file with its .json beside it.
+
+    Raises ModelError for a missing file, a checksum that differs from the .json's and a network of another version.
+    """
+    for file in (path, path.with_suffix(".json")):
+        if not file.is_file():
+            raise ModelError(f"{file}: no such file; a translator is an .onnx file with its .json beside it")
+    return _load(path.resolve(), path.stat().st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _load(path: Path, _modified: int) -> Neural:
+    import onnxruntime
+
+    content = path.read_bytes()
+    try:
+        record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+        checksum, version = record["sha256"], record["version"]
+    except (ValueError, KeyError, TypeError) as error:
+        raise ModelError(
+            f"{path.with_suffix('.json')}: not the record of a translator; fetch both files again"
+        ) from error
+    if checksum != hashlib.sha256(content).hexdigest():
+        raise ModelError(f"{path}: checksum differs from {path.stem}.json; fetch both files again or train anew")
+    if version != TRANSLATOR_VERSION:
+        raise ModelError(f"{path}: made for another version of the translator; train it anew with this version")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads, options.inter_op_num_threads = _INTRA_OP_THREADS, 1
+    try:
+        return Neural(onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"]))
+    except Exception as error:  # the runtime has no public root for its errors
+        raise ModelError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
+
+
+def write(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
+    """Write an .onnx file and the .json beside it, checksum added to the record."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    path.write_bytes(content)
+    whole = {"sha256": hashlib.sha256(content).hexdigest(), **record}
+    path.with_suffix(".json").write_text(json.dumps(whole, indent=1) + "\n", encoding="utf-8")

@@ -1,0 +1,188 @@
+"""The translation network and what it is trained against (street paper, 3 Neural network and 4 Training). Needs torch.
+
+Two things differ from the paper. Activations are normalised across the channels of a place, not across the image, so that an
+output depends on its surroundings only: what two viewpoints see alike comes out alike, and a large panorama can be worked on
+in bands that are the same as the whole. And padding goes round the panorama at +-180 degrees.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+from facade_core.street.equirectangular_taps import SIDE, TAPS, taps
+
+BLOCKS = 9
+# Outputs of the encoder that patches are compared at: the input, both strides, the first and the fifth residual block.
+COMPARED = 5
+_COMPARED_BLOCKS = (0, 4)
+_FEATURES = 256
+
+
+def pad(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
+    """Repeat the edges, or at the sides go round."""
+    x = functional.pad(x, (margin, margin, 0, 0), mode="circular" if wraps else "replicate")
+    return functional.pad(x, (0, 0, margin, margin), mode="replicate")
+
+
+class PixelNorm(nn.Module):
+    """Divides the channels of each place by their root mean square."""
+
+    def forward(self, x: Tensor) -> Tensor:
+        return x * torch.rsqrt(x.square().mean(1, keepdim=True) + 1e-6)
+
+
+class Convolution(nn.Module):
+    """A convolution with padding, normalised and rectified unless it is the second of a block."""
+
+    def __init__(self, inputs: int, outputs: int, side: int, stride: int = 1, *, rectified: bool = True) -> None:
+        super().__init__()
+        self.weights = nn.Conv2d(inputs, outputs, side, stride)
+        self.norm = PixelNorm()
+        self.margin, self.rectified = side // 2, rectified
+
+    def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        x = self.norm(self.weights(pad(x, self.margin, wraps=wraps)))
+        return functional.relu(x) if self.rectified else x
+
+
+class Block(nn.Module):
+    """A residual block of two convolutions."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        self.first, self.second = Convolution(width, width, 3), Convolution(width, width, 3, rectified=False)
+
+    def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        return x + self.second(self.first(x, wraps), wraps)
+
+
+class Widening(nn.Module):
+    """A fractionally strided convolution: twice the size."""
+
+    def __init__(self, inputs: int, outputs: int) -> None:
+        super().__init__()
+        self.weights = nn.ConvTranspose2d(inputs, outputs, 3, 2, padding=1, output_padding=1)
+        self.norm = PixelNorm()
+
+    def forward(self, x: Tensor, wraps: bool) -> Tensor:
+        x = self.weights(pad(x, 1, wraps=wraps))[..., 2:-2, 2:-2]
+        return functional.relu(self.norm(x))
+
+
+class Generator(nn.Module):
+    """Three convolutions, nine residual blocks, two fractionally strided convolutions, a last convolution to RGB.
+
+    Inputs (n, bands, h, w) in -1..1; outputs (n, 3, h, w) in -1..1. `equirectangular`: the first convolution has its taps on
+    the sphere; `place` says then of each image which row of which panorama its first row is, as (row, panorama height).
+    `wraps`: the images are whole bands of a panorama.
+    """
+
+    def __init__(self, width: int, *, bands: int = 3, equirectangular: bool = True) -> None:
+        super().__init__()
+        self.width, self.bands, self.equirectangular = width, bands, equirectangular
+        self.first = nn.Conv2d(bands * TAPS, width, 1)
+        self.norm = PixelNorm()
+        self.narrowing = nn.ModuleList([Convolution(width, 2 * width, 3, 2), Convolution(2 * width, 4 * width, 3, 2)])
+        self.blocks = nn.ModuleList([Block(4 * width) for _ in range(BLOCKS)])
+        self.widening = nn.ModuleList([Widening(4 * width, 2 * width), Widening(2 * width, width)])
+        self.last = nn.Conv2d(width, 3, 7)
+
+    def forward(self, x: Tensor, place: Sequence[tuple[int, int]], wraps: bool = False) -> Tensor:
+        return self.decode(self.blocks_of(self.entry(x, place), wraps, []), wraps)
+
+    def entry(self, x: Tensor, place: Sequence[tuple[int, int]]) -> Tensor:
+        """What the taps of the first convolution see, (n, bands * TAPS, h, w)."""
+        if not self.equirectangular:
+            padded = pad(x, SIDE // 2, wraps=False)
+            return functional.unfold(padded, SIDE).view(len(x), -1, *x.shape[2:])
+        return torch.cat([_entry(image[None], *at) for image, at in zip(x, place, strict=True)])
+
+    def blocks_of(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = BLOCKS) -> Tensor:
+        """The output of residual block `last`; what patches are compared at is appended to `features`."""
+        x = functional.relu(self.norm(self.first(entry)))
+        for layer in self.narrowing:
+            x = layer(x, wraps)
+            features.append(x)
+        for number, block in enumerate(self.blocks[:last]):
+            x = block(x, wraps)
+            if number in _COMPARED_BLOCKS:
+                features.append(x)
+        return x
+
+    def decode(self, x: Tensor, wraps: bool) -> Tensor:
+        for layer in self.widening:
+            x = layer(x, wraps)
+        return torch.tanh(self.last(pad(x, SIDE // 2, wraps=wraps)))
+
+    def encode(self, x: Tensor, place: Sequence[tuple[int, int]]) -> list[Tensor]:
+        """Features at the COMPARED outputs."""
+        features = [x]
+        self.blocks_of(self.entry(x, place), False, features, _COMPARED_BLOCKS[-1] + 1)
+        return features
+
+
+def _entry(image: Tensor, top: int, panorama_height: int) -> Tensor:
+    """The taps of one image (1, bands, h, w), a part of a panorama of the given height from row `top` on."""
+    _, bands, height, width = image.shape
+    rows, columns = (torch.from_numpy(part[top : top + height]).to(image.device) for part in taps(panorama_height))
+    # the grid in -1..1 over the image's outer edges: (h * TAPS, w)
+    y = ((rows - top + 0.5) / height * 2 - 1)[..., None].expand(height, TAPS, width)
+    across = torch.arange(width, device=image.device)
+    x = (columns[..., None] + across + 0.5) / width * 2 - 1
+    grid = torch.stack([x, y], -1).reshape(1, height * TAPS, width, 2).to(image.dtype)
+    seen = functional.grid_sample(image, grid, mode="bilinear", padding_mode="border", align_corners=False)
+    return seen.reshape(bands, height, TAPS, width).permute(0, 2, 1, 3).reshape(1, bands * TAPS, height, width)
+
+
+class Discriminator(nn.Module):
+    """PatchGAN: scores (n, 1, h / 8, w / 8) of overlapping patches of 70 pixels."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__()
+        layers: list[nn.Module] = [nn.Conv2d(3, width, 4, 2, 1), nn.LeakyReLU(0.2)]
+        for inputs, outputs, stride in ((1, 2, 2), (2, 4, 2), (4, 8, 1)):
+            layers += [nn.Conv2d(inputs * width, outputs * width, 4, stride, 1), nn.InstanceNorm2d(outputs * width)]
+            layers.append(nn.LeakyReLU(0.2))
+        self.layers = nn.Sequential(*layers, nn.Conv2d(8 * width, 1, 4, 1, 1))
+
+    def forward(self, x: Tensor) -> Tensor:
+        return self.layers(x)
+
+
+class Patches(nn.Module):
+    """Features of places into unit vectors that can be compared: two layers for each of the COMPARED outputs."""
+
+    def __init__(self, width: int, bands: int = 3) -> None:
+        super().__init__()
+        sizes = (bands, 2 * width, 4 * width, 4 * width, 4 * width)
+        self.layers = nn.ModuleList(
+            [nn.Sequential(nn.Linear(n, _FEATURES), nn.ReLU(), nn.Linear(_FEATURES, _FEATURES)) for n in sizes]
+        )
+
+    def forward(self, features: Sequence[Tensor], where: Sequence[Tensor]) -> list[Tensor]:
+        """Unit vectors (n, patches, 256) of the places `where` (flat positions) of each output."""
+        found = []
+        for layer, feature, chosen in zip(self.layers, features, where, strict=True):
+            flat = feature.flatten(2).permute(0, 2, 1)[:, chosen]
+            found.append(functional.normalize(layer(flat), dim=-1))
+        return found
+
+
+def initialise(network: nn.Module, generator: torch.Generator) -> None:
+    """Normal weights of 0.02, zero biases."""
+    for layer in network.modules():
+        if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
+            nn.init.normal_(layer.weight, 0.0, 0.02, generator=generator)
+            if layer.bias is not None:
+                nn.init.zeros_(layer.bias)
+
+
+def as_input(image: np.ndarray) -> Tensor:
+    """(h, w, bands) or (n, h, w, bands) uint8 into (n, bands, h, w) in -1..1."""
+    batch = image if image.ndim == 4 else image[None]
+    return torch.from_numpy(np.ascontiguousarray(batch)).permute(0, 3, 1, 2).float() / 127.5 - 1

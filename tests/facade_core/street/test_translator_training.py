@@ -1,0 +1,101 @@
+"""Training of the translator: resumable to the bit, judged by a distance, and each part of the recipe does something."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch", reason="torch is absent: make train-setup")
+
+import torch
+
+from facade_core.errors import ImageError, ModelError
+from facade_core.street import translator_training
+from facade_core.street.equirectangular_taps import gather
+from facade_core.street.translator_distance import features, kernel_distance
+from facade_core.street.translator_export import halved, to_onnx
+from facade_core.street.translator_network import Generator, as_input, initialise
+from facade_core.street.translator_training import Course, Domains, rate, train
+from facade_core.street.translator_views import Rendering
+
+COURSE = Course(width=4, steps=4, crop=(32, 64), batch=1, check=2)
+
+
+@pytest.fixture(autouse=True)
+def quick(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(translator_training, "_JUDGED", 8)
+
+
+def domains(seed: int = 0) -> Domains:
+    rng = np.random.default_rng(seed)
+    views = [Rendering(rng.integers(0, 255, (512, 1024), dtype=np.uint8), rng.random((512, 1024)) < 0.5)]
+    photos = [rng.integers(0, 255, (512, 1024, 3), dtype=np.uint8)]
+    return Domains(views, photos, views, photos)
+
+
+def test_an_interrupted_run_ends_in_the_same_weights(tmp_path: Path) -> None:
+    whole = train(domains(), COURSE, seed=1)
+    stopped = {"yes": False}
+
+    def stop(_stage: str, done: int, _total: int) -> None:
+        if done == 3 and not stopped["yes"]:
+            stopped["yes"] = True
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        train(domains(), COURSE, seed=1, state=tmp_path / "s", progress=stop)
+    again = train(domains(), COURSE, seed=1, state=tmp_path / "s")
+    assert again.distances == whole.distances
+    assert all(torch.equal(again.weights[name], value) for name, value in whole.weights.items())
+    with pytest.raises(ModelError, match="another training run"):
+        train(domains(), COURSE, seed=2, state=tmp_path / "s")
+    assert whole.step == min(whole.distances, key=whole.distances.__getitem__)
+
+
+@pytest.mark.parametrize("part", ["conditioned", "masked", "equirectangular", "merged"])
+def test_every_part_of_the_recipe_changes_what_is_learnt(part: str) -> None:
+    course = replace(COURSE, steps=2)
+    full, without = (train(domains(), c, seed=1) for c in (course, replace(course, **{part: False})))
+    assert any(
+        full.weights[name].shape != value.shape or not torch.equal(full.weights[name], value)
+        for name, value in without.weights.items()
+    )
+
+
+def test_the_rate_is_constant_and_then_falls_straight() -> None:
+    assert [rate(step, 200) for step in (0, 149, 175, 199)] == [1.0, 1.0, 0.5, 0.02]
+
+
+def test_an_empty_domain_is_refused() -> None:
+    with pytest.raises(ImageError, match="no pictures in judged_real"):
+        train(replace(domains(), judged_real=[]), COURSE, seed=0)
+
+
+def test_the_exported_network_is_the_trained_one() -> None:
+    import onnxruntime
+
+    network = Generator(4)
+    initialise(network, torch.Generator().manual_seed(0))
+    image = np.random.default_rng(0).integers(0, 255, (32, 64, 3), dtype=np.uint8)
+    seen = gather(as_input(image)[0].numpy(), 0, 32)[None]
+    with torch.no_grad():
+        expected = network.decode(network.blocks_of(torch.from_numpy(seen), True, []), True).numpy()
+    content = to_onnx(network.state_dict(), COURSE)
+    for made, near in ((content, 1e-4), (halved(content), 5e-3)):
+        session = onnxruntime.InferenceSession(made, providers=["CPUExecutionProvider"])
+        np.testing.assert_allclose(session.run(None, {"seen": seen})[0], expected, atol=near)
+    # away from edges, training's taps are those of the translator
+    entry = network.entry(as_input(image), [(0, 32)])[0].numpy()
+    np.testing.assert_allclose(entry[:, 12:20, 8:-8], seen[0, :, 12:20, 8:-8], atol=1e-4)
+
+
+def test_the_distance_tells_photos_of_one_kind_from_others() -> None:
+    rng = np.random.default_rng(0)
+    dark, also, bright = (
+        features([rng.normal(mean, 20, (64, 64, 3)).clip(0, 255).astype(np.uint8) for _ in range(8)])
+        for mean in (60, 60, 200)
+    )
+    assert abs(kernel_distance(dark, also)) < 0.1 * kernel_distance(dark, bright)

@@ -1,0 +1,41 @@
+"""Cars, trees and people along a street, and facades as relief."""
+
+from __future__ import annotations
+
+import numpy as np
+import shapely
+
+from facade_core.labels import DOOR, WALL, WINDOW
+from facade_core.synth.furniture import street_furniture
+from facade_core.synth.relief import relief
+
+LINE = shapely.LineString([(100, 200), (160, 230)])
+
+
+def test_furniture_stands_on_the_ground_beside_the_carriageway() -> None:
+    mesh = street_furniture(LINE, lambda points: 5 + 0.1 * points[:, 0], seed=1)
+    assert mesh is not None
+    ground = 5 + 0.1 * mesh.vertices[:, 0]
+    assert (mesh.vertices[:, 2] > ground - 0.6).all()
+    assert (mesh.vertices[:, 2] < ground + 9).all()
+    aside = shapely.distance(LINE, shapely.points(mesh.vertices[:, :2]))
+    assert aside.min() > 1.5
+    assert aside.max() < 12
+    again = street_furniture(LINE, lambda points: 5 + 0.1 * points[:, 0], seed=1)
+    assert again is not None
+    np.testing.assert_array_equal(mesh.vertices, again.vertices)
+
+
+def test_a_street_of_a_metre_has_none() -> None:
+    assert street_furniture(shapely.LineString([(0, 0), (1, 0)]), lambda points: np.zeros(len(points)), seed=1) is None
+
+
+def test_openings_are_darker_than_the_wall_with_a_shadow_under_their_head_and_a_lit_sill() -> None:
+    labels = np.full((60, 40), WALL, np.uint8)
+    labels[10:30, 10:20] = WINDOW
+    labels[40:60, 25:35] = DOOR
+    grey = relief(labels, 0.05).astype(int)
+    assert grey[20, 15] < grey[5, 5]
+    assert grey[10, 15] < grey[20, 15]
+    assert grey[31, 15] > grey[5, 5]
+    assert grey[50, 30] < grey[50, 5]
