@@ -5,13 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.frames import LONLAT
-from catalogs.query import items_path, query, runs_in
+from catalogs.answers import located
+from catalogs.query import query
+from catalogs.runs import Folder, items_path, runs_in
+from catalogs.s3 import S3Folder, folder_at
 from facade_core.errors import InputError, StoreError
 
 if TYPE_CHECKING:
@@ -32,20 +33,21 @@ RASTERS = {
 
 @dataclass(frozen=True)
 class Catalogue:
-    """What the runs in folder `out` published."""
+    """What the runs in folder `out`, on this machine or in a bucket, published."""
 
-    out: Path
+    out: Folder
 
     def search(
         self, where: str | None = None, *, bbox: Sequence[float] | None = None, since: str | None = None
     ) -> gpd.GeoDataFrame:
-        """The facades, and the units set aside, that `catalogs.query.query` finds; geometry are foot lines in lon/lat."""
-        import geopandas as gpd
-        import shapely
+        """The facades, and the units set aside, that `catalogs.query.query` finds; geometry are foot lines in lon/lat.
 
-        found = query(self.out, where=where, bbox=bbox, since=since)
-        feet = shapely.from_wkb(found["geometry"].to_numpy(dtype=object))
-        return gpd.GeoDataFrame(found.drop(columns="geometry"), geometry=feet, crs=LONLAT)
+        Raises InputError in one line that names the argument.
+        """
+        try:
+            return located(query(self.out, where=where, bbox=bbox, since=since))
+        except InputError as error:  # said for the command line, whose options have the same names
+            raise InputError(str(error).removeprefix("--")) from error
 
     def facade(self, id: str, *, run: str | None = None) -> xr.Dataset:
         """A facade's rasters (y, x) in the snapshot that was published, in metres along the wall and down from its top.
@@ -87,7 +89,7 @@ class Catalogue:
             },
         )
 
-    def _folder(self, id: str, run: str | None) -> Path:
+    def _folder(self, id: str, run: str | None) -> Folder:
         rows = query(self.out, where="kind = 'facade'")
         rows = rows[rows["id"] == id]
         if run is not None:
@@ -102,13 +104,17 @@ class Catalogue:
         return next(found.folder for found in runs_in(self.out)[0] if found.name == names[0])
 
 
-def open(out: Path | str) -> Catalogue:
-    """The catalogue of a run's folder, or of a folder of runs. Raises InputError where nothing is published."""
-    runs_in(Path(out))
-    return Catalogue(Path(out))
+def open(out: Folder | str) -> Catalogue:
+    """The catalogue of a run's folder, or of a folder of runs, which may be s3://bucket/prefix.
+
+    Raises InputError where nothing is published.
+    """
+    folder = folder_at(out)
+    runs_in(folder)
+    return Catalogue(folder)
 
 
-def _published_group(folder: Path) -> Any:
+def _published_group(folder: Folder) -> Any:
     """The store of a run as it was when it was published last."""
     import icechunk
     import zarr
@@ -116,7 +122,11 @@ def _published_group(folder: Path) -> Any:
     snapshot = items_path(folder).parent.name
     icechunk.set_logs_filter("error")  # it warns of writers at every opening
     try:
-        repository = icechunk.Repository.open(icechunk.local_filesystem_storage(str(folder / "store")))
+        store = folder / "store"
+        if isinstance(store, S3Folder):
+            repository = icechunk.Repository.open(store.icechunk_storage())
+        else:
+            repository = icechunk.Repository.open(icechunk.local_filesystem_storage(str(store)))
         return zarr.open_group(repository.readonly_session(snapshot_id=snapshot).store, mode="r")
     except icechunk.IcechunkError as error:
         raise StoreError(f"{folder / 'store'}: {str(error).splitlines()[0]}; run the block again") from error

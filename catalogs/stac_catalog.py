@@ -7,7 +7,7 @@ import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
-from catalogs.query import Run, items_path, runs_in
+from catalogs.runs import Run, items_path, runs_in
 from catalogs.stac import collections_in, to_json
 from catalogs.stac_versions import supersede
 from facade_core.errors import InputError

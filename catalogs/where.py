@@ -16,6 +16,8 @@ if TYPE_CHECKING:
 
 LONGEST = 2000  # characters
 FUNCTIONS = ("lower", "upper", "length", "contains", "starts_with", "ends_with", "abs", "round", "least", "greatest")
+# Those of them that say yes or no.
+_TESTS = {"contains", "starts_with", "ends_with"}
 _SIGNS = {"+", "-", "*", "/", "//", "%", "||"}
 _LIKES = {"~~": "LIKE", "!~~": "NOT LIKE", "~~*": "ILIKE", "!~~*": "NOT ILIKE"}
 _PLAIN = {"CONJUNCTION", "COMPARISON", "BETWEEN", "CONSTANT"}
@@ -55,6 +57,7 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
             where, "more than a condition", "give one boolean expression; ORDER BY, LIMIT and the like are not read"
         )
     _check(condition, where, columns)
+    _check_boolean(condition, where)
     return query
 
 
@@ -108,6 +111,33 @@ def _check(condition: Any, where: str, columns: Sequence[str]) -> None:
             if "class" in part:
                 _check_expression(part, where, columns)
             waiting += part.values()
+
+
+def _check_boolean(condition: Any, where: str) -> None:
+    """DuckDB would take a number for a condition, and 0 for a false one: who writes `floors` alone forgot the rest."""
+    waiting = [condition]
+    while waiting:
+        part = waiting.pop()
+        kind, type_ = part["class"], part["type"]
+        if kind == "CONJUNCTION" or (kind == "OPERATOR" and type_ in ("OPERATOR_NOT", "OPERATOR_COALESCE")):
+            waiting += part["children"]
+        elif kind == "COLUMN_REF":
+            name = part["column_names"][-1]
+            raise refusal(
+                where, f"{name} alone is no condition", f'compare it with a value, such as "{name} IS NOT NULL"'
+            )
+        elif kind == "CONSTANT" and not _is_truth(part):
+            raise refusal(where, "a value alone is no condition", 'give one such as "floors >= 5"')
+        elif kind == "FUNCTION" and not (part["function_name"].lower() in _TESTS or part["function_name"] in _LIKES):
+            problem = f"what {part['function_name']} gives is no condition"
+            raise refusal(where, problem, 'compare it with a value, such as "length(street) > 8"')
+
+
+def _is_truth(constant: dict[str, Any]) -> bool:
+    """Whether a constant is TRUE, FALSE or NULL."""
+    if "literal" in constant:  # since DuckDB 2
+        return constant["literal"]["kind"] in ("BOOLEAN", "NULL_LITERAL")
+    return bool(constant["value"]["is_null"]) or constant["value"]["type"]["id"] == "BOOLEAN"
 
 
 def _check_expression(part: dict[str, Any], where: str, columns: Sequence[str]) -> None:

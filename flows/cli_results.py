@@ -4,31 +4,75 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import Any
 
 import click
 
 from flows.cli_paths import EXISTING_FOLDER
 
 
-@click.command()
-@click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
+class FolderOfRuns(click.ParamType):
+    """A folder that exists, or s3://bucket/prefix, as text."""
+
+    name = "folder"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        if value.lower().startswith("s3://"):
+            return value
+        return str(EXISTING_FOLDER.convert(value, param, ctx))
+
+
+class WithBox(click.Command):
+    """A command whose --bbox says in one line what it wants."""
+
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        from facade_core.errors import InputError
+
+        try:
+            return super().make_context(*args, **kwargs)
+        except click.UsageError as error:
+            if "--bbox" not in error.format_message():
+                raise
+            raise InputError(
+                "--bbox: give four numbers, WEST SOUTH EAST NORTH in degrees, such as --bbox 24.94 60.16 24.95 60.17"
+            ) from error
+
+
+@click.command(cls=WithBox)
+@click.argument("folder", metavar="FOLDER", type=FolderOfRuns())
 @click.option("--where", metavar="SQL", help="A condition on the columns of items.parquet, and on run.")
 @click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
 @click.option("--since", metavar="WHEN", help="Made since a date (2026-11-21), a time (UTC) or an age (36h, 7d).")
-@click.option("--format", "style", type=click.Choice(["table", "json", "geojson"]), default="table", show_default=True)
-def query(folder: Path, where: str | None, bbox: tuple[float, ...] | None, since: str | None, style: str) -> None:
-    """Find facades in what a run published, or in what all runs in a folder did.
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(["table", "json", "geojson", "parquet"]),
+    default="table",
+    show_default=True,
+    help="parquet is GeoParquet, for a file.",
+)
+def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since: str | None, style: str) -> None:
+    """Find facades in what a run published, or in what all runs in a folder or a bucket did.
 
     \b
     Examples:
       streetloom query out/demo --where "floors >= 5 and occluded > 0.1"
       streetloom query out --since 7d --where "status = 'failed' and run <> 'demo'"
       streetloom query out/demo --bbox 24.94 60.16 24.95 60.17 --format geojson
+      streetloom query out --format parquet > facades.parquet
+      streetloom query s3://bucket/runs --where "photo > 0.5"
     """
-    from catalogs.query import format_items
+    from catalogs.answers import format_items, parquet_bytes
     from catalogs.query import query as find
+    from facade_core.errors import InputError
 
-    click.echo(format_items(find(folder, where=where, bbox=bbox or None, since=since, note=_note), style))
+    if style == "parquet" and sys.stdout.isatty():
+        raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
+    found = find(folder, where=where, bbox=bbox or None, since=since, note=_note)
+    if style == "parquet":
+        click.echo(parquet_bytes(found), nl=False)
+    else:
+        click.echo(format_items(found, style))
 
 
 @click.command()
@@ -65,16 +109,38 @@ def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]
 
 @click.command()
 @click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
-def catalog(folder: Path) -> None:
+@click.option("--to", metavar="S3://...", help="Copy the runs, with their stores, and the catalogue into a bucket.")
+def catalog(folder: Path, to: str | None) -> None:
     """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder (or of one run).
 
     \b
-    Example:
+    Examples:
       streetloom catalog out
+      streetloom catalog out --to s3://bucket/runs
     """
+    from catalogs.runs import runs_in
+    from catalogs.s3 import S3Folder, folder_at
+    from catalogs.s3_copy import copy_catalog, copy_run
     from catalogs.stac_catalog import write_catalog
+    from facade_core.errors import InputError
+    from flows.lock import locked
 
-    click.echo(write_catalog(folder, note=_note))
+    target = folder_at(to) if to else None
+    if to and not isinstance(target, S3Folder):
+        raise InputError(f"--to {to}: is no bucket; write s3://BUCKET/FOLDER, or copy the folder itself")
+    written = write_catalog(folder, note=_note)
+    if not isinstance(target, S3Folder):
+        click.echo(written)
+        return
+    runs, _ = runs_in(folder)
+    for run in runs:
+        place = target if run.folder == folder else target / run.name
+        with locked(run.folder):
+            sent = copy_run(run.folder, place)
+        click.echo(f"{place}: {sent} files sent", err=True)
+    if runs[0].folder != folder:
+        copy_catalog(folder, target)
+    click.echo(target / "catalog.json")
 
 
 def _note(line: str) -> None:

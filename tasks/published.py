@@ -99,7 +99,7 @@ def published(out: Path) -> Published:
     import icechunk
     import zarr
 
-    from catalogs.query import items_path, runs_in
+    from catalogs.runs import items_path, runs_in
     from facade_core.atlas.journal import read_journal
     from facade_core.atlas.store import open_repository, open_table
     from tasks.plan import read_plan

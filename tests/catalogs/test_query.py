@@ -16,6 +16,7 @@ import shapely
 from click.testing import CliRunner
 from shapely import LineString
 
+import catalogs
 from catalogs.items import COLUMNS, ROW_KEYS, write_items
 from catalogs.query import format_items, query
 from catalogs.where import parse_since
@@ -67,6 +68,10 @@ def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
         ("building IN ('w0') AND height_m * 2 - 1 > 26", (2, 3)),
         ("street LIKE 'It_inen%' AND coalesce(windows, 0) > 0 AND length(id) = 3", (10, 11)),
         ("columns IS NOT NULL", ()),
+        ("TRUE", range(12)),
+        ("NULL", ()),
+        ("NOT contains(street, 'katu') AND (floors > 5) = TRUE", (11,)),
+        ("coalesce(windows > 3, FALSE) AND id NOT IN ('f0', 'f1')", (2, 3, 4, *range(6, 12))),
         ("id = 'f1'' OR ''1''=''1'", ()),
         ("lower(upper(id)) = 'f1';", (1,)),
     ],
@@ -113,6 +118,14 @@ def test_conditions(out: Path, where: str | None, ids: range | tuple[int, ...]) 
         ("CASE WHEN TRUE THEN TRUE END", "not allowed"),
         ("len([x FOR x IN range(9)]) > 1", "not allowed"),
         ("NOT " * 450 + "florrs", "unknown column florrs"),
+        ("floors", "floors alone is no condition; compare it"),
+        ("NOT floors", "floors alone is no condition"),
+        ("floors > 3 AND street", "street alone is no condition"),
+        ("coalesce(floors, TRUE)", "floors alone is no condition"),
+        ("1", "a value alone is no condition"),
+        ("'BOOLEAN'", "a value alone is no condition"),
+        ("floors + 1", "what + gives is no condition"),
+        ("length(street)", "what length gives is no condition"),
     ],
 )
 def test_anything_but_a_condition_is_refused_in_one_line(out: Path, where: str, words: str) -> None:
@@ -302,6 +315,38 @@ def test_the_command(runs: Path) -> None:
     ]
     assert "streetloom: idle is left out: nothing is published there yet" in done.stderr.splitlines()
     assert CliRunner().invoke(main, ["query", str(runs), "--since", "soon"]).exit_code == 2
+
+
+@pytest.mark.parametrize("box", [("24", "60", "25"), ("24", "60", "25", "--format", "json"), ("a", "b", "c", "d")])
+def test_a_box_of_other_than_four_numbers_is_refused_with_an_example(out: Path, box: tuple[str, ...]) -> None:
+    done = CliRunner().invoke(main, ["query", str(out), "--bbox", *box])
+    assert done.exit_code == 2
+    assert done.stderr.splitlines() == [
+        "streetloom: --bbox: give four numbers, WEST SOUTH EAST NORTH in degrees, such as --bbox 24.94 60.16 24.95 60.17"
+    ]
+
+
+def test_the_command_writes_geoparquet(out: Path, tmp_path: Path) -> None:
+    done = CliRunner().invoke(main, ["query", str(out), "--where", "floors = 5", "--format", "parquet"])
+    assert done.exit_code == 0
+    (tmp_path / "found.parquet").write_bytes(done.stdout_bytes)
+    frame = gpd.read_parquet(tmp_path / "found.parquet")
+    assert frame.id.tolist() == ["f2", "f6", "f10"]
+    assert frame.to_crs("EPSG:32635").length.tolist() == pytest.approx([15.0] * 3, abs=0.03)
+    assert frame.floors.tolist() == [5, 5, 5]
+
+
+def test_python_names_the_argument_that_is_wrong(out: Path) -> None:
+    catalogue = catalogs.open(out)
+    for arguments, words in (
+        ({"where": "florrs > 1"}, "where 'florrs > 1': unknown column florrs"),
+        ({"where": " "}, "where is empty"),
+        ({"bbox": (1, 2, 3)}, "bbox 1 2 3: give WEST SOUTH EAST NORTH in degrees"),
+        ({"since": "soon"}, "since 'soon': not a time"),
+    ):
+        with pytest.raises(InputError) as refused:
+            catalogue.search(**arguments)
+        assert str(refused.value).startswith(words)
 
 
 def test_a_time_without_a_zone_is_in_utc_wherever_the_machine_is(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -1,0 +1,135 @@
+"""Folders of runs in a bucket: s3://bucket/prefix, on AWS or any store that speaks its protocol."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    import icechunk
+    from pyarrow.fs import S3FileSystem
+
+SCHEME = "s3://"
+_UNREACHABLE_S = 20.0
+
+
+@dataclass(frozen=True, slots=True)
+class S3Folder:
+    """A folder in a bucket, with as much of pathlib's interface as finding and reading runs needs. path: bucket/prefix.
+
+    Credentials, region and address are the environment's, as for every tool of AWS: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
+    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Every method raises InputError where the bucket does not answer.
+    """
+
+    path: str
+
+    def __str__(self) -> str:
+        return SCHEME + self.path
+
+    def __truediv__(self, name: str) -> S3Folder:
+        return S3Folder(f"{self.path}/{name}")
+
+    @property
+    def name(self) -> str:
+        return self.path.rpartition("/")[2]
+
+    @property
+    def parent(self) -> S3Folder:
+        return S3Folder(self.path.rpartition("/")[0])
+
+    @property
+    def bucket(self) -> str:
+        return self.path.partition("/")[0]
+
+    @property
+    def prefix(self) -> str:
+        return self.path.partition("/")[2]
+
+    def resolve(self) -> S3Folder:
+        return self
+
+    def is_dir(self) -> bool:
+        return self._kind() == "Directory"
+
+    def is_file(self) -> bool:
+        return self._kind() == "File"
+
+    def iterdir(self) -> Iterator[S3Folder]:
+        from pyarrow.fs import FileSelector
+
+        with reached(self):
+            found = filesystem().get_file_info(FileSelector(self.path))
+        return iter([S3Folder(one.path) for one in found])
+
+    def read_text(self, encoding: str = "utf-8", errors: str = "strict") -> str:
+        with reached(self), filesystem().open_input_stream(self.path) as stream:
+            return stream.read().decode(encoding, errors)
+
+    def _kind(self) -> str:
+        with reached(self):
+            return filesystem().get_file_info(self.path).type.name
+
+    def icechunk_storage(self) -> icechunk.Storage:
+        """This folder as where an Icechunk repository lies."""
+        import icechunk
+
+        endpoint = _endpoint()
+        return icechunk.s3_storage(
+            bucket=self.bucket,
+            prefix=self.prefix,
+            region=filesystem().region,
+            endpoint_url=endpoint,
+            allow_http=bool(endpoint and endpoint.startswith("http://")),
+            force_path_style=endpoint is not None,
+            from_env=True,
+        )
+
+
+def folder_at(place: str | Path | S3Folder) -> Path | S3Folder:
+    """A folder on this machine, or the one in a bucket that `s3://bucket/prefix` names. Raises InputError without a bucket."""
+    if isinstance(place, S3Folder) or not str(place).startswith(("s3:/", "S3:/")):
+        return place if isinstance(place, S3Folder) else Path(place)
+    path = str(place)[3:].strip("/")
+    if not path:
+        raise InputError(f"{place}: names no bucket; write s3://BUCKET/FOLDER")
+    return S3Folder(path)
+
+
+def filesystem() -> S3FileSystem:
+    """The buckets that the environment leads to."""
+    return _filesystem(_endpoint(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"))
+
+
+@contextmanager
+def reached(folder: S3Folder) -> Iterator[None]:
+    """What the bucket answers with instead of data, in one line with the remedy."""
+    try:
+        yield
+    except OSError as error:
+        said = " ".join(str(error).split()).partition(" (Request ID")[0]
+        raise InputError(
+            f"{folder}: cannot be reached ({said[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"
+        ) from error
+
+
+def _endpoint() -> str | None:
+    return os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or None
+
+
+@lru_cache(maxsize=2)
+def _filesystem(endpoint: str | None, region: str | None) -> S3FileSystem:
+    from pyarrow.fs import S3FileSystem
+
+    return S3FileSystem(
+        endpoint_override=endpoint,
+        region=region,
+        connect_timeout=_UNREACHABLE_S,
+        allow_delayed_open=True,  # a small file is one request
+    )
