@@ -16,16 +16,17 @@ from prefect.task_runners import ThreadPoolTaskRunner
 from catalogs.block import Block, read_block
 from catalogs.yaml_files import read_yaml
 from flows.artifacts import failed, tell_outcome, tell_progress
+from flows.console import console
 from flows.lock import locked
 from tasks.compute import Compute, connect
 from tasks.demo import NAME, write_demo
+from tasks.due import what_is_due
 from tasks.exemplars import exemplars_due
 from tasks.facades import choose, facades_due
 from tasks.fan_out import AT_ONCE, Stage, batches, process_batch
-from tasks.imagery import imagery_of
 from tasks.ingest import Outline, ingest_block
 from tasks.outcome import Outcome
-from tasks.poses import poses_due, refined
+from tasks.poses import poses_due
 from tasks.progress import begin_stage
 from tasks.publish import publish_block
 from tasks.run import Run, run_of
@@ -94,6 +95,8 @@ def _texture(run: Run, block: Block, source: Path, workers: int, dask: str | Non
     with connect(workers, dask, run.out) as compute:
         outline = ingest.result() if ingest else ingest_block(run, block)
         run = replace(run, ingested=outline.ingested)
+        if told := what_is_due(run, block, outline):
+            console.print(f"streetloom: {told}", highlight=False, markup=False, soft_wrap=True)
         outcome = _process(run, textures_due(run, outline.textured, block.textures), compute)
         outcome += _process(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
         outcome += _process(run, exemplars_due(run, block.exemplars), compute)
@@ -129,9 +132,7 @@ def _process(run: Run, stage: Stage, compute: Compute) -> Outcome:
 
 
 def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outcome:
-    chosen = choose(run, block.photos) if run.walls == "exemplar" else {}
-    panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in refined(run, outline.panoramas)]
-    imagery = imagery_of(outline.facades, block.photos, block.photos_rectified, panoramas, outline.own, chosen)
+    imagery = choose(run, block, outline)
     due = facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
     return _process(run, due, compute)
 

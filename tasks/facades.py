@@ -1,4 +1,4 @@
-"""Which facades are due, and which exemplar each takes."""
+"""Which facades are due, and what each is made from."""
 
 from __future__ import annotations
 
@@ -8,21 +8,36 @@ from pathlib import Path
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
+from catalogs.block import Block
 from facade_core.style import choose_exemplars
 from tasks.carry import forget_units
 from tasks.commits import journal
 from tasks.fan_out import Stage, Work
-from tasks.imagery import Imagery
+from tasks.imagery import Imagery, imagery_of
+from tasks.ingest import Outline
 from tasks.keys import facade_key
 from tasks.outcome import is_done
 from tasks.plan import plan_of_run
+from tasks.poses import refined
 from tasks.run import Run
 from tasks.units.facade import facade_unit
 from tasks.units.memory import facade_memory
 
 
 @task(name="choose exemplars", task_run_name="choose exemplars", cache_policy=NO_CACHE)
-def choose(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
+def choose(run: Run, block: Block, outline: Outline) -> list[Imagery]:
+    """The imagery of every facade, with the exemplar chosen for it: `facade_imagery` when panoramas and exemplars are done."""
+    return facade_imagery(run, block, outline)
+
+
+def facade_imagery(run: Run, block: Block, outline: Outline) -> list[Imagery]:
+    """The imagery of every facade as the journal stands: poses that are refined, exemplars that could be prepared."""
+    chosen = _chosen(run, block.photos) if run.walls == "exemplar" else {}
+    panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in refined(run, outline.panoramas)]
+    return imagery_of(outline.facades, block.photos, block.photos_rectified, panoramas, outline.own, chosen)
+
+
+def _chosen(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade without a photo; none where no exemplar could be prepared.
 
     Those with panoramas or own textures have one too, in case that these show too little of them.
@@ -44,6 +59,13 @@ def choose(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
     return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in zip(bare, chosen.tolist(), strict=True)}
 
 
+def facade_keys(run: Run, imagery: Sequence[Imagery], textures: Sequence[Path]) -> list[str]:
+    """The key of every facade as the journal stands."""
+    plan = plan_of_run(run)
+    exemplars = {i: r["key"] for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"}
+    return [facade_key(run, plan, f, one, exemplars, textures) for f, one in enumerate(imagery)]
+
+
 def facades_due(
     run: Run,
     buildings: Sequence[Sequence[int]],
@@ -54,10 +76,9 @@ def facades_due(
 ) -> Stage:
     """The facades that the journal does not hold yet. Those of a building go to one worker: they may share chunks."""
     held = journal(run.store, "facades")
-    plan = plan_of_run(run)
-    exemplars = {i: r["key"] for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"}
-    keys = [facade_key(run, plan, f, imagery[f], exemplars, textures) for f in range(len(names))]
+    keys = facade_keys(run, imagery, textures)
     stale = [f for f, key in enumerate(keys) if held[f] and not is_done(held[f], key)]
+    plan = plan_of_run(run)
     forget_units(run, plan, "facades", {f: [int(plan.facades.chart[f])] for f in stale})
     skipped = 0
     work = []

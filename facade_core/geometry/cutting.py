@@ -28,13 +28,13 @@ def line_cuts(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.nd
 
 
 def cells(polygon: Polygon, grid: float) -> list[Polygon]:
-    """The parts of a polygon in the cells of the world grid, row by row."""
+    """The parts of a polygon in the cells of the world grid, row by row, each the same wherever the polygon's rings begin."""
     west, south, east, north = polygon.bounds
     columns = np.arange(np.floor(west / grid), np.ceil(east / grid))
     rows = np.arange(np.floor(south / grid), np.ceil(north / grid))
     shapely.prepare(polygon)
     boxes = [shapely.box(c * grid, r * grid, (c + 1) * grid, (r + 1) * grid) for r in rows for c in columns]
-    parts = [part for box in boxes for part in shapely.get_parts(shapely.intersection(polygon, box))]
+    parts = [part for box in boxes for part in shapely.get_parts(shapely.normalize(shapely.intersection(polygon, box)))]
     return [part for part in parts if part.geom_type == "Polygon"]
 
 

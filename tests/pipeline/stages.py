@@ -20,28 +20,28 @@ from facade_core.atlas.store import open_repository
 from facade_core.synth import exemplars
 from tasks.compute import Serial
 from tasks.exemplars import exemplars_due
-from tasks.facades import choose, facades_due
+from tasks.facades import facade_imagery, facades_due
 from tasks.fan_out import Stage, process_batch
-from tasks.imagery import imagery_of
 from tasks.ingest import ingest_block
 from tasks.plan import read_plan
-from tasks.poses import poses_due, refined
+from tasks.poses import poses_due
 from tasks.run import Run, run_of
 from tasks.streets import texture_street
 from tasks.textures import textures_due
 
 EAST, NORTH = 385_000.0, 6_671_000.0
-# South-western corner, width along x, depth along y, height of each building; two beside each street, one at the crossing.
+# South-western corner, width along x, depth along y, height of each building, so thin that only the side at the street is a
+# facade; two beside each of the parallel streets, one beyond the crossing.
 BUILDINGS = {
-    "a": (4, 5, 12, 8, 7.0),
-    "b": (24, -13, 12, 8, 10.0),
-    "c": (4, 155, 12, 8, 7.0),
-    "d": (24, 137, 12, 8, 10.0),
-    "e": (50, 6, 10, 10, 6.5),
+    "a": (4, 5, 12, 2.8, 7.0),
+    "b": (24, -8, 12, 2.8, 9.0),
+    "c": (4, 155, 12, 2.8, 7.0),
+    "d": (24, 142, 12, 2.8, 9.0),
+    "e": (50, 6, 2.8, 12, 7.0),
 }
 # Two streets that cross, and one far away.
 STREETS = {"1": [(0, 0), (45, 0)], "2": [(40, -15), (40, 25)], "3": [(0, 150), (45, 150)]}
-SETTINGS = {"texels_per_metre": 4, "visibility_range": 25.0, "panorama_width": 256}
+SETTINGS = {"texels_per_metre": 3, "visibility_range": 25.0, "panorama_width": 256}
 
 
 def write_block(
@@ -66,7 +66,7 @@ def write_block(
         (folder / f"{name}.geojson").write_text(json.dumps(collection))
     if not (folder / "exemplars").is_dir():
         (folder / "exemplars").mkdir()
-        for number, painted in enumerate(exemplars(3, seed=5, metres_per_pixel=0.2)):
+        for number, painted in enumerate(exemplars(2, seed=5, metres_per_pixel=0.2)):
             Image.fromarray(painted.image).save(folder / "exemplars" / f"{number}.png")
     photos = {"photos": {"path": "photos"}} if (folder / "photos").is_dir() else {}
     block = {
@@ -142,9 +142,7 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
 
 
 def _facades(run: Run, block: Block, outline: Any) -> Stage:
-    chosen = choose.fn(run, block.photos) if run.walls == "exemplar" else {}
-    panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in refined(run, outline.panoramas)]
-    imagery = imagery_of(outline.facades, block.photos, block.photos_rectified, panoramas, outline.own, chosen)
+    imagery = facade_imagery(run, block, outline)
     return facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
 
 

@@ -1,0 +1,106 @@
+"""What charts and views are, whatever else is built in a block."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.ingest import Plan, ingest
+from facade_core.types import Building, Street
+
+
+def house(name: str, x: float, y: float, height: float = 8.0) -> Building:
+    return Building(id=name, footprint=shapely.box(x, y, x + 10, y + 8), height=height, height_source="height")
+
+
+EAST, NORTH = 385_000.0, 6_671_000.0
+HOUSES = [house("a", EAST, NORTH + 5), house("b", EAST + 20, NORTH - 14), house("c", EAST, NORTH + 205)]
+STREETS = [
+    Street("1", None, shapely.LineString([(EAST, NORTH), (EAST + 30, NORTH)])),
+    Street("2", None, shapely.LineString([(EAST, NORTH + 200), (EAST + 30, NORTH + 200)])),
+]
+
+
+def plan(houses: list[Building], streets: list[Street] = STREETS, last: Plan | None = None) -> Plan:
+    from facade_core.geometry.packing import Places
+
+    return ingest(
+        houses,
+        streets,
+        texels_per_metre=4,
+        spacing=6.0,
+        height=2.5,
+        visibility_range=25.0,
+        panorama_width=128,
+        storey=3.2,
+        walls="exemplar",
+        last=Places(last.ids, last.scene.placement) if last else None,
+    )
+
+
+@pytest.fixture(scope="module")
+def before() -> Plan:
+    return plan(HOUSES)
+
+
+def looks(found: Plan) -> dict[str, list[str]]:
+    return {
+        street.id: [found.looks[v.id] for v in found.of_street(index)] for index, street in enumerate(found.streets)
+    }
+
+
+def of(found: Plan, building: str) -> set[int]:
+    rows = found.scene.charts.building == found.scene.names.index(building)
+    return set(found.ids[rows].tolist())
+
+
+def test_ids_tell_charts_apart_and_are_the_same_again(before: Plan) -> None:
+    assert len(set(before.ids.tolist())) == len(before.ids)
+    again = plan(HOUSES)
+    np.testing.assert_array_equal(again.ids, before.ids)
+    assert again.looks == before.looks
+
+
+def test_a_building_raised_is_new_and_only_those_who_see_it_look_at_something_else(before: Plan) -> None:
+    raised = plan([HOUSES[0], replace(HOUSES[1], height=9.0), HOUSES[2]])
+    assert not of(raised, "b") & of(before, "b")
+    for name in "ac":
+        assert of(raised, name) == of(before, name)
+    assert all(one != other for one, other in zip(looks(raised)["1"], looks(before)["1"], strict=True))
+    assert looks(raised)["2"] == looks(before)["2"]
+
+
+def test_order_and_far_away_neighbours_do_not_matter(before: Plan) -> None:
+    more = plan([house("0", EAST - 900, NORTH + 700), *reversed(HOUSES)], list(reversed(STREETS)))
+    for name in "abc":
+        assert of(more, name) == of(before, name)
+    assert looks(more) == looks(before)
+
+
+def test_a_centreline_near_is_seen_and_one_far_away_is_not(before: Plan) -> None:
+    near = Street("3", None, shapely.LineString([(EAST + 15, NORTH + 20), (EAST + 15, NORTH + 24)]))
+    found = looks(plan(HOUSES, [*STREETS, near]))
+    assert found["1"] != looks(before)["1"]
+    assert found["2"] == looks(before)["2"]
+
+
+def test_charts_of_others_keep_their_places(before: Plan) -> None:
+    raised = plan([HOUSES[0], replace(HOUSES[1], height=9.0), HOUSES[2]], last=before)
+    at = {i: k for k, i in enumerate(before.ids.tolist())}
+    stayed = [(k, at[i]) for k, i in enumerate(raised.ids.tolist()) if i in at]
+    assert len(stayed) > 10
+    one, other = raised.scene.placement, before.scene.placement
+    for name in ("page", "x", "y"):
+        new, old = np.array(stayed).T
+        np.testing.assert_array_equal(getattr(one, name)[new], getattr(other, name)[old])
+
+
+def test_things_are_found_by_their_boxes(before: Plan) -> None:
+    low = np.array([EAST - 1, NORTH + 206, 1.0])
+    found = before.things.within(low, low + 2)
+    assert found == [f"{int(before.things.digest[2]):016x}"]
+    above = low + np.array([0, 0, 50])
+    assert before.things.within(above, above + 2) == []
