@@ -74,7 +74,71 @@ def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | 
     click.echo(model)
 
 
-@click.command(context_settings={"ignore_unknown_options": True})
+@train.command("translator")
+@click.option(
+    "--real",
+    type=EXISTING_FOLDER,
+    required=True,
+    multiple=True,
+    help="Folder of street panoramas, twice as wide as high.",
+)
+@click.option(
+    "--blocks", type=EXISTING_FILE, multiple=True, help="Block file to render streets of, besides procedural ones."
+)
+@click.option(
+    "--judge-by", required=True, multiple=True, help="Beginning of names of panoramas that judge checkpoints."
+)
+@click.option("--leave-out", multiple=True, help="Beginning of names of panoramas that take no part at all.")
+@click.option("--out", type=FOLDER, required=True, help="Where translator.onnx and .json go, and where a run goes on.")
+@click.option("--recipe", type=click.Choice(["small", "full"]), default="small", show_default=True)
+@click.option("--steps", type=click.IntRange(1), help="Other than the recipe's.")
+@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's.")
+def train_translation_network(
+    real: tuple[Path, ...],
+    blocks: tuple[Path, ...],
+    judge_by: tuple[str, ...],
+    leave_out: tuple[str, ...],
+    out: Path,
+    recipe: str,
+    steps: int | None,
+    seed: int,
+) -> None:
+    """Train the network that textures streets like the panoramas of a city (extra: train; `make train-setup`).
+
+    small: an hour or two on two cores, what is shipped. full: for an accelerator. A picture of every checkpoint is left in
+    OUT; the best one is what is written. An interrupted run goes on from its last checkpoint.
+
+    \b
+    Examples:
+      streetloom train translator --real my-city/ --judge-by oldtown --out translator/
+      streetloom train translator --real ../shared/data/panoramas --real ../shared/data/city/amsterdam/panoramas
+        --judge-by strasbourg_stra_1 --leave-out toulouse --blocks catalogs/blocks/helsinki.yaml
+        --blocks catalogs/blocks/delfshaven.yaml --out translator/
+    """
+    from dataclasses import replace
+
+    from facade_core.street.translator_training import FULL, SMALL
+    from flows.console import progress
+    from tasks.train_translator import Places, train_translator
+
+    course = SMALL if recipe == "small" else FULL
+    if steps is not None:
+        course = replace(course, steps=steps)
+    with progress(quiet=False):
+        model = train_translator(real, blocks, out, seed=seed, course=course, places=Places(judge_by, leave_out))
+    click.echo(model)
+
+
+class _Benchmark(click.Command):
+    """A command that leaves --help to the benchmark once one is named."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and not args[0].startswith("-"):
+            ctx.help_option_names = []
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=_Benchmark, context_settings={"ignore_unknown_options": True})
 @click.argument("name", required=False)
 @click.argument("options", nargs=-1, type=click.UNPROCESSED)
 def bench(name: str | None, options: tuple[str, ...]) -> None:
@@ -84,6 +148,7 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
     Examples:
       streetloom bench block --json
       streetloom bench parsing --data ../shared/data
+      streetloom bench parsing --help
     """
     import importlib
     import pkgutil
