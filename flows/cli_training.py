@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from flows.cli_paths import EXISTING_FOLDER, FOLDER
+from flows.cli_paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER
 
 
 @click.group()
