@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+import shlex
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -19,6 +20,7 @@ from prefect.artifacts import (
 )
 
 from facade_core.atlas.journal import STAGES
+from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.commits import journal
 from tasks.progress import listen
 from tasks.run import Run
@@ -27,6 +29,19 @@ from tasks.run import Run
 REFRESH_S = 2.0
 # Rows of the units' table at most, failed ones first; the catalogue has them all.
 ROWS = 1000
+# Columns of the facades' table; the catalogue has more.
+FACADE_COLUMNS = (
+    "id",
+    "street",
+    "status",
+    "reason",
+    "quality",
+    "floors",
+    "windows",
+    "occluded",
+    "photo",
+    "layout_score",
+)
 # Every run goes through these, in equal shares of its progress: how many units one has is known when it begins.
 EXPECTED = {"ingest", "exemplars", "facades", "viewpoints", "publish"}
 
@@ -62,8 +77,20 @@ def tell_progress(block: str) -> Iterator[None]:
     update_progress_artifact(artifact, 100.0)
 
 
+def tell_viewer(run: Run) -> None:
+    """A link to where the viewer of a run answers once somebody starts it, which may be while the run goes on."""
+    command = shlex.join(["streetloom", "view", run.out])
+    create_link_artifact(
+        f"http://{VIEWER_HOST}:{VIEWER_PORT}/",
+        link_text=f"map, facades and 3D model of {run.block}",
+        key=f"{_slug(run.block)}-viewer",
+        description=f"`{command}` on the run's machine serves it there, also while the run goes on",
+    )
+
+
 def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
-    """Artifacts of a finished run: the table of units, the failures with their reasons, links to what was published."""
+    """Artifacts of a finished run: tables of the units and of the facades, the failures with their reasons, links to what was
+    published."""
     slug = _slug(run.block)
     # what ingest counts as, and what has no record in the journal since it was set aside before
     units = [{"stage": "ingest", "unit": run.block, "status": "done", "seconds": None, "worker": ""}]
@@ -93,6 +120,12 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     why = f"{failed(summary)}, and why" if failures else "no unit failed or was set aside"
     create_table_artifact(failures, key=f"{slug}-failures", description=why)
     outputs = summary["outputs"]
+    facades = _facades(Path(outputs["items"]))
+    create_table_artifact(
+        facades[:ROWS],
+        key=f"{slug}-facades",
+        description=f"{len(facades)} facades, failed ones first; `streetloom query {run.out}` finds what you look for",
+    )
     report = Path(outputs["report"]).resolve()
     # browsers do not follow links from a server's page to files, so every path is also there to be copied
     create_link_artifact(
@@ -104,14 +137,24 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     links = [("report", report), *(("model", Path(path)) for path in outputs["glb"]), ("items", Path(outputs["items"]))]
     lines = [f"- [{name}]({path.resolve().as_uri()}): `{path.resolve()}`" for name, path in links]
     find = (
-        f"`streetloom view {run.out}` serves the map, every facade stage by stage and the block in 3D, also while a run goes "
-        f"on; `streetloom query {run.out}` answers questions about the facades."
+        f"`streetloom view {run.out}` serves the map, every facade stage by stage and the block in 3D at "
+        f"[{VIEWER_HOST}:{VIEWER_PORT}](http://{VIEWER_HOST}:{VIEWER_PORT}/), also while a run goes on; "
+        f"`streetloom query {run.out}` answers questions about the facades."
     )
     create_markdown_artifact(
         "\n".join([f"# {run.block}", "", *lines, "", find]),
         key=f"{slug}-outputs",
         description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {run.out}",
     )
+
+
+def _facades(items: Path) -> list[dict[str, Any]]:
+    """The facades of a published table with a few of their columns, failed ones first."""
+    import pyarrow.parquet as pq
+
+    rows = pq.read_table(items, columns=["kind", *FACADE_COLUMNS]).to_pylist()
+    facades = [{name: row[name] for name in FACADE_COLUMNS} for row in rows if row["kind"] == "facade"]
+    return sorted(facades, key=lambda row: row["status"] == "done")
 
 
 def failed(summary: dict[str, Any]) -> str:

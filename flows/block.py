@@ -15,7 +15,7 @@ from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block import Block, read_block
 from catalogs.yaml_files import read_yaml
-from flows.artifacts import failed, tell_outcome, tell_progress
+from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
 from flows.console import console
 from flows.lock import locked
 from tasks.compute import Compute, connect
@@ -78,6 +78,7 @@ def city_block(
         source = (block_file or write_demo(out / "input")).resolve()
         block = read_block(source)
         run = run_of(block, out)
+        tell_viewer(run)
         summary = nothing_due(run)
         if summary is None:
             with tell_progress(block.name):

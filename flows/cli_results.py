@@ -9,6 +9,10 @@ from typing import Any
 import click
 
 from flows.cli_paths import EXISTING_FOLDER
+from flows.viewer import VIEWER_HOST, VIEWER_PORT
+
+# An export of more files than these is named by its folder.
+LISTED = 8
 
 
 class FolderOfRuns(click.ParamType):
@@ -103,7 +107,7 @@ def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]
         done = write(folder, style, to, buildings)
     for line in done.notes:
         _note(line)
-    for file in done.files:
+    for file in done.files if len(done.files) <= LISTED else [done.path]:
         click.echo(file)
 
 
@@ -150,10 +154,10 @@ def _note(line: str) -> None:
 @click.command()
 @click.argument("out", metavar="OUT", type=EXISTING_FOLDER)
 @click.option(
-    "--port", type=click.IntRange(0, 65535), default=8710, show_default=True, help="0 takes any that is free."
+    "--port", type=click.IntRange(0, 65535), default=VIEWER_PORT, show_default=True, help="0 takes any that is free."
 )
 @click.option(
-    "--host", default="127.0.0.1", show_default=True, help="Address to serve on; others see it only by theirs."
+    "--host", default=VIEWER_HOST, show_default=True, help="Address to serve on; others see it only by theirs."
 )
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
 def view(out: Path, port: int, host: str, opened: bool) -> None:
@@ -166,10 +170,7 @@ def view(out: Path, port: int, host: str, opened: bool) -> None:
     """
     from facade_core.errors import InputError
 
-    if not (out / "store").is_dir():
-        raise InputError(
-            f"{out}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
-        )
+    out = _run_in(out)
     try:
         from flows.viewer.app import serve
     except ModuleNotFoundError as error:
@@ -183,3 +184,24 @@ def view(out: Path, port: int, host: str, opened: bool) -> None:
             webbrowser.open(address)
 
     serve(out, host, port, ready)
+
+
+def _run_in(folder: Path) -> Path:
+    """The folder of the one run in `folder`, which is itself one or holds it at most two levels down, ended or still going.
+
+    Raises InputError that names the runs where there are several, or says that there is none.
+    """
+    from facade_core.errors import InputError
+
+    if (folder / "store").is_dir():
+        return folder
+    found = sorted(store.parent for pattern in ("*/store", "*/*/store") for store in folder.glob(pattern))
+    found = [run for run in found if not (run.parent / "store").is_dir()]  # a run's own folders are no runs
+    if not found:
+        raise InputError(
+            f"{folder}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
+        )
+    if len(found) > 1:
+        names = ", ".join(run.relative_to(folder).as_posix() for run in found)
+        raise InputError(f"{folder}: holds {len(found)} runs ({names}); open one: streetloom view {found[0]}")
+    return found[0]

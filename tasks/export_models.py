@@ -57,10 +57,12 @@ def write_3dtiles(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     extras = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot}
     notes = []
     if separation is None:
-        extras["heights"] = "as given: the block file has no geoid_separation, so heights may not be over the ellipsoid"
+        extras["heights"] = (
+            "the block's own, as given: without geoid_separation in the block file they may not be over the ellipsoid"
+        )
         notes = [
-            "heights are as given, 3D Tiles want them over the ellipsoid; write geoid_separation (metres) in the block "
-            "file and run it again"
+            "heights are the block's own, and 3D Tiles count them from the ellipsoid: the model may stand tens of metres too "
+            "high or too low; write the geoid's height there as geoid_separation (metres) in the block file and run it again"
         ]
     else:
         extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"

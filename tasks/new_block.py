@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -17,6 +18,22 @@ from catalogs.readers.panoramas import read_panoramas
 from facade_core.errors import BlockFileError, InputError
 from tasks.demo import paint_exemplars
 from tasks.plan import plan_of
+
+# What the keys of the block file are called on the command line.
+_OPTIONS = {
+    "area": "--bbox",
+    "buildings": "--osm",
+    "buildings.path": "--osm",
+    "streets": "--osm",
+    "streets.path": "--osm",
+    "imagery.exemplars": "--exemplars",
+    "imagery.exemplars.path": "--exemplars",
+    "imagery.panoramas": "--photos",
+    "imagery.panoramas.path": "--photos",
+    "imagery.panoramas.poses": "--poses",
+    "imagery.photos": "--photos",
+    "imagery.photos.path": "--photos",
+}
 
 
 @dataclass(frozen=True)
@@ -71,15 +88,27 @@ def new_block(
 
     photos: a folder of pictures; panoramas are told by their shape and pose (in themselves or in `poses`), photos of a facade
     by its id as their name.
-    Without `exemplars` a style library is painted beside the file. Raises InputError, and writes nothing, where a block file
-    is there already or the map holds no building there.
+    Without `exemplars` a style library is painted beside the file. Raises InputError, and leaves nothing behind, where a block
+    file is there already or the map holds no building there.
     """
     if path.exists():
         raise InputError(f"{path} is there already; name another file, or remove it")
-    path.parent.mkdir(parents=True, exist_ok=True)
     library = exemplars or path.parent / "exemplars"
-    if exemplars is None and not library.is_dir():
-        paint_exemplars(library)
+    made = [folder for folder in (library, *path.parents) if not folder.exists()]
+    path.parent.mkdir(parents=True, exist_ok=True)
+    try:
+        if library in made:
+            paint_exemplars(library)
+        return _written(path, osm, bbox, photos, library, poses, seed)
+    except BaseException:
+        for folder in made:  # the library first, then parents from the inside out
+            shutil.rmtree(folder, ignore_errors=True)
+        raise
+
+
+def _written(
+    path: Path, osm: Path, bbox: Sequence[float], photos: Path | None, library: Path, poses: Path | None, seed: int
+) -> Found:
     imagery = {"exemplars": {"path": _beside(library, path)}}
     keys = {
         "name": path.stem,
@@ -112,8 +141,9 @@ def _drafted(draft: Path, keys: dict) -> Block:
     draft.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
     try:
         return read_block(draft)
-    except BlockFileError as error:  # the draft is nobody's file
-        raise InputError(str(error).removeprefix(f"{draft}: ")) from error
+    except BlockFileError as error:  # the draft is nobody's file, and its keys are what the command was given
+        key, _, problem = str(error).removeprefix(f"{draft}: ").partition(": ")
+        raise InputError(f"{_OPTIONS.get(key, key)}: {problem}") from error
 
 
 def _sorted_pictures(

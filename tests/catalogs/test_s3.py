@@ -169,6 +169,17 @@ def test_python_opens_a_facade_from_a_bucket(bucket: str, runs: Path) -> None:
         catalogue.facade("w0-f0")
 
 
+def test_a_facade_is_kept_as_zarr_and_as_netcdf(tmp_path: Path) -> None:
+    facade = catalogs.open(make_run(tmp_path / "out", 1)).facade("w0-f0")
+    facade.to_zarr(tmp_path / "facade.zarr", zarr_format=3)
+    xr.testing.assert_identical(xr.open_zarr(tmp_path / "facade.zarr", consolidated=False).load(), facade)
+    facade.astype("int16").to_netcdf(tmp_path / "facade.nc", engine="scipy")
+    kept = xr.load_dataset(tmp_path / "facade.nc", engine="scipy")
+    xr.testing.assert_equal(kept.astype("int64"), facade.astype("int64"))
+    assert kept.attrs["elements"] == facade.attrs["elements"]
+    assert kept.colour.attrs["long_name"] == "atlas/colour"
+
+
 def test_the_catalogue_in_the_bucket_is_whole(bucket: str, runs: Path) -> None:
     """Every link of every STAC file leads to an object."""
     waiting, seen = ["city/runs/catalog.json"], set()

@@ -142,7 +142,7 @@ def test_the_same_atlas_as_without_deployments(
 def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, FlowRun, str]) -> None:
     out, run, _ = finished
     shown = artifacts(site, run.id)
-    assert set(shown) == {"progress", "units", "failures", "report", "outputs"}
+    assert set(shown) == {"progress", "units", "facades", "failures", "viewer", "report", "outputs"}
     assert shown["progress"][0] == 100
     records = [(stage, record["unit"]) for stage in STAGES for record in journal(out / "store", stage) if record]
     rows = shown["units"][0]
@@ -151,6 +151,12 @@ def test_artifacts_tell_units_and_outputs(site: Site, finished: tuple[Path, Flow
     assert all(row["seconds"] > 0 for row in rows if row["stage"] == "facades")
     assert shown["units"][1] == f"{len(rows)} units: {len(rows)} done in this run, 0 before, 0 failed"
     assert shown["failures"] == ([], "no unit failed or was set aside")
+    assert "http://127.0.0.1:8710/" in shown["viewer"][0]
+    assert f"`streetloom view {out}`" in shown["viewer"][1]
+    assert "](http://127.0.0.1:8710/)" in shown["outputs"][0]
+    facades = shown["facades"][0]
+    assert {row["id"] for row in facades} == {unit for stage, unit in records if stage == "facades"}
+    assert all(row["windows"] > 0 and row["quality"] for row in facades)
     published = (out / "published" / (out / "current").read_text().strip()).resolve()
     assert (published / "report" / "index.html").as_uri() in shown["report"][0]
     for path in ("block.glb", "items.parquet", "report/index.html"):

@@ -69,9 +69,34 @@ def test_nothing_is_written_over_or_left_behind(osm: Path, exemplars: Path, tmp_
     with pytest.raises(InputError, match="is there already"):
         new_block(path, osm, BOX, None, exemplars)
     assert path.read_text() == "mine"
-    with pytest.raises(InputError, match="no buildings inside area"):
+    with pytest.raises(InputError, match=r"^--bbox: .*no buildings inside area"):
         new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, exemplars)
     assert sorted(p.name for p in tmp_path.iterdir()) == ["facades", "mine.yaml"]
+
+
+def test_a_refusal_leaves_no_painted_library_and_no_folder(
+    osm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def paint(folder: Path) -> None:
+        folder.mkdir(parents=True)
+        Image.new("RGB", (40, 60)).save(folder / "0.png")
+
+    monkeypatch.setattr("tasks.new_block.paint_exemplars", paint)
+    with pytest.raises(InputError, match=r"^--bbox: "):
+        new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match=r"^--bbox: "):
+        new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "broken.osm.pbf").write_bytes(b"no map")
+    with pytest.raises(InputError, match=r"^--osm: "):
+        new_block(tmp_path / "new" / "x.yaml", tmp_path / "broken.osm.pbf", BOX, None, None)
+    assert [p.name for p in tmp_path.iterdir()] == ["broken.osm.pbf"]
+    (tmp_path / "exemplars").mkdir()
+    (tmp_path / "exemplars" / "mine.png").write_bytes(b"no picture")
+    with pytest.raises(InputError):
+        new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None)
+    assert [p.name for p in (tmp_path / "exemplars").iterdir()] == ["mine.png"], "what was there stays"
 
 
 def test_block_files_of_the_package_are_block_files() -> None:
@@ -80,6 +105,8 @@ def test_block_files_of_the_package_are_block_files() -> None:
     from catalogs.yaml_files import read_yaml
 
     names = {path.stem: check_keys(read_yaml(path)).name for path in BLOCKS.glob("*.yaml")}
-    assert names == {name: name for name in ("amsterdam-dam", "amsterdam-ij", "delfshaven", "ingolstadt", "plateau")}
+    assert names == {
+        name: name for name in ("amsterdam-dam", "amsterdam-ij", "delfshaven", "helsinki", "ingolstadt", "plateau")
+    }
     facts = json.loads((BLOCKS / "amsterdam_poses_and_walls.json").read_text())
     assert len(facts["camera_positions"]) == 4

@@ -244,19 +244,22 @@ async function drawModel() {
 function drawRun() {
   const cell = (text, kind = "") => element("td", { class: kind }, String(text));
   const head = (...names) => element("thead", {}, element("tr", {}, ...names.map((text) => element("th", { scope: "col" }, text))));
+  const units = (list) => list.length
+    ? element("table", {}, head("Stage", "Unit", "Reason"), element("tbody", {}, ...list.map((unit) =>
+        element("tr", {}, cell(unit.stage),
+          unit.stage === "facades" ? element("td", {}, element("a", { href: facadeAddress(unit.unit) }, unit.unit)) : cell(unit.unit),
+          cell(unit.reason)))))
+    : element("p", {}, "Nothing.");
   fill(
     element("h2", {}, progress.ended ? "The run has ended" : "The run is going on"),
-    element("table", {}, head("Stage", "Progress", "Done", "Failed", "Of"), element("tbody", {}, ...progress.stages.map((stage) =>
+    element("table", {}, head("Stage", "Progress", "Done", "Failed", "Stale", "Of"), element("tbody", {}, ...progress.stages.map((stage) =>
       element("tr", {}, cell(stage.name),
         element("td", {}, element("progress", { max: stage.total, value: stage.done + stage.failed, "aria-label": `${stage.name}: ${stage.done + stage.failed} of ${stage.total}` })),
-        cell(stage.done, "number"), cell(stage.failed, "number"), cell(stage.total, "number"))))),
+        cell(stage.done, "number"), cell(stage.failed, "number"), cell(stage.stale, "number"), cell(stage.total, "number"))))),
     element("h3", {}, `What failed or was set aside: ${progress.failures.length}`),
-    progress.failures.length
-      ? element("table", {}, head("Stage", "Unit", "Reason"), element("tbody", {}, ...progress.failures.map((failure) =>
-          element("tr", {}, cell(failure.stage),
-            failure.stage === "facades" ? element("td", {}, element("a", { href: facadeAddress(failure.unit) }, failure.unit)) : cell(failure.unit),
-            cell(failure.reason)))))
-      : element("p", {}, "Nothing."),
+    units(progress.failures),
+    progress.stale.length ? element("h3", {}, `What is out of date: ${progress.stale.length}`) : null,
+    progress.stale.length ? units(progress.stale) : null,
     block.notes.length ? element("h3", {}, "Notes") : null,
     block.notes.length ? element("ul", {}, ...block.notes.map((note) => element("li", {}, note))) : null,
     element("p", {}, `Coordinates: ${block.crs}. Snapshot ${block.snapshot}.`),
