@@ -18,7 +18,7 @@ from catalogs.buildings import block_buildings
 from catalogs.features import Centrelines, Fault, Footprints, Models, by_reason, notes_by_reason
 from catalogs.frames import area_outline, block_frame, check_scale, known_frame, named_frame, outside, to_lonlat
 from catalogs.readers.files import read_buildings, read_centrelines
-from catalogs.readers.images import image_files, photos_by_facade
+from catalogs.readers.images import image_files, photos_by_facade, whole_picture
 from catalogs.streets import block_streets
 from catalogs.yaml_files import read_yaml
 from facade_core.errors import BlockFileError, InputError
@@ -28,12 +28,15 @@ if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
 
+    from catalogs.readers.aerial import Aerial
     from catalogs.readers.panoramas import PosedPanorama
 
 __all__ = ["Block", "TextureSettings", "read_block"]
 
 T = TypeVar("T")
 Files = Mapping[str, tuple[Path, ...]]
+# A picture of a material, and its metres per pixel.
+Material = tuple[Path, float]
 # Ground is wanted this far around the buildings, and panoramas further away belong to another site.
 SURROUNDINGS_M = 200.0
 
@@ -44,7 +47,8 @@ class Block:
 
     crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
     streets they are derived from the gaps between the buildings when the block is ingested. photos: facade id -> file, as taken
-    from the street unless photos_rectified; textures: the pictures that the buildings' own texture indices count. notes says
+    from the street unless photos_rectified; textures: the pictures that the buildings' own texture indices count; aerial: the
+    block from straight above; roof_material: a picture of one, and its metres per pixel. notes says
     what was left out or assumed, one line each; faults are the units that are broken. digest is the sha256 of everything that
     determines the result: settings and contents of the files, not their places or dates.
     """
@@ -59,6 +63,8 @@ class Block:
     photos_rectified: bool
     panoramas: tuple[PosedPanorama, ...]
     textures: tuple[Path, ...]
+    aerial: Aerial | None
+    roof_material: Material | None
     texture: TextureSettings
     storey: float
     geoid_separation: float | None
@@ -139,6 +145,8 @@ def read_block(path: Path | str) -> Block:
         photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
         panoramas=panoramas,
         textures=built.textures,
+        aerial=_aerial(keys, files, frame, built.items, file),
+        roof_material=_roof_material(keys, files, file),
         texture=keys.texture,
         storey=keys.storey,
         geoid_separation=keys.geoid_separation,
@@ -165,6 +173,28 @@ def _pictures(
     if keys.texture.walls == "exemplar" and not exemplars:
         raise file.fault("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
     return exemplars, photos, faults
+
+
+def _aerial(
+    keys: BlockKeys, files: Files, frame: CRS, buildings: Iterable[Building], file: _File
+) -> Aerial | None:
+    if keys.imagery.aerial is None:
+        return None
+    from catalogs.readers.aerial import read_aerial
+
+    crs = keys.imagery.aerial.crs
+    if crs is not None:
+        file.read("imagery.aerial.crs", known_frame, crs)
+    places = shapely.get_coordinates([building.footprint for building in buildings])
+    return file.read("imagery.aerial.path", read_aerial, *files["imagery.aerial.path"], crs, frame, places)
+
+
+def _roof_material(keys: BlockKeys, files: Files, file: _File) -> Material | None:
+    if keys.texture.roof_material is None:
+        return None
+    path = files["texture.roof_material.path"][0]
+    file.read("texture.roof_material.path", whole_picture, path)
+    return path.absolute(), keys.texture.roof_material.metres_per_pixel
 
 
 def _building_sources(keys: BlockKeys, files: Files, file: _File) -> list[Footprints | Models]:

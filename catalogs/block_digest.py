@@ -5,7 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 from collections.abc import Iterable, Mapping
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -17,6 +17,10 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
     from catalogs.readers.panoramas import PosedPanorama
+
+
+# Keys that name single files, the pictures of facades aside.
+FILES = ("buildings.path", "streets.path", "terrain.path", "imagery.aerial.path", "texture.roof_material.path")
 
 
 def block_digest(
@@ -35,12 +39,14 @@ def block_digest(
         "area": keys.area,
         "buildings": keys.buildings.model_dump(exclude={"path"}),
         "streets": keys.streets and [keys.streets.crs, sorted(keys.streets.names or [])],
-        "texture": asdict(keys.texture),
+        "texture": asdict(replace(keys.texture, roof_material=None)),
+        "roof_material": keys.texture.roof_material and keys.texture.roof_material.metres_per_pixel,
+        "aerial": keys.imagery.aerial and keys.imagery.aerial.crs,
         "storey": keys.storey,
         "geoid_separation": keys.geoid_separation,
         "seed": keys.seed,
         "geometry": [
-            [key, *map(file_digest, files.get(key, ()))] for key in ("buildings.path", "streets.path", "terrain.path")
+            [key, *map(file_digest, files.get(key, ()))] for key in FILES
         ],
         "rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
         "images": [

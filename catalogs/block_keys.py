@@ -33,6 +33,16 @@ def _whole(low: int, high: int) -> Any:
 
 
 @dataclass(frozen=True, slots=True)
+class MaterialSettings:
+    """A picture of a material, seen straight on."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    path: Annotated[str, Field(min_length=1)]
+    metres_per_pixel: Annotated[float, _between(0.0001, 1)]
+
+
+@dataclass(frozen=True, slots=True)
 class TextureSettings:
     """How a block is textured; lengths in metres, panorama_width in pixels. The README says what each key means."""
 
@@ -46,6 +56,7 @@ class TextureSettings:
     translator: Literal["swatch", "neural"] = "swatch"
     panorama_width: Annotated[int, _whole(64, 8192), AfterValidator(_even)] = 1024
     levelling: Annotated[bool, Field(strict=True)] = True
+    roof_material: MaterialSettings | None = None
 
 
 class _Keys(BaseModel):
@@ -74,6 +85,11 @@ class PanoramaKeys(_Keys):
     poses: str | None = None
 
 
+class AerialKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)]
+    crs: str | None = None
+
+
 class PhotoKeys(_Keys):
     path: Annotated[str, Field(min_length=1)]
     rectified: bool = True
@@ -83,6 +99,7 @@ class ImageryKeys(_Keys):
     exemplars: PathKeys | None = None
     panoramas: PanoramaKeys | None = None
     photos: PhotoKeys | None = None
+    aerial: AerialKeys | None = None
 
 
 class BlockKeys(_Keys):

@@ -27,6 +27,8 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
         ("imagery.exemplars.path", imagery.exemplars),
         ("imagery.photos.path", imagery.photos),
         ("imagery.panoramas.path", imagery.panoramas),
+        ("imagery.aerial.path", imagery.aerial),
+        ("texture.roof_material.path", keys.texture.roof_material),
     ):
         if holder:
             named[key] = [holder.path]

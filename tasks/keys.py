@@ -52,8 +52,15 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
 
 
 def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
-    """Of the charts of a building that have textures of their own, its facades aside."""
-    return parts_key(settings=run.texels_per_metre, own=_own(plan, plan.own_charts(building), textures))
+    """Of the charts of a building that have textures of their own, or are seen from above, its facades aside."""
+    charts = plan.own_charts(building)
+    parts: dict[str, Any] = {"settings": run.texels_per_metre, "own": _own(plan, charts, textures)}
+    if run.aerial is not None and charts:
+        parts["aerial"] = [file_digest(run.aerial.path), run.aerial.crs, run.aerial.frame]
+        low, high = _box(plan, charts)
+        high[2] = np.inf
+        parts["above"] = plan.things.within(low - OFF_PLANE_M, high + OFF_PLANE_M)
+    return parts_key(**parts)
 
 
 def facade_key(
@@ -91,13 +98,18 @@ def _pose(pose: Pose) -> list[Any]:
 
 def _between(plan: Plan, chart: int, pose: Pose) -> list[str]:
     """What may stand between a panorama and a chart, or is either."""
-    charts = plan.scene.charts
-    across, down = charts.size[chart]
-    corners = charts.origin[chart] + np.array([[0, 0], [across, 0], [0, down], [across, down]]) @ np.stack(
-        [charts.axis_u[chart], charts.axis_v[chart]]
-    )
-    points = np.concatenate([corners, [[pose.x, pose.y, pose.z]]])
-    return plan.things.within(points.min(axis=0) - OFF_PLANE_M, points.max(axis=0) + OFF_PLANE_M)
+    place = np.array([pose.x, pose.y, pose.z])
+    low, high = _box(plan, [chart])
+    return plan.things.within(np.minimum(low, place) - OFF_PLANE_M, np.maximum(high, place) + OFF_PLANE_M)
+
+
+def _box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (3,) of the box around some charts."""
+    one = plan.scene.charts
+    share = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])[None] * one.size[charts][:, None]
+    corners = one.origin[charts][:, None] + share[..., :1] * one.axis_u[charts][:, None]
+    corners = corners + share[..., 1:] * one.axis_v[charts][:, None]
+    return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 
 def _own(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[Any]:

@@ -20,6 +20,7 @@ from facade_core.geometry.streets import Viewpoint
 from facade_core.ingest import Plan, Sightings, ingest
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Pose, Street
+from tasks.roofs import under_aerial
 from tasks.run import Run
 from tasks.units.images import image_size
 
@@ -32,7 +33,7 @@ METRES = {"units": "m"}
 def plan_of(block: Block, last: Places | None = None) -> Plan:
     """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas."""
     texture = block.texture
-    return ingest(
+    plan = ingest(
         block.buildings,
         block.streets,
         elevation=block.terrain,
@@ -47,6 +48,7 @@ def plan_of(block: Block, last: Places | None = None) -> Plan:
         walls=texture.walls,
         last=last,
     )
+    return plan if block.aerial is None else under_aerial(plan, block.aerial)
 
 
 def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
@@ -71,7 +73,7 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
                 "width": ("chart", placement.width, {"units": "texel"}),
                 "height": ("chart", placement.height, {"units": "texel"}),
                 "writable": ("chart", plan.writable, {"long_name": "written by the street stage"}),
-                "textured": ("chart", plan.textured, {"long_name": "with a texture of the source's own"}),
+                "textured": ("chart", plan.textured, {"long_name": "with a texture of the source's own, or from above"}),
                 "id": ("chart", plan.ids, {"long_name": "digest of the chart's kind, place and building"}),
             },
             attrs={"page_size": scene.spec.page, "chunk": scene.spec.chunk, "gutter": scene.spec.gutter},

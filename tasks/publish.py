@@ -32,6 +32,7 @@ from tasks.catalogue_facts import block_facts, models_used, run_facts, street_fa
 from tasks.facade_report import facade_sheets, item_rows, masked_regions, set_aside_rows
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
+from tasks.roofs import roof_material, sampler
 from tasks.run import Run, code_version
 from tasks.standing import current_snapshot, page_path, published_summary
 
@@ -76,7 +77,8 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
     group: StoreGroup = zarr.open_group(session.store, mode="r")
     plan = read_plan(session, run.texels_per_metre)
     scene = plan.scene
-    swatches = Swatches(scene, plan.streets, seed=run.seed)
+    swatches = Swatches(scene, plan.streets, seed=run.seed, roof_material=roof_material(run))
+    above = sampler(run)
 
     viewpoints, records = read_journal(group, "viewpoints"), read_journal(group, "facades")
     pictures = _aim(plan, records)
@@ -97,7 +99,7 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
 
     def page_jpeg(page: int) -> tuple[int, np.ndarray, bytes]:
         colour, provenance = group["atlas/colour"][page], group["atlas/provenance"][page]
-        filled = fill_unseen(scene, swatches, page, colour, provenance, levelling=run.levelling, read=texels)
+        filled = fill_unseen(scene, swatches, page, colour, provenance, levelling=run.levelling, read=texels, aerial=above)
         # exports cut their pictures from these pages: as little as can be is lost to being encoded twice
         page_path(folder, page).write_bytes(_jpeg(filled, 95, subsampling=0))
         return page, filled, _jpeg(filled, 90)

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from catalogs.block import Block
+from catalogs.block import Block, Material
+from catalogs.readers.aerial import Aerial
 
 VERSION = "0.1.0"
 
@@ -30,6 +31,8 @@ class Run:
     storey: float
     walls: str
     levelling: bool = True
+    aerial: Aerial | None = None
+    roof_material: Material | None = None
     ingested: float = 0.0
 
     @property
@@ -65,4 +68,6 @@ def run_of(block: Block, out: Path) -> Run:
         storey=block.storey,
         walls=texture.walls,
         levelling=texture.levelling,
+        aerial=block.aerial,
+        roof_material=block.roof_material,
     )

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.block_digest import file_digest
 from facade_core.atlas.journal import latest_digests, read_records, unit_key
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan
@@ -16,7 +17,7 @@ from tasks.keys import parts_key
 from tasks.run import Run, code_version
 
 # Settings of a run that no street's texels depend on.
-NOT_OF_STREETS = ("out", "block", "key", "crs", "storey", "walls", "ingested")
+NOT_OF_STREETS = ("out", "block", "key", "crs", "storey", "walls", "ingested", "aerial", "roof_material")
 
 
 @dataclass(frozen=True)
@@ -62,6 +63,9 @@ def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetK
 
 def _settings(run: Run, plan: Plan) -> dict[str, Any]:
     settings = {name: value for name, value in asdict(run).items() if name not in NOT_OF_STREETS}
+    if run.roof_material is not None:
+        path, metres_per_pixel = run.roof_material
+        settings["roof_material"] = [file_digest(path), metres_per_pixel]
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 

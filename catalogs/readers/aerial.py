@@ -42,6 +42,11 @@ class Aerial:
     crs: str
     frame: str
 
+    def covers(self, points: np.ndarray) -> np.ndarray:
+        """Whether places (n, 2) of the block's frame lie on the picture, transparent or not: (n,) bool."""
+        with _opened(self.path) as raster:
+            return _inside(raster, *_pixels(raster, _transformer(self.frame, self.crs), points))
+
     def sample(self, points: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
         """Colour (n, 3) uint8 at places (n, 2) of the block's frame that lie `spacing` metres apart, and whether it is known.
 
@@ -51,7 +56,7 @@ class Aerial:
         colour, known = np.zeros((len(points), 3), np.uint8), np.zeros(len(points), bool)
         with _opened(self.path) as raster:
             x, y = _pixels(raster, _transformer(self.frame, self.crs), points)
-            near = (x >= 0) & (x <= raster.width) & (y >= 0) & (y <= raster.height)
+            near = _inside(raster, x, y)
             if not near.any():
                 return colour, known
             x, y = x[near], y[near]
@@ -92,7 +97,7 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
         own = CRS.from_user_input(crs or stated)
         own = own.sub_crs_list[0] if own.is_compound else own
         x, y = _pixels(raster, _transformer(frame.to_wkt(), own.to_wkt()), places)
-        inside = (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
+        inside = _inside(raster, x, y)
         if not inside.any():
             raise InputError(_beside(raster, path, own, frame, places))
         rows, columns = raster.block_shapes[0]
@@ -134,6 +139,10 @@ def _pixels(raster: Any, transformer: Transformer, points: np.ndarray) -> tuple[
     x, y = transformer.transform(points[:, 0], points[:, 1])
     back = ~raster.transform
     return back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
+
+
+def _inside(raster: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
 
 
 def _part(

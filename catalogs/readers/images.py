@@ -29,6 +29,12 @@ def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault,
     )
 
 
+def whole_picture(path: Path) -> None:
+    """Raise InputError where a picture cannot be opened or is cut off."""
+    if problem := _damage(path):
+        raise InputError(f"{path} {problem}; replace it")
+
+
 def photos_by_facade(folder: Path) -> dict[str, Path]:
     """Facade id -> photo; the id is the file's name without suffix.
 

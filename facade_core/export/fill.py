@@ -2,23 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
 from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level, spread
 from facade_core.atlas.provenance import UNSEEN
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
 from facade_core.geometry.charts import GROUND
-from facade_core.street.overhead import free_above
+from facade_core.street.overhead import Aerial, from_above, raster_points
 from facade_core.street.scene import Scene
 from facade_core.street.translate import Swatches
 
 # Swatches are evaluated for every second texel and interpolated: these surfaces are seen from afar.
 STRIDE = 2
-
-# World points (n, 2) -> colour (n, 3) uint8 and whether it is known (n,).
-Aerial = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
 
 
 def fill_unseen(
@@ -70,27 +65,16 @@ def _painted(scene: Scene, swatches: Swatches, chart: int, size: tuple[int, int]
     import cv2
 
     height, width = size
-    if width <= 0 or height <= 0:
-        return np.zeros((height, width, 3), np.uint8)
     rows = np.arange(-(-height // STRIDE)) * STRIDE + STRIDE / 2
     columns = np.arange(-(-width // STRIDE)) * STRIDE + STRIDE / 2
-    points = _points(scene, chart, rows, columns)
+    points = raster_points(scene, chart, rows, columns)
     owner = np.full(points.shape[0] * points.shape[1], chart)
     swatch = swatches.colour(owner, points.reshape(-1, 3)).reshape(*points.shape[:2], 3)
     painted = cv2.resize(swatch, (width, height), interpolation=cv2.INTER_LINEAR)
     if aerial is not None and scene.charts.kind[chart] == GROUND:
-        points = _points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5).reshape(-1, 3)
-        seen, known = aerial(points[:, :2])
-        known[known] = free_above(scene.caster, points[known])
-        painted.reshape(-1, 3)[known] = seen[known]
+        rgb, known = from_above(scene, chart, aerial)
+        painted[known] = rgb[known]
     return painted
-
-
-def _points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
-    """World points (h, w, 3) of rows (h,) and columns (w,) of a chart's raster, in texels."""
-    charts, step = scene.charts, 1 / scene.spec.texels_per_metre
-    across = step * columns[None, :, None] * charts.axis_u[chart]
-    return charts.origin[chart] + across + step * rows[:, None, None] * charts.axis_v[chart]
 
 
 def _levelled(

@@ -1,13 +1,52 @@
-"""What is under the free sky: all that a picture from straight above can show."""
+"""What a picture from straight above shows of charts: what lies under the free sky."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 
+from facade_core.geometry.charts import ROOF
 from facade_core.geometry.raycast import RayCaster
+from facade_core.street.scene import Scene
 
 # Rays start this far above a place: its surface's triangles may lie centimetres off its plane.
 LIFT_M = 0.1
+# A roof that leans more than this (cosine of its normal with the vertical) shows too few pixels from above: 75 degrees.
+LEAST_UP = 0.26
+# Texels that are looked at together: what each takes is many times its colour.
+AT_ONCE = 1 << 18
+
+# World places (n, 2) -> colour (n, 3) uint8 and whether it is known (n,).
+Aerial = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+
+
+def shown_from_above(scene: Scene) -> np.ndarray:
+    """The roofs that a picture from above can texture: (charts,) bool."""
+    return (scene.charts.kind == ROOF) & (scene.charts.normal()[:, 2] > LEAST_UP)
+
+
+def from_above(scene: Scene, chart: int, aerial: Aerial) -> tuple[np.ndarray, np.ndarray]:
+    """A chart as a picture from above shows it: rgb (h, w, 3) uint8 of its raster, and known (h, w) bool, where the picture is
+    known and nothing of the block is above."""
+    height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    rgb, known = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
+    rows = max(1, AT_ONCE // width)
+    for top in range(0, height, rows):
+        points = raster_points(scene, chart, np.arange(top, min(top + rows, height)) + 0.5, np.arange(width) + 0.5)
+        flat = points.reshape(-1, 3)
+        colour, seen = aerial(flat[:, :2])
+        seen[seen] = free_above(scene.caster, flat[seen])
+        rgb[top : top + rows] = np.where(seen[:, None], colour, 0).reshape(-1, width, 3)
+        known[top : top + rows] = seen.reshape(-1, width)
+    return rgb, known
+
+
+def raster_points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
+    """World points (h, w, 3) of rows (h,) and columns (w,) of a chart's raster, in texels from its upper left corner."""
+    charts, step = scene.charts, 1 / scene.spec.texels_per_metre
+    across = step * columns[None, :, None] * charts.axis_u[chart]
+    return charts.origin[chart] + across + step * rows[:, None, None] * charts.axis_v[chart]
 
 
 def free_above(caster: RayCaster, points: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ from facade_core.geometry.raycast import MISS
 from facade_core.street.materials import asphalt, glass, paving, plaster, roofing, soffit, tiling, wood
 from facade_core.street.render import Panorama, shade
 from facade_core.street.scene import Scene
+from facade_core.street.tiled import Material
 from facade_core.types import Street
 
 CARRIAGEWAY_M = 3.6
@@ -33,11 +34,15 @@ class Swatches:
     """Material swatches with shading for ground, roofs, bare walls and what is in them; textured pixels are kept.
 
     Materials are functions of the world point, so that every viewpoint paints the same ground: carriageway along the
-    centrelines, kerb, paving beyond. Walls take their building's plaster, tilted roofs tiles along the slope.
+    centrelines, kerb, paving beyond. Walls take their building's plaster, tilted roofs tiles along the slope; with a material
+    for roofs, all of these take that.
     """
 
-    def __init__(self, scene: Scene, streets: Sequence[Street], *, seed: int) -> None:
+    def __init__(
+        self, scene: Scene, streets: Sequence[Street], *, seed: int, roof_material: Material | None = None
+    ) -> None:
         self._scene = scene
+        self._roof = roof_material
         self._seed = seed
         self._centrelines = shapely.union_all([street.line for street in streets])
         shapely.prepare(self._centrelines)
@@ -65,9 +70,12 @@ class Swatches:
         number = self._scene.building_numbers[building]
         along, down = _place(charts, chart, points)
         flat = charts.normal()[:, 2][chart] > TILED
-        if (roof := (kind == ROOF) & flat).any():
-            albedo[roof] = roofing(points[roof], number[roof], self._seed)
-        if (tiled := (kind == ROOF) & ~flat).any():
+        roof = kind == ROOF
+        if self._roof is not None and roof.any():
+            albedo[roof] = self._laid(self._roof, chart[roof], points[roof])
+        elif roof.any():
+            sheet, tiled = roof & flat, roof & ~flat
+            albedo[sheet] = roofing(points[sheet], number[sheet], self._seed)
             albedo[tiled] = tiling(along[tiled], down[tiled], number[tiled], self._seed)
         if (wall := kind == WALL).any():
             above = points[wall, 2] - self._foot[building[wall]]
@@ -79,6 +87,12 @@ class Swatches:
         if (ceiling := kind == CEILING).any():
             albedo[ceiling] = soffit(along[ceiling], down[ceiling], self._seed)
         return np.clip(albedo * shade(charts.normal()[chart])[:, None], 0, 255).astype(np.uint8)
+
+    def _laid(self, material: Material, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """The material at points (n, 3) of roofs (n,), in the frames of their planes: it goes on over the pieces of one."""
+        charts = self._scene.charts
+        across = np.einsum("ij,ij->i", points, charts.axis_u[chart])
+        return material.laid(across, np.einsum("ij,ij->i", points, charts.axis_v[chart]))
 
     def _ground(self, points: np.ndarray) -> np.ndarray:
         aside = shapely.distance(self._centrelines, shapely.points(points[:, :2]))

@@ -9,6 +9,7 @@ from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.ingest import Plan
 from facade_core.street.translate import Swatches
 from tasks.plan import read_plan
+from tasks.roofs import roof_material
 from tasks.run import Run
 
 
@@ -23,7 +24,7 @@ def context(run: Run) -> Context:
     """The plan of a run. It is written once, before any unit starts, so the newest snapshot holds it."""
     session = open_repository(run.store).readonly_session(BRANCH)
     plan = read_plan(session, run.texels_per_metre)
-    return Context(plan, Swatches(plan.scene, plan.streets, seed=run.seed))
+    return Context(plan, Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=roof_material(run)))
 
 
 def worker_name() -> str:

@@ -1,4 +1,5 @@
-"""The textures that a building brings with it, into the atlas: every chart but its facades, which have a stage of their own."""
+"""What a building's own textures and the picture from above show of it, into the atlas: every chart but its facades, which have
+a stage of their own."""
 
 from __future__ import annotations
 
@@ -14,6 +15,8 @@ from facade_core.atlas.provenance import PHOTO, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.rectify import own_texture
+from facade_core.street.overhead import from_above, shown_from_above
+from tasks.roofs import sampler
 from tasks.run import Run
 from tasks.units.context import context, worker_name
 from tasks.units.images import read_textures
@@ -31,8 +34,12 @@ def texture_unit(
     group: StoreGroup = zarr.open_group(fork.store)
     atlas = group["atlas"]
     digests: dict[str, str] = {}
+    aerial, roofs = sampler(run), shown_from_above(scene)
     for chart in charts:
         rgb, covered = own_texture(scene, chart, images)
+        if aerial is not None and roofs[chart]:
+            seen, known = from_above(scene, chart, aerial)
+            rgb, covered = np.where((known & ~covered)[..., None], seen, rgb), covered | known
         seed = rgb.reshape(-1, 3)
         evidence = np.where(covered, PHOTO, UNSEEN).astype(np.uint8).reshape(-1)
         colour, provenance = resolve(seed, evidence, np.zeros_like(seed), np.zeros(len(seed), np.uint16))

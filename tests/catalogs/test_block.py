@@ -217,7 +217,9 @@ def test_the_readme_documents_every_key_with_its_range_and_default() -> None:
         if isinstance(value, int | float):
             assert f"| {value} |" in rows[name], name
     for name in TextureSettings.__dataclass_fields__:
-        assert f"| {getattr(TextureSettings(), name)} |" in rows[f"texture.{name}"], name
+        default = getattr(TextureSettings(), name)
+        shown = {True: "true", None: "none"}.get(default, default)
+        assert f"| {shown} |" in rows[f"texture.{name}"], name
 
 
 BUILDINGS = block_keys.BuildingKeys(path="x")

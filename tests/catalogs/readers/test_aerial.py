@@ -57,7 +57,9 @@ def test_a_partial_and_a_transparent_tile_say_what_they_do_not_know(tmp_path: Pa
     image[3, :, 200:] = 0
     path = write(tmp_path / "a.tif", image, north_up(), photometric="RGB", alpha="yes")
     aerial = read_aerial(path, None, FRAME, PLACES)
-    points = np.array([[EAST + 19.9, NORTH + 5.5], [EAST + 20.1, NORTH + 5.5], [EAST - 0.1, NORTH + 5], [EAST + 1, NORTH]])
+    points = np.array(
+        [[EAST + 19.9, NORTH + 5.5], [EAST + 20.1, NORTH + 5.5], [EAST - 0.1, NORTH + 5], [EAST + 1, NORTH + 0.01]]
+    )
     colour, known = aerial.sample(points, 0.05)
     assert known.tolist() == [True, False, False, True]
     assert colour[0].tolist() == [20 + 5 * 19, 20 + 5 * 34, 40]
