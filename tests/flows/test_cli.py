@@ -65,6 +65,21 @@ def test_query_of_nothing(tmp_path: Path) -> None:
     assert len(message.strip().splitlines()) == 1
 
 
+def test_a_benchmark_has_help_of_its_own() -> None:
+    shown = streetloom("bench", "query", "--help")
+    assert shown.returncode == 0
+    assert "--rows ROWS" in shown.stdout
+
+
+def test_view_names_the_runs_of_a_folder(tmp_path: Path) -> None:
+    for name in ("b", "north/a", "b/store/inner"):
+        (tmp_path / name / "store").mkdir(parents=True)
+    message = one_line_and_code_2(streetloom("view", str(tmp_path)))
+    assert f"holds 2 runs (b, north/a); open one: streetloom view {tmp_path / 'b'}" in message
+    message = one_line_and_code_2(streetloom("view", str(tmp_path / "north" / "a" / "store")))
+    assert "no run has written here" in message
+
+
 def test_unknown_benchmark_names_those_there_are() -> None:
     message = one_line_and_code_2(streetloom("bench", "speed"))
     assert "block" in message

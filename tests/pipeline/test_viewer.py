@@ -24,6 +24,7 @@ from PIL import Image
 
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
+from tasks.viewing import Reader
 from tests.pipeline.runs import ROOT, environment
 
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
@@ -134,6 +135,26 @@ def test_a_folder_without_a_run_is_refused_in_one_line(tmp_path: Path) -> None:
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1
     assert "no run has written here" in done.stderr
+
+
+def test_what_is_stale_has_not_failed(undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
+    shutil.copytree(undisturbed[0] / "store", tmp_path / "store")
+    session = open_repository(tmp_path / "store").writable_session(BRANCH)
+    group = zarr.open_group(session.store)
+    record = read_journal(group, "streets")[0]
+    assert record is not None
+    write_record(group, "streets", 0, record | {"status": "stale", "reason": "another was done again"})
+    commit(session, "a street that is out of date")
+    said = Reader(tmp_path).view().progress()
+    streets = next(stage for stage in said["stages"] if stage["name"] == "streets")
+    assert (streets["done"], streets["failed"], streets["stale"]) == (streets["total"] - 1, 0, 1)
+    assert said["failures"] == []
+    assert said["stale"] == [{"stage": "streets", "unit": record["unit"], "reason": "another was done again"}]
+
+
+def test_one_run_in_a_folder_is_opened(undisturbed: tuple[Path, dict[str, Any]]) -> None:
+    with viewing(undisturbed[0].parent) as place:
+        assert json.loads(get(f"{place}/api/block"))["block"] == undisturbed[1]["block"]
 
 
 @pytest.fixture(scope="module")

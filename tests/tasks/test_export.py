@@ -243,7 +243,11 @@ def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, t
         assert x + width <= image["width"] + 0.02
         assert y + height <= image["height"] + 0.02
         assert annotation["area"] == pytest.approx(width * height, rel=0.02)
-    labelme = export(undisturbed[0], "labelme", tmp_path / "labelme").path
+    done = export(undisturbed[0], "labelme", tmp_path / "labelme")
+    labelme = done.path
+    index = json.loads((labelme / "export.json").read_text())["files"]
+    assert index == [file.name for file in done.files]
+    assert set(index) == {file.name for file in labelme.glob("*.json")} - {"export.json"}
     shapes = 0
     for file in labelme.glob("*.json"):
         value = json.loads(file.read_text())
