@@ -107,8 +107,8 @@ def read_block(path: Path | str) -> Block:
         files = named_paths(keys, file.path)
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
-    if keys.texture.translator == "neural":
-        raise file.fault("texture.translator", "no neural model is shipped yet; write translator: swatch")
+    if keys.texture.translator == "neural" and keys.texture.panorama_width % 8:
+        raise file.fault("texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at")
 
     exemplars, photos, broken_pictures = _pictures(keys, files, file)
     sources = _building_sources(keys, files, file)

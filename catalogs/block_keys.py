@@ -53,7 +53,7 @@ class TextureSettings:
     viewpoint_height: Annotated[float, _between(0.5, 20)] = 2.5
     visibility_range: Annotated[float, _between(5, 200)] = 40.0
     walls: Literal["exemplar", "translate"] = "exemplar"
-    translator: Literal["swatch", "neural"] = "swatch"
+    translator: Literal["exemplar", "neural"] = "exemplar"
     panorama_width: Annotated[int, _whole(64, 8192), AfterValidator(_even)] = 1024
     levelling: Annotated[bool, Field(strict=True)] = True
     roof_material: MaterialSettings | None = None

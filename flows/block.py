@@ -143,10 +143,11 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None) -> 
     waves = [[s for s in wave if chosen is None or s in chosen] for wave in outline.waves]
     begin_stage("viewpoints", sum(outline.viewpoints[s] for wave in waves for s in wave))
     outcome = Outcome()
+    network = run.panorama_width**2 // 2 if run.translator == "neural" else 0
     for wave in waves:
         futures = []
         for street in wave:
-            memory = street_memory(*outline.windows[street])
+            memory = street_memory(*outline.windows[street], network=network)
             futures.append(texture_street.submit(run, street, outline.streets[street], memory, compute))
         wait(futures)  # the next wave reads what this one wrote
         outcome = sum((future.result() for future in futures), outcome)

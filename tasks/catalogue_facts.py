@@ -76,6 +76,7 @@ def block_facts(
             "texture.visibility_range": plan.scene.visibility_range,
             "texture.panorama_width": run.panorama_width,
             "texture.walls": run.walls,
+            "texture.translator": run.translator,
             "storey": run.storey,
             "seed": run.seed,
             "geoid_separation": group.attrs.get("geoid_separation"),

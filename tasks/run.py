@@ -33,6 +33,7 @@ class Run:
     levelling: bool = True
     aerial: Aerial | None = None
     roof_material: Material | None = None
+    translator: str = "exemplar"
     ingested: float = 0.0
 
     @property
@@ -70,4 +71,5 @@ def run_of(block: Block, out: Path) -> Run:
         levelling=texture.levelling,
         aerial=block.aerial,
         roof_material=block.roof_material,
+        translator=texture.translator,
     )

@@ -33,37 +33,38 @@ def taps(height: int) -> tuple[np.ndarray, np.ndarray]:
     return rows.reshape(height, TAPS).astype(np.float32), columns.reshape(height, TAPS).astype(np.float32)
 
 
-def gather(image: np.ndarray, top: int, bottom: int) -> np.ndarray:
-    """What the taps of rows top..bottom see of a whole panorama `image` (bands, h, 2 h) float32: (bands * TAPS, rows, 2 h).
+def gather(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, int] | None = None) -> np.ndarray:
+    """What the taps of some rows and columns see of a whole panorama `image` (bands, h, 2 h) float32.
 
-    Bilinear; columns wrap at +-180 degrees.
+    rows: first and last + 1; columns likewise, all without: the first may be negative and the last beyond the width, since
+    columns wrap at +-180 degrees. Bilinear. Returns (bands * TAPS, rows, columns) float32.
     """
-    rows, columns = taps(image.shape[1])
-    out = np.empty((len(image) * TAPS, bottom - top, image.shape[2]), np.float32)
-    _gather(image, rows[top:bottom], columns[top:bottom], out)
+    left, right = columns or (0, image.shape[2])
+    at, aside = taps(image.shape[1])
+    out = np.empty((len(image) * TAPS, rows[1] - rows[0], right - left), np.float32)
+    _gather(image, at[slice(*rows)], aside[slice(*rows)], left, out)
     return out
 
 
 @njit(cache=True, nogil=True)
-def _gather(image, rows, columns, out):
+def _gather(image, rows, columns, left, out):
     bands, height, width = image.shape
-    line = np.empty(width, np.float32)
+    count = out.shape[2]
+    line = np.empty(count + 1, np.float32)
     for r in range(rows.shape[0]):
         for k in range(rows.shape[1]):
             above = int(np.floor(rows[r, k]))
             below_share = np.float32(rows[r, k] - above)
             first, second = max(above, 0), min(above + 1, height - 1)
-            left = int(np.floor(columns[r, k]))
-            right_share = np.float32(columns[r, k] - left)
-            shift = left % width
+            whole = int(np.floor(columns[r, k]))
+            right_share = np.float32(columns[r, k] - whole)
+            start = (left + whole) % width
             for band in range(bands):
-                for c in range(width):
-                    line[c] = image[band, first, c] * (1 - below_share) + image[band, second, c] * below_share
+                for c in range(count + 1):
+                    at = start + c
+                    if at >= width:
+                        at -= width
+                    line[c] = image[band, first, at] * (1 - below_share) + image[band, second, at] * below_share
                 target = out[band * TAPS + k, r]
-                # columns c + shift and the next one, in two runs without a remainder each
-                for c in range(width - shift - 1):
-                    target[c] = line[c + shift] * (1 - right_share) + line[c + shift + 1] * right_share
-                target[width - shift - 1] = line[width - 1] * (1 - right_share) + line[0] * right_share
-                for c in range(width - shift, width):
-                    at = c + shift - width
-                    target[c] = line[at] * (1 - right_share) + line[at + 1] * right_share
+                for c in range(count):
+                    target[c] = line[c] * (1 - right_share) + line[c + 1] * right_share

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -22,10 +23,10 @@ SHIPPED = Path(__file__).parent / "models" / "translator.onnx"
 TRANSLATOR_VERSION = 1
 # Constant, so that results do not depend on the machine's number of cores.
 _INTRA_OP_THREADS = 2
-# An output depends on no row of a panorama that is farther from its own; a multiple of the network's stride of 4.
+# An output depends on no pixel that is farther away; a multiple of the network's stride of 4.
 REACH = 96
 # Pixels that the network works on at once, reach included, at most: its memory is about 2 kB a pixel.
-_PIXELS = 600_000
+NETWORK_PIXELS = 600_000
 
 
 @dataclass(frozen=True)
@@ -41,7 +42,7 @@ class Neural:
         return rgb
 
     def textured(self, image: np.ndarray) -> np.ndarray:
-        """What the network makes of a whole panorama (h, 2 h, 3) uint8, in bands that are equal to the whole.
+        """What the network makes of a whole panorama (h, 2 h, 3) uint8, in tiles that are equal to the whole.
 
         Raises ModelError for a width that is no multiple of 8.
         """
@@ -50,14 +51,23 @@ class Neural:
             raise ModelError(f"a panorama {width} pixels wide; the network takes multiples of 8: change panorama_width")
         planes = np.ascontiguousarray(image.transpose(2, 0, 1), np.float32) / np.float32(127.5) - 1
         out = np.empty((height, width, 3), np.uint8)
-        step = height if height * width <= _PIXELS else max(4, (_PIXELS // width - 2 * REACH) // 4 * 4)
-        for top in range(0, height, step):
-            bottom = min(top + step, height)
+        for top, bottom, left, right in _tiles(height, width):
             first, last = max(top - REACH, 0), min(bottom + REACH, height)
-            rgb = self.session.run(None, {"seen": gather(planes, first, last)[None]})[0][0]
-            band = rgb[:, top - first : bottom - first].transpose(1, 2, 0)
-            out[top:bottom] = np.clip((band + 1) * 127.5 + 0.5, 0, 255)
+            reach = REACH if right - left < width else 0
+            seen = gather(planes, (first, last), (left - reach, right + reach))
+            rgb = self.session.run(None, {"seen": seen[None]})[0][0]
+            tile = rgb[:, top - first : bottom - first, reach : reach + right - left].transpose(1, 2, 0)
+            out[top:bottom, left:right] = np.clip((tile + 1) * 127.5 + 0.5, 0, 255)
         return out
+
+
+def _tiles(height: int, width: int) -> Iterator[tuple[int, int, int, int]]:
+    """Rows and columns (top, bottom, left, right) of tiles that make up a panorama, one where it is small."""
+    side = math.isqrt(NETWORK_PIXELS) - 2 * REACH
+    down, across = (height, width) if height * width <= NETWORK_PIXELS else (side // 4 * 4, side // 4 * 4)
+    for top in range(0, height, down):
+        for left in range(0, width, across):
+            yield top, min(top + down, height), left, min(left + across, width)
 
 
 def load(path: Path = SHIPPED) -> Neural:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import copy
 import math
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -117,11 +117,11 @@ def train(
         "first": first,
         "second": second,
     }
-    identity = f"{seed} {asdict(course)} {[len(items) for items in vars(domains).values()]}"
+    identity = f"{seed} {asdict(replace(course, steps=0))} {[len(items) for items in vars(domains).values()]}"
     done, distances = 0, dict[int, float]()
     best = copy.deepcopy(generator.state_dict())
     if state is not None and state.is_file():
-        saved = _read_state(state, identity)
+        saved = _read_state(state, identity, course)
         for name, part in kept.items():
             part.load_state_dict(saved[name])
         done, distances, best = saved["done"], saved["distances"], saved["best"]
@@ -143,7 +143,13 @@ def train(
                 sample(step + 1, distance, sheet)
             if state is not None:
                 parts = {name: part.state_dict() for name, part in kept.items()}
-                rest = {"identity": identity, "done": step + 1, "distances": distances, "best": best}
+                rest = {
+                    "identity": identity,
+                    "steps": course.steps,
+                    "done": step + 1,
+                    "distances": distances,
+                    "best": best,
+                }
                 _save_state(state, parts | rest)
     at = min(distances, key=distances.__getitem__)
     return Trained({name: value.cpu() for name, value in best.items()}, at, distances[at], distances)
@@ -294,14 +300,16 @@ def as_picture(image: Any) -> np.ndarray:
     return ((image.float().cpu().permute(1, 2, 0).numpy() + 1) * 127.5).round().clip(0, 255).astype(np.uint8)
 
 
-def _read_state(path: Path, identity: str) -> dict[str, Any]:
+def _read_state(path: Path, identity: str, course: Course) -> dict[str, Any]:
     import torch
 
     try:
         saved = torch.load(path, weights_only=True)
     except Exception as error:  # a broken archive raises whatever its reader came upon
         raise ModelError(f"{path}: not the state of a training run; remove it to start anew") from error
-    if saved.get("identity") != identity:
+    # the number of steps may change while the rate has not begun to fall, for the old one or the new
+    changed = saved["steps"] != course.steps and saved["done"] > CONSTANT * min(saved["steps"], course.steps)
+    if saved["identity"] != identity or changed:
         raise ModelError(f"{path}: state of another training run; remove it or name another folder")
     return saved
 

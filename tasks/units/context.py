@@ -7,7 +7,8 @@ from functools import lru_cache
 
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.ingest import Plan
-from facade_core.street.translate import Swatches
+from facade_core.street import neural
+from facade_core.street.translate import Swatches, Translator
 from tasks.plan import read_plan
 from tasks.roofs import roof_material
 from tasks.run import Run
@@ -16,7 +17,7 @@ from tasks.run import Run
 @dataclass(frozen=True)
 class Context:
     plan: Plan
-    translator: Swatches
+    translator: Translator
 
 
 @lru_cache(maxsize=2)
@@ -24,6 +25,8 @@ def context(run: Run) -> Context:
     """The plan of a run. It is written once, before any unit starts, so the newest snapshot holds it."""
     session = open_repository(run.store).readonly_session(BRANCH)
     plan = read_plan(session, run.texels_per_metre)
+    if run.translator == "neural":
+        return Context(plan, neural.load())
     return Context(plan, Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=roof_material(run)))
 
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from pathlib import Path
 
+from facade_core.street.neural import NETWORK_PIXELS
 from tasks.imagery import Imagery
 from tasks.units.images import image_size
 
@@ -22,6 +23,8 @@ TEXTURE_TEXEL = 40
 PICTURE_PIXEL = 12
 # A panorama whose pose is refined: the picture, and edges of it at a smaller size.
 POSE_PIXEL = 24
+# A pixel that the neural translator works on: what its taps see and its widest layers (measured: 1700 to 1900).
+NETWORK_PIXEL = 2000
 # The window of a street: seed, colour and provenance of a texel it reads; with the blend state of one it writes.
 READ_TEXEL, WRITTEN_TEXEL = 16, 80
 
@@ -43,9 +46,9 @@ def texture_memory(texels: int, pictures: Iterable[Path]) -> int:
     return LEAST + texels * TEXTURE_TEXEL + _pixels(pictures) * PICTURE_PIXEL
 
 
-def street_memory(read: int, written: int) -> int:
-    """Of a street that sees so many texels and writes so many of them."""
-    return LEAST + read * READ_TEXEL + written * WRITTEN_TEXEL
+def street_memory(read: int, written: int, *, network: int = 0) -> int:
+    """Of a street that sees so many texels and writes so many of them; network: pixels of a panorama for the network."""
+    return LEAST + read * READ_TEXEL + written * WRITTEN_TEXEL + min(network, NETWORK_PIXELS) * NETWORK_PIXEL
 
 
 def _pixels(pictures: Iterable[Path]) -> int:

@@ -71,9 +71,9 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ("texture:", {}, "texture: holds nothing where keys are expected"),
         ("texture: {walls: brick}", {}, "texture.walls: 'brick' is not known; choose 'exemplar' or 'translate'"),
         (
-            "texture: {translator: neural}",
+            "texture: {translator: neural, panorama_width: 500}",
             {},
-            "texture.translator: no neural model is shipped yet; write translator: swatch",
+            "texture.panorama_width: the neural translator takes multiples of 8; 512 is what it learnt at",
         ),
         ("texture: {panorama_width: 1023}", {}, "texture.panorama_width: must be even"),
         ("seed: 1.5", {}, "seed: 1.5 is not a whole number"),

@@ -143,12 +143,13 @@ def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undistur
     assert {r["worker"] for r in journal(tmp_path / "out" / "store", "facades") if r} == {"serial"}
 
 
-def test_walls_left_to_the_translator(block: Path, tmp_path: Path) -> None:
+@pytest.mark.parametrize("translator", ["exemplar", "neural"])
+def test_walls_left_to_the_translator(block: Path, tmp_path: Path, translator: str) -> None:
     """With `walls: translate` no exemplar is needed, and the street stage textures every wall that has no photo."""
     folder = tmp_path / "input"
     shutil.copytree(block.parent, folder)
     keys = yaml.safe_load((folder / block.name).read_text())
-    keys["texture"]["walls"] = "translate"
+    keys["texture"] |= {"walls": "translate", "translator": translator}
     del keys["imagery"]["exemplars"]
     (folder / block.name).write_text(yaml.safe_dump(keys))
     summary = run(folder / block.name, tmp_path / "out", workers=1)

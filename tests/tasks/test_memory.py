@@ -81,6 +81,14 @@ def street(height, width):
         return rasters.total
     return unit
 
+def network(height, width):
+    from facade_core.street import neural
+    translator, image = neural.load(), np.zeros((height, width, 3), np.uint8)
+    def unit():
+        translator.textured(image)
+        return height * width
+    return unit
+
 unit = globals()[sys.argv[1]]
 small, size = json.loads(sys.argv[2]), json.loads(sys.argv[3])
 unit(*small)()
@@ -141,6 +149,11 @@ def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
 def test_the_window_of_a_street_fits_what_it_declares() -> None:
     taken, texels = measured("street", (4, 256), (30, 512))
     assert_fits(memory.street_memory(texels, texels), taken)
+
+
+def test_a_panorama_fits_what_the_network_declares() -> None:
+    taken, pixels = measured("network", (32, 64), (512, 1024))
+    assert_fits(memory.street_memory(0, 0, network=pixels), taken)
 
 
 def test_a_broken_picture_takes_none(tmp_path: Path) -> None:

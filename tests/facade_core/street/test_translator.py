@@ -32,7 +32,7 @@ def test_at_the_equator_the_taps_are_the_pixels_around() -> None:
         np.testing.assert_allclose(columns[row], right - SIDE // 2, atol=0.02)
     plane = RNG.random((1, 256, 512), np.float32)
     around = np.stack([np.roll(plane[0, 127 + dy], -dx) for dy in range(-3, 4) for dx in range(-3, 4)])
-    np.testing.assert_allclose(gather(plane, 127, 128)[:, 0], around, atol=0.03)
+    np.testing.assert_allclose(gather(plane, (127, 128))[:, 0], around, atol=0.03)
 
 
 def test_towards_the_poles_the_taps_spread_as_the_meridians_close_in() -> None:
@@ -47,16 +47,16 @@ def test_towards_the_poles_the_taps_spread_as_the_meridians_close_in() -> None:
 
 def test_a_turned_panorama_is_seen_turned() -> None:
     plane = RNG.random((2, 32, 64), np.float32)
-    turned = gather(np.ascontiguousarray(np.roll(plane, 17, axis=2)), 0, 32)
-    np.testing.assert_array_equal(turned, np.roll(gather(plane, 0, 32), 17, axis=2))
+    turned = gather(np.ascontiguousarray(np.roll(plane, 17, axis=2)), (0, 32))
+    np.testing.assert_array_equal(turned, np.roll(gather(plane, (0, 32)), 17, axis=2))
 
 
-def test_bands_are_equal_to_the_whole_and_there_is_no_seam_at_180_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_tiles_are_equal_to_the_whole_and_there_is_no_seam_at_180_degrees(monkeypatch: pytest.MonkeyPatch) -> None:
     network, image = neural.load(), smooth(256)
     whole = network.textured(image)
     assert whole.std() > 5
     assert (network.textured(np.roll(image, 200, axis=1)) == np.roll(whole, 200, axis=1)).all()
-    monkeypatch.setattr(neural, "_PIXELS", 512 * (2 * neural.REACH + 8))
+    monkeypatch.setattr(neural, "NETWORK_PIXELS", (2 * neural.REACH + 100) ** 2)
     assert (network.textured(image) == whole).all()
 
 

@@ -52,6 +52,8 @@ def test_an_interrupted_run_ends_in_the_same_weights(tmp_path: Path) -> None:
     assert all(torch.equal(again.weights[name], value) for name, value in whole.weights.items())
     with pytest.raises(ModelError, match="another training run"):
         train(domains(), COURSE, seed=2, state=tmp_path / "s")
+    with pytest.raises(ModelError, match="another training run"):
+        train(domains(), replace(COURSE, steps=8), seed=1, state=tmp_path / "s")  # the rate has fallen already
     assert whole.step == min(whole.distances, key=whole.distances.__getitem__)
 
 
@@ -80,7 +82,7 @@ def test_the_exported_network_is_the_trained_one() -> None:
     network = Generator(4)
     initialise(network, torch.Generator().manual_seed(0))
     image = np.random.default_rng(0).integers(0, 255, (32, 64, 3), dtype=np.uint8)
-    seen = gather(as_input(image)[0].numpy(), 0, 32)[None]
+    seen = gather(as_input(image)[0].numpy(), (0, 32))[None]
     with torch.no_grad():
         expected = network.decode(network.blocks_of(torch.from_numpy(seen), True, []), True).numpy()
     content = to_onnx(network.state_dict(), COURSE)
