@@ -15,7 +15,7 @@ import shapely
 from catalogs.features import file_stem, natural_order
 from catalogs.frames import LONLAT
 from catalogs.items import feet_in
-from catalogs.stac_assets import block_assets, card_asset, picture_assets, pictures_by_unit, store_asset
+from catalogs.stac_assets import block_assets, card_asset, mirror_asset, picture_assets, pictures_by_unit, store_asset
 from catalogs.stac_collections import KINDS, collection_of, counted
 from catalogs.stac_facts import STATES, BlockFacts, ModelFacts, RunFacts, StreetFacts
 from catalogs.stac_items import (
@@ -28,12 +28,15 @@ from catalogs.stac_items import (
     run_item,
     street_item,
 )
+from catalogs.stac_parquet import MIRROR, write_mirror
 
 if TYPE_CHECKING:
     from pystac import Item, Link, STACObject
 
 # Where a published snapshot has its Collections: stac/<kind>/collection.json.
 STAC, COLLECTION = "stac", "collection.json"
+# Kinds of which there may be thousands, and whose Items are also in one file.
+MIRRORED = ("facades", "streets")
 # The store's asset is described on the Item alone: for a Collection the extension's schema asks it of every asset.
 _ZARR = {"zarr:node_type": "group", "zarr:zarr_format": 3, "zarr:consolidated": False}
 _JSON = "application/json"
@@ -128,7 +131,7 @@ class _Writer:
 
     def __init__(self, folder: Path, block: BlockFacts, predecessor: str | None) -> None:
         self.stac, self.block = folder / STAC, block
-        self.items: dict[str, list[Item]] = {kind: [] for kind in KINDS}
+        self.items: dict[str, list[tuple[str, Item]]] = {kind: [] for kind in KINDS}
         self.links: dict[str, list[Link]] = {kind: [] for kind in KINDS}
         self.predecessor = predecessor if predecessor and (folder.parent / predecessor / STAC).is_dir() else None
 
@@ -146,7 +149,7 @@ class _Writer:
             *self._earlier(href, up, "application/geo+json"),
         ]
         self._save(href, item)
-        self.items[kind].append(item)
+        self.items[kind].append((href.removeprefix(f"{kind}/"), item))
         self.links[kind].append(
             pystac.Link("item", f"./{href.removeprefix(f'{kind}/')}", "application/geo+json", item.id)
         )
@@ -154,8 +157,9 @@ class _Writer:
     def finish(self, kind: str, words: str, times: Sequence[datetime], assets: Mapping[str, Any]) -> None:
         """Write the Collection of a kind."""
         import pystac
+        from pyproj import CRS
 
-        collection = collection_of(kind, self.items[kind], self.block, words, times)
+        collection = collection_of(kind, [item for _, item in self.items[kind]], self.block, words, times)
         collection.assets = dict(assets)
         href = f"{kind}/{COLLECTION}"
         collection.links = [
@@ -164,6 +168,11 @@ class _Writer:
             *self._earlier(href, "../", _JSON),
             *self.links[kind],
         ]
+        if kind in MIRRORED:
+            (self.stac / kind).mkdir(parents=True, exist_ok=True)
+            placed = [(href, item) for href, item in self.items[kind] if item.bbox]
+            write_mirror(self.stac / kind / MIRROR, placed, collection, CRS.from_user_input(self.block.crs))
+            collection.assets["mirror"] = mirror_asset(self.stac / kind, MIRROR)
         self._save(href, collection)
 
     def _earlier(self, href: str, up: str, media_type: str) -> list[Link]:

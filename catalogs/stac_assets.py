@@ -74,6 +74,12 @@ def card_asset(folder: Path, name: str) -> Asset:
     return _file(folder, name, "./", title="model card", media_type="text/markdown", roles=["metadata"])
 
 
+def mirror_asset(folder: Path, name: str) -> Asset:
+    """All Items of a Collection in one file, beside it in `folder`."""
+    media_type = "application/vnd.apache.parquet"
+    return _file(folder, name, "./", title="all Items", media_type=media_type, roles=["collection-mirror"])
+
+
 def _file(folder: Path, path: str, up: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
     from pystac import Asset
 

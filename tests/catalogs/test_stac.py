@@ -12,7 +12,9 @@ from functools import cache
 from pathlib import Path
 from typing import Any
 
+import geopandas as gpd
 import jsonschema
+import pyarrow.parquet as pq
 import pystac
 import pytest
 import shapely
@@ -267,7 +269,7 @@ def test_pystac_walks_it(out: Path) -> None:
         assert collection.extent.temporal.intervals == [[datetime(2026, 11, 1, 12, 30, tzinfo=UTC), MADE]]
     facades = collections["demo-facades"]
     assert facades.summaries.get_list("streetloom:status") == ["done", "failed"]
-    assert set(facades.assets) == {"items", "model", "report", "store"}
+    assert set(facades.assets) == {"items", "model", "report", "store", "mirror"}
     assert collections["demo-models"].extent.spatial.bboxes == [[-180, -90, 180, 90]]
 
 
@@ -294,6 +296,35 @@ def test_an_item_says_what_its_row_does(out: Path) -> None:
     failed = json.loads((stac / "facades" / "w10" / "w10-f2.json").read_text(encoding="utf-8"))["properties"]
     assert (failed["streetloom:status"], failed["streetloom:reason"]) == ("failed", "too dark")
     assert "processing:lineage" not in failed
+
+
+@pytest.mark.parametrize(("kind", "count"), [("facades", 4), ("streets", 3)])
+def test_the_mirror_holds_what_the_items_do(out: Path, kind: str, count: int) -> None:
+    folder = out / "published" / "SNAP" / "stac" / kind
+    table = pq.read_table(folder / "items.parquet")
+    assert {"id", "stac_extensions", "geometry", "bbox", "links", "assets"} <= set(table.column_names)
+    collection = json.loads((folder / "collection.json").read_text())
+    own = collection["assets"].pop("mirror")
+    assert (own["href"], own["roles"]) == ("./items.parquet", ["collection-mirror"])
+    assert {"assets": {}} | json.loads(table.schema.metadata[b"stac:collection"]) == collection
+    frame = gpd.read_parquet(folder / "items.parquet")
+    assert len(frame) == count
+    assert frame.geometry.name == "geometry"
+    assert frame["proj:geometry"].crs == "EPSG:32635"
+    hrefs = {link["title"]: link["href"] for link in collection["links"] if link["rel"] == "item"}
+    for row in table.to_pylist():
+        item = json.loads((folder / hrefs[row["id"]]).read_text())
+        for key, value in item["properties"].items():
+            if key not in ("datetime", "proj:geometry"):
+                assert row[key] == value, key
+        assert row["datetime"] == datetime.fromisoformat(item["properties"]["datetime"])
+        assert shapely.from_wkb(row["geometry"]) == shapely.geometry.shape(item["geometry"])
+        assert list(row["bbox"].values()) == item["bbox"]
+        assert [link["rel"] for link in row["links"]] == [link["rel"] for link in item["links"]]
+        shown = {key: asset for key, asset in row["assets"].items() if asset and asset["href"]}
+        assert set(shown) == set(item["assets"])
+        for thing in (*row["links"], *shown.values()):
+            assert (folder / thing["href"]).is_file(), thing["href"]
 
 
 def test_a_facade_leads_to_what_it_is_made_from(tmp_path: Path) -> None:
