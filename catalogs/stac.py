@@ -99,10 +99,11 @@ def write_stac(
         writer.add("runs", "runs/run.json", item)
     for model in models:
         name = file_stem(model.id)
-        (folder / STAC / "models").mkdir(parents=True, exist_ok=True)
-        shutil.copyfile(model.card, folder / STAC / "models" / f"{name}.md")
         item = model_item(model, block)
-        item.assets = {"card": card_asset(folder / STAC / "models", f"{name}.md")}
+        if model.card is not None:
+            (folder / STAC / "models").mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(model.card, folder / STAC / "models" / f"{name}.md")
+            item.assets = {"card": card_asset(folder / STAC / "models", f"{name}.md")}
         writer.add("models", f"models/{name}.json", item)
 
     failed = sum(row["status"] == "failed" for row in facades)

@@ -82,12 +82,13 @@ class RunFacts:
 
 @dataclass(frozen=True, slots=True)
 class ModelFacts:
-    """A shipped model that the run used. file: from the project's root; card: its model card; trained_on: set -> licence."""
+    """A shipped model that the run used. file: from the project's root; card: its model card, None where it has none;
+    trained_on: set -> licence, empty where that is not stated."""
 
     id: str
     title: str
     file: str
     size: int
     sha256: str
-    card: Path
+    card: Path | None
     trained_on: Mapping[str, str]

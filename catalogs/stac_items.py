@@ -153,7 +153,7 @@ def model_item(model: ModelFacts, facts: BlockFacts) -> Item:
             "file": model.file,
             "size": model.size,
             "checksum": f"1220{model.sha256}",  # a multihash, as the file extension has it for assets
-            "trained_on": [{"name": name, "licence": licence} for name, licence in model.trained_on.items()],
+            "trained_on": [{"name": name, "licence": licence} for name, licence in model.trained_on.items()] or None,
         },
     )
     return item

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections import Counter
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
@@ -20,6 +21,7 @@ from facade_core.export.models import textured_scene
 from facade_core.ingest import Plan
 from facade_core.layout.model import SHIPPED as LAYOUTS
 from facade_core.parse.network import SHIPPED as NETWORK
+from facade_core.street.neural import SHIPPED as TRANSLATOR
 from tasks.facade_report import made_at
 from tasks.run import Run, code_version
 
@@ -27,19 +29,35 @@ Records = Sequence[Mapping[str, Any] | None]
 # A footprint's outline in the catalogue may be off by this.
 OUTLINE_M = 0.1
 _ROOT = Path(__file__).resolve().parent.parent
-# What the shipped models learned from, as their cards say: set -> licence.
-MODELS: tuple[tuple[Path, str, Mapping[str, str]], ...] = (
-    (
+
+
+@dataclass(frozen=True, slots=True)
+class Shipped:
+    """A shipped model, and what it learned from, as its card says: set -> licence."""
+
+    path: Path
+    title: str
+    trained_on: Mapping[str, str]
+
+    @property
+    def card(self) -> Path:
+        return self.path.with_suffix(".md")
+
+
+# Facades are parsed by the first and completed by the second; the last one translates panoramas where the block file says so.
+OF_FACADES = (
+    Shipped(
         NETWORK,
         "facade parser",
         {"ECP": "MIT (the copy used)", "CMP": "CC BY-SA", "Swiss street photos": "CC BY 4.0", "ImageNet": "Apache-2.0"},
     ),
-    (
+    Shipped(
         LAYOUTS,
         "facade layout model",
         {"layouts/cmp.jsonl": "CC BY-SA", "layouts/ingolstadt_lod3_metres.jsonl": "CC BY-SA 4.0"},
     ),
 )
+OF_STREETS = Shipped(TRANSLATOR, "street translator", {})
 
 
 def block_facts(
@@ -133,22 +151,23 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
     )
 
 
-def models_used(facades: Records) -> list[ModelFacts]:
-    """The shipped models that a block's facades were made with: none where no facade was."""
-    if not any(record and "lattice" in record for record in facades):
-        return []
+def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
+    """The shipped models that a block's facades and streets were made with: none where nothing was."""
+    used = list(OF_FACADES) if any(record and "lattice" in record for record in facades) else []
+    if run.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
+        used.append(OF_STREETS)
     found = []
-    for path, title, trained_on in MODELS:
-        data = path.read_bytes()
+    for model in used:
+        data = model.path.read_bytes()
         found.append(
             ModelFacts(
-                id=path.stem,
-                title=title,
-                file=path.relative_to(_ROOT).as_posix(),
+                id=model.path.stem,
+                title=model.title,
+                file=model.path.relative_to(_ROOT).as_posix(),
                 size=len(data),
                 sha256=hashlib.sha256(data).hexdigest(),
-                card=path.with_suffix(".md"),
-                trained_on=trained_on,
+                card=model.card if model.card.is_file() else None,
+                trained_on=model.trained_on,
             )
         )
     return found

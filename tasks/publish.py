@@ -171,7 +171,7 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
         block=block_facts(run, plan, group, session.snapshot_id, rows, work.ended, block_file),
         streets=street_facts(plan, journals["streets"], journals["viewpoints"]),
         run=work,
-        models=models_used(records),
+        models=models_used(run, records, viewpoints),
         predecessor=predecessor,
     )
 

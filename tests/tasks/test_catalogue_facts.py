@@ -14,27 +14,34 @@ from shapely import LineString
 
 from catalogs.block_sources import OPENSTREETMAP, sources_of
 from facade_core.types import Street
-from tasks.catalogue_facts import MODELS, models_used, run_facts, street_facts
+from tasks.catalogue_facts import OF_FACADES, OF_STREETS, Shipped, models_used, run_facts, street_facts
 from tasks.facade_report import facts
 
 START = 1_800_000_000.0
 
 
-def test_what_models_learned_from_is_what_their_cards_say() -> None:
-    for path, title, trained_on in MODELS:
-        card = path.with_suffix(".md").read_text(encoding="utf-8")
-        assert title in card.splitlines()[0]
-        for name, licence in trained_on.items():
-            line = next(line for line in card.splitlines() if name in line)
-            assert licence.partition(" (")[0] in line or f"{name} ({licence})" in card, name
+@pytest.mark.parametrize("model", [*OF_FACADES, OF_STREETS], ids=lambda model: model.path.stem)
+def test_what_models_learned_from_is_what_their_cards_say(model: Shipped) -> None:
+    if not model.card.is_file():
+        assert model.trained_on == {}, "nothing is stated that no card says"
+        return
+    card = model.card.read_text(encoding="utf-8")
+    for name, licence in model.trained_on.items():
+        line = next(line for line in card.splitlines() if name in line)
+        assert licence.partition(" (")[0] in line or f"{name} ({licence})" in card, name
 
 
-def test_models_are_those_that_facades_were_made_with() -> None:
-    assert models_used([None, {"status": "failed"}]) == []
-    network, layouts = models_used([{"lattice": {}}])
-    assert network.sha256 == hashlib.sha256(MODELS[0][0].read_bytes()).hexdigest()
+def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
+    run = cast(Any, SimpleNamespace(translator="exemplar"))
+    assert models_used(run, [None, {"status": "failed"}], [{"status": "done"}]) == []
+    network, layouts = models_used(run, [{"lattice": {}}], [])
+    assert network.sha256 == hashlib.sha256(OF_FACADES[0].path.read_bytes()).hexdigest()
     assert (network.file, layouts.id) == ("facade_core/parse/models/network.onnx", "layouts")
-    assert layouts.card.is_file()
+    assert layouts.card is not None
+    neural = cast(Any, SimpleNamespace(translator="neural"))
+    assert models_used(neural, [], [{"status": "failed"}, None]) == []
+    if OF_STREETS.path.is_file():
+        assert [model.id for model in models_used(neural, [], [{"status": "done"}])] == ["translator"]
 
 
 def record(unit: str, status: str = "done", at: float = 0, seconds: float = 2.0, **more: Any) -> dict[str, Any]:
