@@ -1,0 +1,102 @@
+"""A picture from above lands on roofs and ground where it belongs, and only under the free sky."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.atlas import UNSEEN, AtlasSpec
+from facade_core.export import fill_unseen
+from facade_core.geometry import block_surfaces, pack, terrain_of
+from facade_core.geometry.charts import GROUND, ROOF
+from facade_core.street import Scene, Swatches
+from facade_core.street.overhead import from_above, raster_points, shown_from_above
+from facade_core.street.tiled import Material
+from facade_core.types import Building, Street
+
+STREET = Street("s", None, shapely.LineString([(0, -9), (20, -9)]))
+DENSITY = 10.0
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """A low wide house, and a tower that stands on the middle of it."""
+    houses = [
+        Building("low", shapely.box(0, 0, 20, 10), 6.0, "height"),
+        Building("tower", shapely.box(8, 2, 12, 8), 15.0, "height"),
+    ]
+    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=12, largest=60.0)
+    placement = pack(charts.texels(DENSITY), charts.building, page=1024, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
+
+
+def picture(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Red tells the metre east, green the metre north; nothing is known west of 4 m."""
+    x, y = places.T
+    colour = np.column_stack([100 + 4 * np.floor(x), 100 + 4 * np.floor(y), np.full(len(x), 7.0)])
+    return np.clip(colour, 0, 255).astype(np.uint8), x > 4
+
+
+def roof(scene: Scene, building: int) -> int:
+    return int(np.flatnonzero((scene.charts.kind == ROOF) & (scene.charts.building == building))[0])
+
+
+def test_every_texel_takes_the_colour_of_its_place(scene: Scene) -> None:
+    chart = roof(scene, 0)
+    rgb, known = from_above(scene, chart, picture)
+    points = raster_points(scene, chart, np.arange(known.shape[0]) + 0.5, np.arange(known.shape[1]) + 0.5)
+    expected = picture(points.reshape(-1, 3)[:, :2])[0].reshape(rgb.shape)
+    np.testing.assert_array_equal(rgb[known], expected[known])
+    x, y = points[..., 0], points[..., 1]
+    under = (x > 8) & (x < 12) & (y > 2) & (y < 8)
+    np.testing.assert_array_equal(known, (x > 4) & ~under)
+    assert under.sum() > 2000
+    top, seen = from_above(scene, roof(scene, 1), picture)
+    assert seen.all()
+    assert top[..., 2].max() == 7
+
+
+def test_only_roofs_that_face_up_are_shown(scene: Scene) -> None:
+    shown = shown_from_above(scene)
+    assert (scene.charts.kind[shown] == ROOF).all()
+    assert shown.sum() == (scene.charts.kind == ROOF).sum()
+
+
+def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Scene) -> None:
+    ground = np.flatnonzero(scene.charts.kind == GROUND)
+    # known and unknown places are both on it
+    chart = next(c for c in ground.tolist() if 0 < from_above(scene, c, picture)[1][:, 20:].mean() < 1)
+    page = int(scene.placement.page[chart])
+    colour, provenance = np.zeros((1024, 1024, 3), np.uint8), np.zeros((1024, 1024), np.uint8)
+    box = tuple(
+        slice(int(start), int(start + size))
+        for start, size in (
+            (scene.placement.y[chart], scene.placement.height[chart]),
+            (scene.placement.x[chart], scene.placement.width[chart]),
+        )
+    )
+    seen = np.zeros(colour[box].shape[:2], bool)
+    seen[:, :20] = True
+    colour[box][seen], provenance[box] = [9, 9, 200], np.where(seen, 1, UNSEEN)
+    swatches = Swatches(scene, [STREET], seed=0)
+    filled = fill_unseen(scene, swatches, page, colour, provenance, levelling=False, aerial=picture)[box]
+    rgb, known = from_above(scene, chart, picture)
+    assert (known & ~seen).sum() > 1000
+    np.testing.assert_array_equal(filled[known & ~seen], rgb[known & ~seen])
+    assert (filled[seen] == [9, 9, 200]).all()
+    bare = ~known & ~seen
+    assert bare.any()
+    assert not (filled[bare] == 7).all(axis=1).any()
+
+
+def test_roofs_take_their_material_and_nothing_else_does(scene: Scene) -> None:
+    green = Material.of(np.full((32, 32, 3), (20, 220, 30), np.uint8), 0.05, DENSITY)
+    plain, laid = Swatches(scene, [STREET], seed=0), Swatches(scene, [STREET], seed=0, roof_material=green)
+    charts = np.arange(len(scene.charts))
+    points = scene.charts.origin + scene.charts.axis_u + scene.charts.axis_v
+    before, after = plain.colour(charts, points), laid.colour(charts, points)
+    roofs = scene.charts.kind == ROOF
+    assert (after[roofs, 1] > 2 * after[roofs, 0].astype(int)).all()
+    assert not (before[roofs] == after[roofs]).all(axis=1).any()
+    np.testing.assert_array_equal(before[~roofs], after[~roofs])

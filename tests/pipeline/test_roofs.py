@@ -1,0 +1,99 @@
+"""A small block with a picture from above over a part of it and a material for the other roofs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+import yaml
+import zarr
+from PIL import Image
+
+from catalogs.block import read_block
+from facade_core.atlas import PHOTO, UNSEEN, open_repository
+from facade_core.geometry.charts import ROOF
+from facade_core.street.overhead import raster_points
+from tasks.plan import read_plan
+from tests.pipeline.runs import run
+
+rasterio = pytest.importorskip("rasterio")
+
+PIXEL_M = 0.1
+GREEN = (40, 200, 60)
+
+
+@pytest.fixture(scope="module")
+def above(block: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], float]:
+    """The run's folder, its summary, and how far east the picture reaches; its red tells the metre east from there."""
+    folder = tmp_path_factory.mktemp("roofs")
+    known = read_block(block)
+    west, south, east, north = shapely.total_bounds([one.footprint for one in known.buildings])
+    reach = round((west + east) / 2)
+    columns, rows = round((reach - west + 20) / PIXEL_M), round((north - south + 40) / PIXEL_M)
+    x = reach - (np.arange(columns)[::-1] + 0.5) * PIXEL_M
+    image = np.zeros((3, rows, columns), np.uint8)
+    image[0] = np.clip(250 - 4 * np.floor(reach - x), 0, 255)
+    place = rasterio.Affine(PIXEL_M, 0, reach - columns * PIXEL_M, 0, -PIXEL_M, north + 20)
+    options = {"count": 3, "height": rows, "width": columns, "dtype": "uint8", "crs": known.crs.to_wkt()}
+    with rasterio.open(folder / "above.tif", "w", driver="GTiff", transform=place, **options) as raster:
+        raster.write(image)
+    Image.new("RGB", (64, 64), GREEN).save(folder / "green.png")
+    settings = yaml.safe_load(block.read_text(encoding="utf-8"))
+    for key in ("buildings", "streets"):
+        settings[key]["path"] = str(block.parent / settings[key]["path"])
+    for kind in settings["imagery"].values():
+        kind["path"] = str(block.parent / kind["path"])
+    settings["imagery"]["aerial"] = {"path": "above.tif"}
+    settings["texture"]["roof_material"] = {"path": "green.png", "metres_per_pixel": 0.02}
+    file = folder / "roofs.yaml"
+    file.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    out = folder / "out"
+    return out, run(file, out, workers=1), float(reach)
+
+
+def test_roofs_hold_the_picture_where_it_reaches(above: tuple[Path, dict[str, Any], float]) -> None:
+    out, summary, reach = above
+    assert summary["failures"] == []
+    session = open_repository(out / "store").readonly_session("main")
+    group = zarr.open_group(session.store, mode="r")
+    plan = read_plan(session, yaml.safe_load((out.parent / "roofs.yaml").read_text())["texture"]["texels_per_metre"])
+    scene, placement = plan.scene, plan.scene.placement
+    photographed = bare = 0
+    for chart in np.flatnonzero(scene.charts.kind == ROOF).tolist():
+        height, width = int(placement.height[chart]), int(placement.width[chart])
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        at = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
+        colour, provenance = group["atlas/colour"][at], group["atlas/provenance"][at]
+        points = raster_points(scene, chart, np.arange(height) + 0.5, np.arange(width) + 0.5)
+        known = provenance == PHOTO
+        assert (points[..., 0][known] < reach).all()
+        # a texel takes the mean of its own width of the picture
+        expected = 250 - 4 * np.floor(reach - points[..., 0])
+        assert np.abs(colour[known][:, 0] - np.clip(expected, 0, 255)[known]).max(initial=0) <= 4
+        assert (colour[known][:, 1:] == 0).all()
+        photographed, bare = photographed + known.sum(), bare + (provenance == UNSEEN).sum()
+    assert photographed > 500
+    assert bare > 500
+
+
+def test_the_others_take_the_material(above: tuple[Path, dict[str, Any], float]) -> None:
+    out, _, reach = above
+    session = open_repository(out / "store").readonly_session("main")
+    plan = read_plan(session, yaml.safe_load((out.parent / "roofs.yaml").read_text())["texture"]["texels_per_metre"])
+    scene, placement = plan.scene, plan.scene.placement
+    east = scene.charts.origin[:, 0] > reach + 3  # levelled to nothing: no texel of theirs is known
+    roofs = np.flatnonzero((scene.charts.kind == ROOF) & east & ~plan.textured)
+    assert len(roofs) > 0
+    pages = sorted((out / "published" / (out / "current").read_text().strip() / "pages").iterdir())
+    for chart in roofs.tolist():
+        picture = np.asarray(Image.open(pages[int(placement.page[chart])]))
+        y, x = (
+            int(placement.y[chart] + placement.height[chart] // 2),
+            int(placement.x[chart] + placement.width[chart] // 2),
+        )
+        red, green, blue = picture[y, x].astype(int)
+        assert green > 2 * red
+        assert green > 2 * blue
