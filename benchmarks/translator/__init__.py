@@ -58,7 +58,7 @@ def inference(options: argparse.Namespace) -> dict[str, Any]:
 
 def windows(options: argparse.Namespace) -> dict[str, Any]:
     """Windows in the textured block by the shipped network, by swatches and without texture."""
-    from benchmarks.translator import windows as measured
+    from benchmarks.translator import openings
     from benchmarks.translator.scenes import ingolstadt, walk
     from facade_core.street import Swatches, neural, render
 
@@ -76,7 +76,7 @@ def windows(options: argparse.Namespace) -> dict[str, Any]:
         for street in own:
             walked = walk(scene, street, translate)
             panoramas[name] += [render(scene, walked.window, viewpoint, (1024, 2048)) for viewpoint in street]
-    return measured.measure(scene, views, panoramas)
+    return openings.measure(scene, views, panoramas)
 
 
 def pictures(options: argparse.Namespace) -> dict[str, Any]:
@@ -105,10 +105,10 @@ def pictures(options: argparse.Namespace) -> dict[str, Any]:
 
 def tables(options: argparse.Namespace) -> dict[str, Any]:
     """Tables 1 and 2."""
-    from benchmarks.translator import tables as measured
+    from benchmarks.translator import rows
     from facade_core.street import neural
 
-    seconds = measured.train_rows(options.data, options.models)
+    seconds = rows.train_rows(options.data, options.models)
     network = neural.load()
-    found = measured.measure(options.data, options.models, lambda panorama, _: network.translate(panorama))
+    found = rows.measure(options.data, options.models, lambda panorama, _: network.translate(panorama))
     return found | {"training_seconds_a_step": seconds}

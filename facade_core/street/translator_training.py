@@ -54,7 +54,7 @@ class Course:
 
 
 # An hour on two cores; and for an accelerator.
-SMALL = Course(width=32, steps=2400, crop=(128, 256), batch=1, check=200)
+SMALL = Course(width=32, steps=1500, crop=(96, 192), batch=1, check=150)
 FULL = Course(width=64, steps=150_000, crop=(256, 512), batch=4, check=2500)
 
 

@@ -24,15 +24,16 @@ FACADES = 24
 def measure(scene: Scene, own: Sequence[Viewpoint], panoramas: dict[str, list[Panorama]]) -> dict[str, Any]:
     """IoU of parsed windows with true ones over the facades in view, by kind of panorama; one panorama a viewpoint."""
     scores: dict[str, list[float]] = {name: [] for name in panoramas}
-    for plane in _planes(scene)[:FACADES]:
-        for name, views in panoramas.items():
-            cut = _cut(scene, own, views, plane)
-            if cut is None:
-                break
-            image, truth, seen = cut
-            windows = parse(image).labels == PARSED_WINDOW
-            either = ((windows | truth) & seen).sum()
-            scores[name].append(float((windows & truth & seen).sum() / max(either, 1)))
+    for plane in _planes(scene):
+        cuts = {name: _cut(scene, own, views, plane) for name, views in panoramas.items()}
+        for name, cut in cuts.items():
+            if cut is not None:  # the geometry decides, so it is none or all
+                image, truth, seen = cut
+                windows = parse(image).labels == PARSED_WINDOW
+                either = ((windows | truth) & seen).sum()
+                scores[name].append(float((windows & truth & seen).sum() / max(either, 1)))
+        if len(next(iter(scores.values()))) == FACADES:
+            break
     rng = np.random.default_rng(0)
     found = {}
     for name, values in scores.items():
