@@ -356,6 +356,14 @@ def test_streets(out: Path) -> None:
     assert collection["summaries"]["streetloom:coverage"] == {"minimum": 0.1, "maximum": 0.83}
 
 
+def test_a_street_may_be_called_collection(tmp_path: Path) -> None:
+    write_stac(tmp_path, rows=[], block=facts(), streets=[replace(STREETS[0], id="collection")])
+    folder = tmp_path / "stac" / "streets"
+    links = json.loads((folder / "collection.json").read_text())["links"]
+    (href,) = [link["href"] for link in links if link["rel"] == "item"]
+    assert json.loads((folder / href).read_text())["properties"]["streetloom:kind"] == "street"
+
+
 def test_the_block(out: Path) -> None:
     block = json.loads((out / "published" / "SNAP" / "stac" / "blocks" / "demo.json").read_text(encoding="utf-8"))
     assert set(block["assets"]) >= {"model", "items", "report", "store", "above", "panorama-0"}
