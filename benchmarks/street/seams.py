@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
 
+from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street import Scene, Window, blend, propagate
+from facade_core.street.levelled import levelled
 from facade_core.types import Building, Street
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
@@ -20,6 +23,8 @@ LENGTH_M, HEIGHT_M, PIECE_M = 64.0, 14.0, 16.0
 # Exposure of each panorama, as a factor.
 EXPOSURE = (0.85, 1.15)
 KIOSK_COLOUR = (255, 0, 0)
+# Exposure of the panoramas beside photos.
+DARKER = 0.8
 
 
 def measure(images: Path) -> dict[str, Any]:
@@ -45,6 +50,48 @@ def measure(images: Path) -> dict[str, Any]:
         result[name]["bleed_through_texels"] = int(sum(_red(colour).sum() for colour in colours))
         if taken:
             result[name]["taken_within_a_pixel_behind_an_edge"] = round(hidden / taken, 5)
+    result["beside_photos"] = _beside_photos(scene, own, pieces, truth)
+    return result
+
+
+def _beside_photos(
+    scene: Scene, own: list[Viewpoint], pieces: list[int], truth: np.ndarray
+) -> dict[str, dict[str, float]]:
+    """One piece of the wall and half of another are photos in the truth's colours, the rest is translated from panoramas of
+    another exposure: steps of colour over those beside them, at the charts' borders and at the photo's border within a chart,
+    without levelling, with levelling within each chart, and across charts."""
+    charts, placement = scene.charts, scene.placement
+    rasters, write = Window.layout(placement, range(len(charts)), [])
+    seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+    for piece, share in ((pieces[1], 1.0), (pieces[3], 0.5)):
+        shape = (int(placement.height[piece]), int(placement.width[piece]))
+        left = round(float(charts.origin[piece, 0]) * TEXELS_PER_METRE)
+        photo = np.zeros((*shape, 3), np.uint8)
+        part = truth[: shape[0], left : left + shape[1]]
+        photo[: part.shape[0], : part.shape[1]] = part
+        known = np.zeros(shape, np.uint8)
+        known[:, round((1 - share) * shape[1]) :] = PHOTO
+        texels = rasters.slice(placement, piece)
+        seed[texels], evidence[texels] = photo.reshape(-1, 3), known.reshape(-1)
+    window = Window.of(placement, rasters, write, seed, evidence)
+    for viewpoint in own:
+        rgb, seen = _look(scene, viewpoint, pieces, truth, DARKER)
+        propagate(scene, window, viewpoint, rgb, seen=seen)
+    apart = replace(scene, charts=replace(charts, surface=np.arange(len(charts), dtype=np.int32)))
+    ways = {
+        "without": window.colour[: rasters.total],
+        "within each chart": levelled(apart, rasters, window),
+        "across charts": levelled(scene, rasters, window),
+    }
+    result = {}
+    for name, flat in ways.items():
+        shapes = {p: (int(placement.height[p]), int(placement.width[p]), 3) for p in pieces}
+        colours = [flat[rasters.slice(placement, p)].reshape(shapes[p]) for p in pieces]
+        middle = colours[3].shape[1] // 2
+        result[name] = {
+            "at_chart_borders": round(_seam(colours[:3]), 2),
+            "within_a_chart": round(_seam([colours[3][:, :middle], colours[3][:, middle:]]), 2),
+        }
     return result
 
 

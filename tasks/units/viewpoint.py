@@ -11,16 +11,13 @@ import numpy as np
 import zarr
 
 from facade_core.atlas.journal import read_records
-from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level
-from facade_core.atlas.provenance import TRANSLATED
 from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters, write_rasters
-from facade_core.atlas.surroundings import pieces_around, surrounded
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.ingest import Plan
 from facade_core.street.blend import blend
+from facade_core.street.levelled import levelled
 from facade_core.street.propagate import propagate
 from facade_core.street.render import render
-from facade_core.street.scene import Scene
 from facade_core.street.window import Window
 from tasks.run import Run
 from tasks.units.context import Context, context, worker_name
@@ -85,7 +82,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     scene = here.plan.scene
     colour, views = blend(window.state)
     held = Rasters.of(scene.placement, window.writable)
-    resolved = _levelled(scene, held, window) if run.levelling else window.colour[: held.total]
+    resolved = levelled(scene, held, window) if run.levelling else window.colour[: held.total]
     provenance = window.provenance[: held.total]
     written = replace(held, charts=held.charts[~_held_by_later(here.plan, group, street, held.charts)])
     for name, flat in {
@@ -102,38 +99,6 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
         "started": start,
         "seconds": {"write": round(time.time() - start, 4)},
     }
-
-
-def _levelled(scene: Scene, held: Rasters, window: Window) -> np.ndarray:
-    """The colour of the charts that the street writes, what it translated levelled to what the facade stages know of the same
-    surface, on this chart or beside it."""
-    charts, placement, reach = scene.charts, scene.placement, LEVELLED_M * scene.spec.texels_per_metre
-    margin = round(LEVELLED_REACHES * reach)
-    colour = window.colour[: held.total].copy()
-    known = np.zeros(len(charts), bool)
-    for chart in window.rasters.charts.tolist():
-        known[chart] = window.provenance[window.rasters.slice(placement, chart)].max(initial=0) > TRANSLATED
-
-    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-        shape = (int(placement.height[chart]), int(placement.width[chart]))
-        if window.rasters.offset[chart] < 0:
-            empty = np.zeros(shape, np.uint8)[rows, columns]
-            return np.repeat(empty[..., None], 3, axis=2), empty
-        texels = window.rasters.slice(placement, chart)
-        whole = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
-        return whole[0][rows, columns], whole[1][rows, columns]
-
-    for chart in held.charts.tolist():
-        around = pieces_around(charts, chart, margin / scene.spec.texels_per_metre)
-        texels = held.slice(placement, chart)
-        if not (known[chart] or known[around].any()) or not (window.provenance[texels] == TRANSLATED).any():
-            continue
-        size = (int(placement.height[chart]), int(placement.width[chart]))
-        wider = margin if len(around) else 0
-        raster, provenance = surrounded(charts, scene.spec.texels_per_metre, chart, size, wider, read)
-        raster = level(raster, provenance > TRANSLATED, provenance == TRANSLATED, reach=reach)
-        colour[texels] = raster[wider : wider + size[0], wider : wider + size[1]].reshape(-1, 3)
-    return colour
 
 
 def _passes(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
