@@ -1,12 +1,12 @@
-"""The street engine: `python -m benchmarks.street --data DIR [--only truth|seams|step|store|scale|workers]` prints one JSON object.
+"""The street engine: `python -m benchmarks.street --data DIR [--only truth|seams|step|store|scale|workers]` prints JSON.
 
 truth: a synthetic street with real facade photos on its walls; panoramas rendered from known poses go back through
 `propagate`, and each reading of Eq. 1 is scored by the PSNR (dB) of the facades it recovers, mean over facades with a 95 %
 bootstrap interval, and by its difference from the pinned reading; with exact and with wrong poses. seams: a long wall cut into
 charts, seen with changing exposure from behind a kiosk: how much more texels differ across chart borders than beside them,
 and texels that took the kiosk's colour. step: render and propagate on Ingolstadt's shells. store: what a viewpoint and a
-street cost in the store, and its growth after expiry. scale: the same streets in a cut-out of Lyon and in the whole city. workers: the street stage with two workers
-against one, on streets that share nothing.
+street cost in the store, and its growth after expiry. scale: the same streets in a cut-out of Lyon and in the whole city.
+workers: the street stage with two workers against one, on streets that share nothing.
 """
 
 from __future__ import annotations
