@@ -152,8 +152,10 @@ def _facades(items: Path) -> list[dict[str, Any]]:
     """The facades of a published table with a few of their columns, failed ones first."""
     import pyarrow.parquet as pq
 
-    rows = pq.read_table(items, columns=["kind", *FACADE_COLUMNS]).to_pylist()
-    facades = [{name: row[name] for name in FACADE_COLUMNS} for row in rows if row["kind"] == "facade"]
+    held = pq.read_schema(items).names  # an earlier version published fewer
+    shown = [name for name in FACADE_COLUMNS if name in held]
+    rows = pq.read_table(items, columns=["kind", *shown]).to_pylist()
+    facades = [{name: row[name] for name in shown} for row in rows if row["kind"] == "facade"]
     return sorted(facades, key=lambda row: row["status"] == "done")
 
 

@@ -1,0 +1,65 @@
+"""What a run tells the Prefect UI, without a server: the calls are recorded."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from flows import artifacts
+
+
+@pytest.fixture
+def told(monkeypatch: pytest.MonkeyPatch) -> dict[str, tuple[Any, str]]:
+    """key -> (data, description) of every artifact that is made."""
+    made: dict[str, tuple[Any, str]] = {}
+
+    def record(data: Any, *, key: str, description: str, **more: Any) -> None:
+        made[key] = (data, description)
+
+    for name in ("create_link_artifact", "create_markdown_artifact", "create_table_artifact"):
+        monkeypatch.setattr(artifacts, name, record)
+    monkeypatch.setattr(artifacts, "journal", lambda store, stage: [])
+    return made
+
+
+def test_the_viewer_is_named_with_its_address_and_command(told: dict[str, tuple[Any, str]], tmp_path: Path) -> None:
+    artifacts.tell_viewer(cast(Any, SimpleNamespace(out=f"{tmp_path}/my run", block="Große Straße")))
+    ((key, (address, description)),) = told.items()
+    assert (key, address) == ("gro-e-stra-e-viewer", "http://127.0.0.1:8710/")
+    assert f"`streetloom view '{tmp_path}/my run'`" in description
+
+
+@pytest.mark.parametrize("quality", [True, False])
+def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]], tmp_path: Path, quality: bool) -> None:
+    """Also where an earlier version, which knew no quality, had published."""
+    columns: dict[str, list[Any]] = {
+        "id": ["f1", "f2", "w9"],
+        "kind": ["facade", "facade", "building"],
+        "status": ["done", "failed", "failed"],
+        "reason": [None, "too dark", "no roof"],
+        "floors": [4, 5, None],
+    }
+    pq.write_table(
+        pa.table(columns | ({"quality": ["good", None, None]} if quality else {})), tmp_path / "items.parquet"
+    )
+    run = SimpleNamespace(out=str(tmp_path), block="demo", store=tmp_path / "store")
+    summary = {
+        "facades_done": 1,
+        "viewpoints": 3,
+        "units_done": 2,
+        "units_skipped": 0,
+        "failures": [{"unit": "w9", "reason": "no roof"}],
+        "outputs": {"report": str(tmp_path / "r.html"), "glb": [], "items": str(tmp_path / "items.parquet")},
+    }
+    artifacts.tell_outcome(cast(Any, run), summary)
+    rows, description = told["demo-facades"]
+    assert [(row["id"], row["status"]) for row in rows] == [("f2", "failed"), ("f1", "done")]
+    assert ("quality" in rows[0]) == quality
+    assert description.startswith("2 facades, failed ones first")
+    assert told["demo-failures"][0] == summary["failures"]
+    assert "http://127.0.0.1:8710/" in told["demo-outputs"][0]
