@@ -92,7 +92,7 @@ def carry_over(
         "streets": streets,
     }
     for stage, units in moved.items():
-        records = _moved(before[stage], units, len(group[f"journal/{stage}"]))
+        records = _moved(before[stage], units, group[f"journal/{stage}"].shape[0])
         _rename(stage, records, plan)
         _write_changed(group[f"journal/{stage}"], last.group[f"journal/{stage}"], list(map(_text, records)))
     held = last.group["hierarchies/data"][:]

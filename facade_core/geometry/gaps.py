@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 from facade_core.errors import GeometryError
 from facade_core.types import Street
 
+_ORIGIN = 1000.0  # m
 NARROWEST = 2.5  # m; through a narrower gap no camera travels
 PLACE = 10_000.0  # m2; a place that buildings enclose wholly is a yard below, a square with built-over entrances above
 CLEARANCE = 1.0  # m; no street comes nearer to a building
@@ -49,8 +50,9 @@ def streets_between(footprints: Sequence[Polygon], *, reach: float = 15.0) -> tu
     if len(outlines) == 0:
         return ()
     bounds = shapely.bounds(outlines)
-    # Qhull squares coordinates: near the origin none of their digits are lost.
-    corner = np.floor(bounds[:, :2].min(axis=0))
+    # Qhull squares coordinates: near the origin none of their digits are lost. On a grid, so that streets stay as they are when
+    # something is built elsewhere.
+    corner = np.floor(bounds[:, :2].min(axis=0) / _ORIGIN) * _ORIGIN
     outlines = shapely.transform(outlines[np.lexsort(bounds.T)], lambda xy: xy - corner)
 
     solid = _solid(outlines)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.synth import exemplars
 from tasks.compute import Serial
+from tasks.due import what_is_due
 from tasks.exemplars import exemplars_due
 from tasks.facades import facade_imagery, facades_due
 from tasks.fan_out import Stage, process_batch
@@ -35,13 +36,13 @@ EAST, NORTH = 385_000.0, 6_671_000.0
 BUILDINGS = {
     "a": (4, 5, 12, 2.8, 7.0),
     "b": (24, -8, 12, 2.8, 9.0),
-    "c": (4, 155, 12, 2.8, 7.0),
-    "d": (24, 142, 12, 2.8, 9.0),
+    "c": (4, 605, 12, 2.8, 7.0),
+    "d": (24, 592, 12, 2.8, 9.0),
     "e": (50, 6, 2.8, 12, 7.0),
 }
-# Two streets that cross, and one far away.
-STREETS = {"1": [(0, 0), (45, 0)], "2": [(40, -15), (40, 25)], "3": [(0, 150), (45, 150)]}
-SETTINGS = {"texels_per_metre": 3, "visibility_range": 25.0, "panorama_width": 256}
+# Two streets that cross, and one so far away that no pixel shows it from there.
+STREETS = {"1": [(0, 0), (45, 0)], "2": [(40, -15), (40, 25)], "3": [(0, 600), (45, 600)]}
+SETTINGS = {"texels_per_metre": 3, "visibility_range": 25.0, "viewpoint_spacing": 9.0, "panorama_width": 128}
 
 
 def write_block(
@@ -64,20 +65,23 @@ def write_block(
     for name, features in (("buildings", shapes), ("streets", lines)):
         collection = {"type": "FeatureCollection", "features": features}
         (folder / f"{name}.geojson").write_text(json.dumps(collection))
-    if not (folder / "exemplars").is_dir():
+    texture = SETTINGS | keys.get("texture", {})
+    imagery = {name: {"path": name} for name in ("photos",) if (folder / name).is_dir()}
+    if texture.get("walls") != "translate":
+        imagery["exemplars"] = {"path": "exemplars"}
+    if "exemplars" in imagery and not (folder / "exemplars").is_dir():
         (folder / "exemplars").mkdir()
         for number, painted in enumerate(exemplars(2, seed=5, metres_per_pixel=0.2)):
             Image.fromarray(painted.image).save(folder / "exemplars" / f"{number}.png")
-    photos = {"photos": {"path": "photos"}} if (folder / "photos").is_dir() else {}
     block = {
         "name": "small",
         "crs": "EPSG:32635",
         "buildings": {"path": "buildings.geojson", "crs": "EPSG:32635"},
         "streets": {"path": "streets.geojson", "crs": "EPSG:32635"},
-        "imagery": {"exemplars": {"path": "exemplars"}} | photos,
+        "imagery": imagery,
         "seed": 3,
         **keys,
-        "texture": SETTINGS | keys.get("texture", {}),
+        "texture": texture,
     }
     (folder / "block.yaml").write_text(yaml.safe_dump(block))
     return folder / "block.yaml"
@@ -85,18 +89,27 @@ def write_block(
 
 def write_photo(folder: Path, facade: str, seed: int) -> None:
     """A photo for a facade; the block is to be written after the first."""
-    (folder / "photos").mkdir(exist_ok=True)
+    (folder / "photos").mkdir(parents=True, exist_ok=True)
     painted = exemplars(seed + 1, seed=seed, metres_per_pixel=0.2)[seed]
     Image.fromarray(painted.image).save(folder / "photos" / f"{facade}.png")
 
 
-def texture(block_file: Path, out: Path, *, stop_before: str = "") -> Run:
+@dataclass(frozen=True)
+class Textured:
+    """A block whose stages have run, and what was said before of those that were due again."""
+
+    run: Run
+    said: str | None
+
+
+def texture(block_file: Path, out: Path, *, stop_before: str = "") -> Textured:
     """All stages of a block but publishing, one unit at a time; or those before a street."""
     out.mkdir(parents=True, exist_ok=True)
     block, compute = read_block(block_file), Serial()
     run = run_of(block, out)
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
+    said = what_is_due(run, block, outline)
     _do(run, textures_due(run, outline.textured, block.textures), compute)
     _do(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
     _do(run, exemplars_due(run, block.exemplars), compute)
@@ -104,10 +117,10 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "") -> Run:
     for wave in outline.waves:
         for street in wave:
             if outline.streets[street] == stop_before:
-                return run
+                return Textured(run, said)
             outcome = texture_street.fn(run, street, outline.streets[street], 0, compute)
             assert not outcome.failed, outcome.failed
-    return run
+    return Textured(run, said)
 
 
 def started(out: Path) -> dict[tuple[str, str], float]:

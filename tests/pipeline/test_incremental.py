@@ -1,0 +1,201 @@
+"""After a change, what depends on it is done again and nothing else, and the result is that of a fresh run."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image, ImageOps
+
+from facade_core.atlas.journal import read_journal
+from tasks.commits import journal
+from tests.pipeline.stages import (
+    BUILDINGS,
+    STREETS,
+    Textured,
+    charts_of,
+    digests_of,
+    redone,
+    started,
+    texture,
+    write_block,
+    write_photo,
+)
+
+Again = Callable[..., tuple[set[str], Textured]]
+ALL_STREETS = {"s1", "s2", "s3"}
+LEFT: dict[str, Any] = {"texture": {"walls": "translate"}}
+
+
+@pytest.fixture(scope="module")
+def translated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The block with its walls left to the streets."""
+    folder = tmp_path_factory.mktemp("translated")
+    texture(write_block(folder / "in", **LEFT), folder / "out")
+    return folder
+
+
+@pytest.fixture(scope="module")
+def seeded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The block with exemplars, and a photo of one facade."""
+    folder = tmp_path_factory.mktemp("seeded")
+    write_photo(folder / "in", "a-0", 1)
+    texture(write_block(folder / "in"), folder / "out")
+    return folder
+
+
+def again(folder: Path) -> tuple[set[str], Textured]:
+    """Run the block in a folder again: the facades, exemplars and streets that were done, and what was said."""
+    before = started(folder / "out")
+    made = texture(folder / "in" / "block.yaml", folder / "out")
+    return {unit for stage, unit in redone(before, folder / "out") if stage != "viewpoints"}, made
+
+
+def copied(folder: Path, to: Path) -> Path:
+    shutil.copytree(folder, to / "copy")
+    return to / "copy"
+
+
+def assert_as_fresh(folder: Path, made: Textured) -> None:
+    """Every chart has the colour and provenance that a run in an empty folder gives it, bit for bit."""
+    fresh = texture(folder / "in" / "block.yaml", folder / "fresh")
+    assert fresh.said is None
+    one, other = charts_of(made.run), charts_of(fresh.run)
+    assert one.keys() == other.keys()
+    for chart, arrays in other.items():
+        for mine, theirs in zip(one[chart], arrays, strict=True):
+            np.testing.assert_array_equal(mine, theirs)
+    assert digests_of(folder / "out") == digests_of(folder / "fresh")
+
+
+def test_with_nothing_changed_nothing_is_done(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    done, made = again(folder)
+    assert done == set()
+    assert made.said == "nothing is due but what is published"
+
+
+def test_a_building_raised(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    write_block(folder / "in", buildings=BUILDINGS | {"c": (*BUILDINGS["c"][:4], 9.0)}, **LEFT)
+    done, made = again(folder)
+    assert done == {"c-0", "s3"}
+    said = "due are 1 of 6 facades (new), 1 of 3 streets (what is in sight changed); the rest stands"
+    assert made.said == said
+    assert_as_fresh(folder, made)
+
+
+def test_a_building_removed_and_another_added(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    fewer = {name: box for name, box in BUILDINGS.items() if name != "d"}
+    write_block(folder / "in", buildings=fewer, **LEFT)
+    done, _ = again(folder)
+    assert done == {"s3"}
+    places = dict(zip(*_places(folder), strict=True))
+    write_block(folder / "in", buildings={"0": (20, 605, 9, 2.8, 8.0)} | fewer, **LEFT)
+    done, made = again(folder)
+    assert done == {"0-0", "s3"}
+    kept = dict(zip(*_places(folder), strict=True))
+    walls = {chart for chart in places if chart in kept}
+    assert len(walls) > 30
+    assert all(kept[chart] == places[chart] for chart in walls)
+    assert_as_fresh(folder, made)
+
+
+def test_settings_reach_what_reads_them(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    write_block(folder / "in", **LEFT, storey=3.4, geoid_separation=17.0)
+    assert again(folder)[0] == set()
+    write_block(folder / "in", texture=LEFT["texture"] | {"viewpoint_spacing": 8.0})
+    done, made = again(folder)
+    assert done == ALL_STREETS
+    assert made.said == "due are 3 of 3 streets (what is in sight changed); the rest stands"
+
+
+def test_a_street_that_goes_takes_its_texels_along(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    write_block(folder / "in", streets={name: line for name, line in STREETS.items() if name != "2"}, **LEFT)
+    done, made = again(folder)
+    assert "s3" not in done
+    assert_as_fresh(folder, made)
+
+
+def test_a_run_that_stops_halfway_goes_on(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    block = write_block(folder / "in", buildings=BUILDINGS | {"e": (*BUILDINGS["e"][:4], 9.0)}, **LEFT)
+    waves = {r["unit"]: r["wave"] for r in journal(folder / "out" / "store", "streets") if r}
+    last = max("s1", "s2", key=lambda unit: waves[unit])
+    before = started(folder / "out")
+    texture(block, folder / "out", stop_before=f"street {last[1:]}")
+    halfway = {unit for stage, unit in redone(before, folder / "out") if stage != "viewpoints"}
+    assert halfway >= {"s1", "s2"} - {last} | {"e-3"}
+    done, made = again(folder)
+    assert done == {last}
+    assert_as_fresh(folder, made)
+
+
+def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    write_photo(folder / "in", "a-0", 2)
+    before = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}
+    done, made = again(folder)
+    see = _streets_that_see(made, "a-0")
+    assert 1 <= len(see) < 3
+    assert done == {"a-0"} | see
+    assert made.said is not None
+    assert made.said.startswith(
+        f"due are 1 of 6 facades (photo changed), {len(see)} of 3 streets (what they see is done"
+    )
+    after = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}
+    assert {unit.split("/")[0] for unit in before if after[unit] != before[unit]} == see
+    assert_as_fresh(folder, made)
+
+
+def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    taken = {r["unit"]: r["source"] for r in journal(folder / "out" / "store", "facades") if r}
+    assert set(taken.values()) == {"a-0.png", "0", "1"}
+    path = folder / "in" / "exemplars" / "1.png"
+    with Image.open(path) as image:
+        ImageOps.mirror(image).save(path)
+    done, made = again(folder)
+    assert done - ALL_STREETS == {"1"} | {unit for unit, source in taken.items() if source == "1"}
+    assert made.said is not None
+    assert made.said.startswith("due are 1 of 2 exemplars (new), ")
+
+
+def test_the_density_reaches_everything(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    before = set(started(folder / "out"))
+    write_block(folder / "in", texture={"texels_per_metre": 4})
+    held = started(folder / "out")
+    texture(folder / "in" / "block.yaml", folder / "out")
+    assert redone(held, folder / "out") >= before
+
+
+def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
+    """The ids of all charts, and where they lie."""
+    import zarr
+
+    from facade_core.atlas.store import open_repository
+    from tasks.plan import read_plan
+
+    session = open_repository(folder / "out" / "store").readonly_session("main")
+    assert read_journal(zarr.open_group(session.store, mode="r"), "streets")
+    plan = read_plan(session, 3)
+    placement: Any = plan.scene.placement
+    return plan.ids.tolist(), list(
+        zip(placement.page.tolist(), placement.x.tolist(), placement.y.tolist(), strict=True)
+    )
+
+
+def _streets_that_see(made: Textured, facade: str) -> set[str]:
+    from tasks.plan import plan_of_run
+
+    plan = plan_of_run(made.run)
+    chart = plan.facades.chart[plan.facades.id.index(facade)]
+    return {plan.streets[street].id for street, seen in plan.street_charts.tolist() if seen == chart}
