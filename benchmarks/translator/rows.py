@@ -15,7 +15,7 @@ from facade_core.street import Panorama, Scene, Swatches, Window, render
 from facade_core.street.translator_training import Course, as_picture, seen_by
 
 # Budget of each row.
-BUDGET = Course(width=16, steps=300, crop=(64, 128), batch=1, check=300)
+BUDGET = Course(width=16, steps=500, warm=250, crop=(64, 128), batch=1, check=500)
 ROWS = {
     "CUT": replace(BUDGET, conditioned=False),
     "PUT 1": replace(BUDGET, masked=False, equirectangular=False, merged=False),
@@ -57,7 +57,7 @@ def measure(data: Path, models: Path, shipped: Translate | None) -> dict[str, An
         for name, scores in by_row.items()
     }
     return {
-        "budget": f"{BUDGET.steps} steps, width {BUDGET.width}, crops of {BUDGET.crop[0]} x {BUDGET.crop[1]}",
+        "budget": {"steps": BUDGET.steps, "of_them_warm": BUDGET.warm, "width": BUDGET.width, "crop": BUDGET.crop},
         "real": PLACES,
         "streets": len(own),
         "crops": int(8 * sum(len(between(views)) for views in own)),

@@ -19,6 +19,8 @@ from facade_core.street.window import Window
 WIDTHS = (512, 1024)
 # Rows of a panorama, as shares of its height, that show the street: sky and the nadir mask of cameras lie beyond.
 USED = (0.1, 0.7)
+# What renderings without texture range between.
+_GREYS = (110, 240)
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,6 +115,23 @@ def real_crop(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: np.ra
     crop = _crop(image, np.zeros(image.shape[:2], bool), size, rng)
     light = rng.uniform(0.85, 1.15) * rng.uniform(0.95, 1.05, 3)
     return Crop(np.clip(crop.image * light, 0, 255).astype(np.uint8), crop.textured, crop.place)
+
+
+def bare(photo: np.ndarray) -> np.ndarray:
+    """A real crop (h, w, 3) uint8 as a rendering without texture might show it: (h, w) uint8, its light without its detail, the
+    sky black."""
+    import cv2
+
+    grey = cv2.cvtColor(photo, cv2.COLOR_RGB2GRAY)
+    smooth = cv2.bilateralFilter(cv2.medianBlur(grey, 5), 7, 40, 5)
+    bright = (grey > 150) | ((photo[..., 2] > photo[..., 0] + 25) & (grey > 90))
+    _, parts = cv2.connectedComponents(bright.astype(np.uint8))
+    sky = bright & np.isin(parts, np.unique(parts[0][bright[0]]))
+    rest = smooth[~sky] if (~sky).any() else smooth
+    low, high = np.percentile(rest, [2, 98])
+    out = np.clip(_GREYS[0] + (smooth - low) * ((_GREYS[1] - _GREYS[0]) / max(high - low, 1)), *_GREYS).astype(np.uint8)
+    out[sky] = 0
+    return out
 
 
 def _crop(image: np.ndarray, known: np.ndarray, size: tuple[int, int], rng: np.random.Generator) -> Crop:

@@ -21,7 +21,7 @@ from facade_core.street.translator_network import Generator, as_input, initialis
 from facade_core.street.translator_training import Course, Domains, rate, train
 from facade_core.street.translator_views import Rendering
 
-COURSE = Course(width=4, steps=4, crop=(32, 64), batch=1, check=2)
+COURSE = Course(width=4, steps=4, warm=1, crop=(32, 64), batch=1, check=2)
 
 
 @pytest.fixture(autouse=True)
