@@ -59,6 +59,7 @@ def street(height, width):
     from facade_core.geometry import block_surfaces, pack, terrain_of
     from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
     from facade_core.street.blend import blend
+    from facade_core.street.levelled import levelled
     from facade_core.types import Building, Street
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building(str(i), shapely.box(22 * i, 0, 22 * i + 20, 10), 12.0, "height") for i in range(3)]
@@ -72,12 +73,14 @@ def street(height, width):
     def unit():
         rasters, write = Window.layout(placement, chosen, chosen)
         seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+        for chart in chosen:  # a strip of each is known, and all the rest is levelled to it
+            evidence[rasters.slice(placement, chart)][:2000] = 4
         window = Window.of(placement, rasters, write, seed, evidence)
         for x in (0.0, 5.0, 10.0):
             viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
             panorama = render(scene, window, viewpoint, (width // 2, width))
             propagate(scene, window, viewpoint, translator.translate(panorama), seen=panorama.chart)
-        blend(window.state)
+        result = blend(window.state), levelled(scene, rasters, window)
         return rasters.total
     return unit
 
