@@ -1,4 +1,4 @@
-"""The street engine: `python -m benchmarks.street --data DIR [--only truth|seams|step|store|scale|workers]` prints JSON.
+"""The street engine: `python -m benchmarks.street --data DIR [--only PART]` prints JSON.
 
 truth: a synthetic street with real facade photos on its walls; panoramas rendered from known poses go back through
 `propagate`, and each reading of Eq. 1 is scored by the PSNR (dB) of the facades it recovers, mean over facades with a 95 %
@@ -7,6 +7,7 @@ charts, seen with changing exposure from behind a kiosk: how much more texels di
 and texels that took the kiosk's colour. step: render and propagate on Ingolstadt's shells. store: what a viewpoint and a
 street cost in the store, and its growth after expiry. scale: the same streets in a cut-out of Lyon and in the whole city.
 workers: the street stage with two workers against one, on streets that share nothing.
+incremental: units done again and seconds after each kind of change, against a fresh run.
 """
 
 from __future__ import annotations
@@ -16,16 +17,16 @@ import json
 import os
 from pathlib import Path
 
-PARTS = ("truth", "seams", "step", "store", "scale", "workers")
+PARTS = ("truth", "seams", "step", "store", "scale", "workers", "incremental")
 # Those that need no data.
-ALONE = ("workers",)
+ALONE = ("workers", "incremental")
 
 
 def main() -> None:
     """Measure and print."""
     import cv2
 
-    from benchmarks.street import scale, seams, step, store, truth, workers
+    from benchmarks.street import incremental, scale, seams, step, store, truth, workers
 
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--data", type=Path, help="folder of real data; the part workers needs none")
@@ -41,6 +42,7 @@ def main() -> None:
         "step": lambda: step.measure(options.data / "city" / "ingolstadt"),
         "store": lambda: store.measure(options.data / "city" / "ingolstadt"),
         "scale": lambda: scale.measure(options.data / "city" / "lyon" / "lod2.npz"),
+        "incremental": incremental.measure,
         "workers": workers.measure,
     }
     result: dict[str, object] = {"benchmark": "street", "load_before": round(os.getloadavg()[0], 1)}

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -33,7 +33,7 @@ from tasks.textures import textures_due
 EAST, NORTH = 385_000.0, 6_671_000.0
 # South-western corner, width along x, depth along y, height of each building, so thin that only the side at the street is a
 # facade; two beside each of the parallel streets, one beyond the crossing.
-BUILDINGS = {
+BUILDINGS: dict[str, tuple[float, ...]] = {
     "a": (4, 5, 12, 2.8, 7.0),
     "b": (24, -8, 12, 2.8, 9.0),
     "c": (4, 605, 12, 2.8, 7.0),
@@ -48,8 +48,8 @@ SETTINGS = {"texels_per_metre": 3, "visibility_range": 25.0, "viewpoint_spacing"
 def write_block(
     folder: Path,
     *,
-    buildings: dict[str, tuple[float, ...]] | None = None,
-    streets: dict[str, Sequence[tuple[float, float]]] | None = None,
+    buildings: Mapping[str, Sequence[float]] | None = None,
+    streets: Mapping[str, Sequence[tuple[float, float]]] | None = None,
     **keys: Any,
 ) -> Path:
     """Write or change the block in a folder; `keys` are those of the block file, texture's merged with SETTINGS."""

@@ -96,7 +96,7 @@ def test_a_building_removed_and_another_added(translated: Path, tmp_path: Path) 
     done, _ = again(folder)
     assert done == {"s3"}
     places = dict(zip(*_places(folder), strict=True))
-    write_block(folder / "in", buildings={"0": (20, 605, 9, 2.8, 8.0)} | fewer, **LEFT)
+    write_block(folder / "in", buildings={"0": (20.0, 605, 9, 2.8, 8.0), **fewer}, **LEFT)
     done, made = again(folder)
     assert done == {"0-0", "s3"}
     kept = dict(zip(*_places(folder), strict=True))
