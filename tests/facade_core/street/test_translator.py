@@ -11,7 +11,7 @@ import pytest
 from facade_core.errors import ModelError
 from facade_core.street import neural
 from facade_core.street.equirectangular_taps import SIDE, TAPS, gather, taps
-from facade_core.street.translator_views import USED, WIDTHS, Rendering, real_crop, rendered_crop
+from facade_core.street.translator_views import USED, WIDTHS, Rendering, bare, real_crop, rendered_crop
 
 RNG = np.random.default_rng(3)
 
@@ -112,3 +112,16 @@ def test_crops_show_the_street_and_know_where_they_are() -> None:
     assert 0 < known < 40
     photo = real_crop([np.repeat(grey[..., None], 3, 2)], (64, 128), rng)
     assert not photo.textured.any()
+
+
+def test_a_real_crop_without_its_detail_looks_like_a_rendering() -> None:
+    photo = np.zeros((60, 80, 3), np.uint8)
+    photo[:20] = (180, 200, 240)
+    photo[20:] = RNG.integers(40, 60, (40, 80, 1))
+    photo[30:40, 20:30] = 20
+    grey = bare(photo)
+    assert (grey[:18] == 0).all()
+    assert grey[22:].min() >= 100
+    assert grey[35, 25] < grey[50, 60] - 20
+    steps = [np.abs(np.diff(image[45:55, 50:70].astype(int))).mean() for image in (grey, photo[..., 0])]
+    assert steps[0] < steps[1]
