@@ -57,7 +57,8 @@ def carry_over(
     """Bring the arrays of `last` in line with a new plan, in place: charts that are gone, moved or written by others now are
     cleared, and what is known of units goes to the places where these stand now.
 
-    poses, exemplars: the keys of those units, by which they are found again; the others are found by their names.
+    poses, exemplars: the keys of those units, by which they are found again; the others are found by their names. A facade whose
+    chart is another now is known as stale, and due.
     """
     before = {stage: read_journal(last.group, stage) for stage in STAGES}
     stays = _staying(last.plan, plan)
@@ -93,6 +94,8 @@ def carry_over(
     }
     for stage, units in moved.items():
         records = _moved(before[stage], units, group[f"journal/{stage}"].shape[0])
+        if stage == "facades":
+            _mark_stale(records, before[stage], plan)
         _rename(stage, records, plan)
         _write_changed(group[f"journal/{stage}"], last.group[f"journal/{stage}"], list(map(_text, records)))
     held = last.group["hierarchies/data"][:]
@@ -215,6 +218,14 @@ def _rename(stage: str, records: Records, plan: Plan) -> None:
         elif record and stage == "viewpoints":
             step = record["unit"].rpartition("/")[2]
             records[index] = record | {"unit": f"{plan.streets[plan.viewpoints[index].street].id}/{step}"}
+
+
+def _mark_stale(facades: Records, before: Records, plan: Plan) -> None:
+    """Say of facades that were not taken over, but known by their name, what they stood on."""
+    keys = {record["unit"]: record["key"] for record in before if record}
+    for index, name in enumerate(plan.facades.id):
+        if facades[index] is None and name in keys:
+            facades[index] = {"unit": name, "key": keys[name], "status": "stale", "reason": "its geometry changed"}
 
 
 def _text(record: dict[str, Any] | None) -> str:

@@ -42,7 +42,7 @@ def page_path(published: Path, page: int) -> Path:
 def nothing_due(run: Run) -> dict[str, Any] | None:
     """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
 
-    A unit's key stands on the run's key, and a change of that empties the journal: so one comparison covers them all.
+    What any unit's key stands on is in the run's key too: while that is the same, so are they all.
     Raises InputError when the store is another block's, which a run would overwrite.
     """
     if not run.store.is_dir():

@@ -84,7 +84,7 @@ def test_a_building_raised(translated: Path, tmp_path: Path) -> None:
     write_block(folder / "in", buildings=BUILDINGS | {"c": (*BUILDINGS["c"][:4], 9.0)}, **LEFT)
     done, made = again(folder)
     assert done == {"c-0", "s3"}
-    said = "due are 1 of 6 facades (new), 1 of 3 streets (what is in sight changed); the rest stands"
+    said = "due are 1 of 6 facades (geometry changed), 1 of 3 streets (what is in sight changed); the rest stands"
     assert made.said == said
     assert_as_fresh(folder, made)
 
@@ -158,14 +158,17 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
 def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
     taken = {r["unit"]: r["source"] for r in journal(folder / "out" / "store", "facades") if r}
-    assert set(taken.values()) == {"a-0.png", "0", "1"}
-    path = folder / "in" / "exemplars" / "1.png"
-    with Image.open(path) as image:
-        ImageOps.mirror(image).save(path)
-    done, made = again(folder)
-    assert done - ALL_STREETS == {"1"} | {unit for unit, source in taken.items() if source == "1"}
-    assert made.said is not None
-    assert made.said.startswith("due are 1 of 2 exemplars (new), ")
+    assert set(taken.values()) == {"a-0.png", "1"}
+    for name, users in (("0", set()), ("1", taken.keys() - {"a-0"})):
+        path = folder / "in" / "exemplars" / f"{name}.png"
+        with Image.open(path) as image:
+            flipped = ImageOps.mirror(image)
+        flipped.save(path)
+        done, made = again(folder)
+        assert done - ALL_STREETS == {name} | users
+        assert done & ALL_STREETS == (ALL_STREETS if users else set())
+        assert made.said is not None
+        assert made.said.startswith("due are 1 of 2 exemplars (new)")
 
 
 def test_the_density_reaches_everything(seeded: Path, tmp_path: Path) -> None:

@@ -51,3 +51,49 @@ def test_streets_are_found_again_by_line_and_then_by_id() -> None:
 
     assert _streets(plan(g0=0, g1=1, g2=2), plan(g0=1, g1=2)) == {0: 1, 1: 2}  # named anew since one is gone
     assert _streets(plan(a=0, b=1), plan(a=0.5, b=1, c=2)) == {0: 0, 1: 1}  # a was moved
+
+
+def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> None:
+    from dataclasses import replace
+    from types import SimpleNamespace as Value
+    from typing import Any
+
+    from facade_core.types import Building, Pose
+    from tasks.imagery import Imagery
+    from tasks.keys import facade_key
+
+    picture = tmp_path / "panorama.jpg"
+    picture.write_bytes(b"")
+    run: Any = Value(seed=1, texels_per_metre=4.0, walls="translate")
+
+    def key(buildings: list[Building], pose: Pose) -> str:
+        plan = _plan(buildings)
+        facade = plan.facades.id.index("a-0")
+        return facade_key(run, plan, facade, Imagery(panoramas=((picture, pose),)), {}, ())
+
+    def house(name: str, x: float, y: float) -> Building:
+        return Building(name, _box(x, y), 8.0, "height")
+
+    pose = Pose(5.0, -3.0, 2.5, 0.0, 0.0, 0.0)
+    wall, kiosk, behind = house("a", 0, 5), house("k", 4, 0.5), house("z", 0, 30)
+    alone = key([wall], pose)
+    assert changed_parts(alone, key([wall, behind], pose)) == []
+    assert changed_parts(alone, key([wall, kiosk], pose)) == ["between"]
+    assert changed_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
+
+
+def _box(x: float, y: float):  # type: ignore[no-untyped-def]
+    import shapely
+
+    return shapely.box(x, y, x + 10, y + 4)
+
+
+def _plan(buildings):  # type: ignore[no-untyped-def]
+    import shapely
+
+    from facade_core.ingest import ingest
+    from facade_core.types import Street
+
+    street = Street("1", None, shapely.LineString([(-10, -4), (30, -4)]))
+    settings = {"spacing": 6.0, "height": 2.5, "visibility_range": 25.0, "panorama_width": 128}
+    return ingest(buildings, [street], texels_per_metre=4.0, storey=3.2, walls="translate", **settings)
