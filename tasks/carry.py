@@ -57,8 +57,8 @@ def carry_over(
     """Bring the arrays of `last` in line with a new plan, in place: charts that are gone, moved or written by others now are
     cleared, and what is known of units goes to the places where these stand now.
 
-    poses, exemplars: the keys of those units, by which they are found again; the others are found by their names. A facade whose
-    chart is another now is known as stale, and due.
+    poses, exemplars: the keys of those units, by which they are found again; the others are found by their names. A facade
+    whose chart is another now is known as stale, and due.
     """
     before = {stage: read_journal(last.group, stage) for stage in STAGES}
     stays = _staying(last.plan, plan)

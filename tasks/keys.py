@@ -23,6 +23,8 @@ from tasks.run import Run, code_version
 AROUND_POSE_M = 150.0
 # Geometry lies this far off the planes of its charts at most.
 OFF_PLANE_M = 1.0
+# What does not rise this far above the foot of a wall does not hide it.
+ABOVE_M = 0.01
 
 
 def parts_key(**parts: Any) -> str:
@@ -100,7 +102,9 @@ def _between(plan: Plan, chart: int, pose: Pose) -> list[str]:
     """What may stand between a panorama and a chart, or is either."""
     place = np.array([pose.x, pose.y, pose.z])
     low, high = _box(plan, [chart])
-    return plan.things.within(np.minimum(low, place) - OFF_PLANE_M, np.maximum(high, place) + OFF_PLANE_M)
+    # what lies below both hides nothing: level ground does not count
+    beside = np.array([OFF_PLANE_M, OFF_PLANE_M, -ABOVE_M])
+    return plan.things.within(np.minimum(low, place) - beside, np.maximum(high, place) + OFF_PLANE_M)
 
 
 def _box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:

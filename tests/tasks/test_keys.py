@@ -95,5 +95,14 @@ def _plan(buildings):  # type: ignore[no-untyped-def]
     from facade_core.types import Street
 
     street = Street("1", None, shapely.LineString([(-10, -4), (30, -4)]))
-    settings = {"spacing": 6.0, "height": 2.5, "visibility_range": 25.0, "panorama_width": 128}
-    return ingest(buildings, [street], texels_per_metre=4.0, storey=3.2, walls="translate", **settings)
+    return ingest(
+        buildings,
+        [street],
+        texels_per_metre=4.0,
+        spacing=6.0,
+        height=2.5,
+        visibility_range=25.0,
+        panorama_width=128,
+        storey=3.2,
+        walls="translate",
+    )
