@@ -3,13 +3,20 @@
 from __future__ import annotations
 
 import os
+from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace as Value
+from typing import Any
 
 import numpy as np
+import shapely
 
 from catalogs.block_digest import file_digest
+from facade_core.ingest import Plan, ingest
+from facade_core.types import Building, Pose, Street
 from tasks.carry import _by_key, _streets
-from tasks.keys import changed_parts, parts_key
+from tasks.imagery import Imagery
+from tasks.keys import changed_parts, facade_key, parts_key
 
 
 def test_keys_differ_in_the_parts_that_changed() -> None:
@@ -40,11 +47,6 @@ def test_units_are_found_again_by_their_keys() -> None:
 
 
 def test_streets_are_found_again_by_line_and_then_by_id() -> None:
-    from types import SimpleNamespace as Value
-    from typing import Any
-
-    import shapely
-
     def plan(**lines: float) -> Any:
         streets = [Value(id=name, line=shapely.LineString([(0, y), (9, y)])) for name, y in lines.items()]
         return Value(streets=tuple(streets), wave=np.zeros(len(streets)))
@@ -54,14 +56,6 @@ def test_streets_are_found_again_by_line_and_then_by_id() -> None:
 
 
 def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> None:
-    from dataclasses import replace
-    from types import SimpleNamespace as Value
-    from typing import Any
-
-    from facade_core.types import Building, Pose
-    from tasks.imagery import Imagery
-    from tasks.keys import facade_key
-
     picture = tmp_path / "panorama.jpg"
     picture.write_bytes(b"")
     run: Any = Value(seed=1, texels_per_metre=4.0, walls="translate")
@@ -72,7 +66,7 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
         return facade_key(run, plan, facade, Imagery(panoramas=((picture, pose),)), {}, ())
 
     def house(name: str, x: float, y: float) -> Building:
-        return Building(name, _box(x, y), 8.0, "height")
+        return Building(name, shapely.box(x, y, x + 10, y + 4), 8.0, "height")
 
     pose = Pose(5.0, -3.0, 2.5, 0.0, 0.0, 0.0)
     wall, kiosk, behind = house("a", 0, 5), house("k", 4, 0.5), house("z", 0, 30)
@@ -82,18 +76,7 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     assert changed_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
 
 
-def _box(x: float, y: float):  # type: ignore[no-untyped-def]
-    import shapely
-
-    return shapely.box(x, y, x + 10, y + 4)
-
-
-def _plan(buildings):  # type: ignore[no-untyped-def]
-    import shapely
-
-    from facade_core.ingest import ingest
-    from facade_core.types import Street
-
+def _plan(buildings: list[Building]) -> Plan:
     street = Street("1", None, shapely.LineString([(-10, -4), (30, -4)]))
     return ingest(
         buildings,
