@@ -1,8 +1,8 @@
 """The translation network and what it is trained against (street paper, 3 Neural network and 4 Training). Needs torch.
 
-Two things differ from the paper. Activations are normalised across the channels of a place, not across the image, so that an
-output depends on its surroundings only: what two viewpoints see alike comes out alike, and a large panorama can be worked on
-in bands that are the same as the whole. And padding goes round the panorama at +-180 degrees.
+Two things differ from the paper. Activations are not normalised across the image, so that an output depends on its surroundings
+only: what two viewpoints see alike comes out alike, and a large panorama can be worked on in tiles that are equal to the whole.
+And padding goes round the panorama at +-180 degrees.
 """
 
 from __future__ import annotations
@@ -21,6 +21,8 @@ BLOCKS = 9
 COMPARED = 5
 _COMPARED_BLOCKS = (0, 4)
 _FEATURES = 256
+# Slope of the rectifier below zero; share of a residual block that is added; of the last layer's weights at the start.
+SLOPE, RESIDUAL, FAINT = 0.2, 0.2, 0.3
 
 
 def pad(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
@@ -29,36 +31,30 @@ def pad(x: Tensor, margin: int, *, wraps: bool) -> Tensor:
     return functional.pad(x, (0, 0, margin, margin), mode="replicate")
 
 
-class PixelNorm(nn.Module):
-    """Divides the channels of each place by their root mean square."""
-
-    def forward(self, x: Tensor) -> Tensor:
-        return x * torch.rsqrt(x.square().mean(1, keepdim=True) + 1e-6)
+def _rectified(x: Tensor) -> Tensor:
+    return functional.leaky_relu(x, SLOPE)
 
 
 class Convolution(nn.Module):
-    """A convolution with padding, normalised and rectified unless it is the second of a block."""
+    """A convolution that keeps the size, or divides it by its stride."""
 
-    def __init__(self, inputs: int, outputs: int, side: int, stride: int = 1, *, rectified: bool = True) -> None:
+    def __init__(self, inputs: int, outputs: int, stride: int = 1) -> None:
         super().__init__()
-        self.weights = nn.Conv2d(inputs, outputs, side, stride)
-        self.norm = PixelNorm()
-        self.margin, self.rectified = side // 2, rectified
+        self.weights = nn.Conv2d(inputs, outputs, 3, stride)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
-        x = self.norm(self.weights(pad(x, self.margin, wraps=wraps)))
-        return functional.relu(x) if self.rectified else x
+        return self.weights(pad(x, 1, wraps=wraps))
 
 
 class Block(nn.Module):
-    """A residual block of two convolutions."""
+    """A residual block of two convolutions, of which a fifth is added: nine of them unnormalised would grow out of hand."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.first, self.second = Convolution(width, width, 3), Convolution(width, width, 3, rectified=False)
+        self.first, self.second = Convolution(width, width), Convolution(width, width)
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
-        return x + self.second(self.first(x, wraps), wraps)
+        return x + RESIDUAL * self.second(_rectified(self.first(x, wraps)), wraps)
 
 
 class Widening(nn.Module):
@@ -67,12 +63,10 @@ class Widening(nn.Module):
     def __init__(self, inputs: int, outputs: int) -> None:
         super().__init__()
         self.weights = nn.ConvTranspose2d(inputs, outputs, 3, 2, padding=1, output_padding=1)
-        self.norm = PixelNorm()
 
     def forward(self, x: Tensor, wraps: bool) -> Tensor:
         x = self.weights(pad(x, 1, wraps=wraps))[..., 1:-1, 1:-1]
-        x = functional.avg_pool2d(functional.avg_pool2d(x, 2, 1), 2, 1)
-        return functional.relu(self.norm(x))
+        return functional.avg_pool2d(functional.avg_pool2d(x, 2, 1), 2, 1)
 
 
 class Generator(nn.Module):
@@ -87,8 +81,7 @@ class Generator(nn.Module):
         super().__init__()
         self.width, self.bands, self.equirectangular = width, bands, equirectangular
         self.first = nn.Conv2d(bands * TAPS, width, 1)
-        self.norm = PixelNorm()
-        self.narrowing = nn.ModuleList([Convolution(width, 2 * width, 3, 2), Convolution(2 * width, 4 * width, 3, 2)])
+        self.narrowing = nn.ModuleList([Convolution(width, 2 * width, 2), Convolution(2 * width, 4 * width, 2)])
         self.blocks = nn.ModuleList([Block(4 * width) for _ in range(BLOCKS)])
         self.widening = nn.ModuleList([Widening(4 * width, 2 * width), Widening(2 * width, width)])
         self.last = nn.Conv2d(width, 3, 7)
@@ -105,9 +98,9 @@ class Generator(nn.Module):
 
     def blocks_of(self, entry: Tensor, wraps: bool, features: list[Tensor], last: int = BLOCKS) -> Tensor:
         """The output of residual block `last`; what patches are compared at is appended to `features`."""
-        x = functional.relu(self.norm(self.first(entry)))
+        x = _rectified(self.first(entry))
         for layer in self.narrowing:
-            x = layer(x, wraps)
+            x = _rectified(layer(x, wraps))
             features.append(x)
         for number, block in enumerate(self.blocks[:last]):
             x = block(x, wraps)
@@ -117,7 +110,7 @@ class Generator(nn.Module):
 
     def decode(self, x: Tensor, wraps: bool) -> Tensor:
         for layer in self.widening:
-            x = layer(x, wraps)
+            x = _rectified(layer(x, wraps))
         return torch.tanh(self.last(pad(x, SIDE // 2, wraps=wraps)))
 
     def encode(self, x: Tensor, place: Sequence[tuple[int, int]]) -> list[Tensor]:
@@ -175,12 +168,15 @@ class Patches(nn.Module):
 
 
 def initialise(network: nn.Module, generator: torch.Generator) -> None:
-    """Normal weights of 0.02, zero biases."""
+    """Weights that keep the spread of activations, zero biases; a generator starts near grey."""
     for layer in network.modules():
         if isinstance(layer, nn.Conv2d | nn.ConvTranspose2d | nn.Linear):
-            nn.init.normal_(layer.weight, 0.0, 0.02, generator=generator)
+            nn.init.kaiming_normal_(layer.weight, a=SLOPE, generator=generator)
             if layer.bias is not None:
                 nn.init.zeros_(layer.bias)
+    if isinstance(network, Generator):
+        with torch.no_grad():
+            network.last.weight.mul_(FAINT)
 
 
 def as_input(image: np.ndarray) -> Tensor:

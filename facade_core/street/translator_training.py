@@ -57,7 +57,7 @@ class Course:
 
 
 # An hour on two cores; and for an accelerator.
-SMALL = Course(width=32, steps=1200, warm=400, crop=(96, 192), batch=1, check=100)
+SMALL = Course(width=32, steps=1000, warm=400, crop=(96, 192), batch=1, check=200)
 FULL = Course(width=64, steps=150_000, warm=3000, crop=(256, 512), batch=4, check=2500)
 
 
