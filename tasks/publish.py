@@ -20,7 +20,7 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.items import write_items
 from catalogs.report import write_report
-from catalogs.stac import write_stac
+from catalogs.stac import collections_in, write_stac
 from catalogs.stac_catalog import write_catalog
 from facade_core.atlas.journal import STAGES, atlas_digest, read_journal
 from facade_core.atlas.store import BRANCH, expire, open_repository, open_table
@@ -47,7 +47,7 @@ T = TypeVar("T")
 
 @task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
 def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
-    """Write published/<snapshot>/ from the newest snapshot, unless `current` already points at it.
+    """Write published/<snapshot>/ from the newest snapshot, unless `current` already points at it, whole.
 
     block_file: what the block was read from: the catalogue names its sources. The snapshot published before is linked as the
     earlier version.
@@ -57,11 +57,12 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     out = Path(run.out)
     final = out / "published" / snapshot
     begin_stage("publish", 1)
-    if current_snapshot(out) != snapshot:
+    last = current_snapshot(out)
+    if last != snapshot or not all(path.is_file() for _, path in collections_in(final)):
         temporary = out / "published" / f".{snapshot}.tmp"
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
-        _write(run, session, temporary, block_file, current_snapshot(out))
+        _write(run, session, temporary, block_file, last if last != snapshot else None)
         shutil.rmtree(final, ignore_errors=True)
         os.replace(temporary, final)
         pointer = out / ".current.tmp"
@@ -99,7 +100,9 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
 
     def page_jpeg(page: int) -> tuple[int, np.ndarray, bytes]:
         colour, provenance = group["atlas/colour"][page], group["atlas/provenance"][page]
-        filled = fill_unseen(scene, swatches, page, colour, provenance, levelling=run.levelling, read=texels, aerial=above)
+        filled = fill_unseen(
+            scene, swatches, page, colour, provenance, levelling=run.levelling, read=texels, aerial=above
+        )
         # exports cut their pictures from these pages: as little as can be is lost to being encoded twice
         page_path(folder, page).write_bytes(_jpeg(filled, 95, subsampling=0))
         return page, filled, _jpeg(filled, 90)

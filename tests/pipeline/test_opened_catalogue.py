@@ -3,14 +3,21 @@
 from __future__ import annotations
 
 import json
+import shutil
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 
 import catalogs
+from catalogs.block import read_block
+from facade_core.atlas.journal import read_journal, write_record
+from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
+from tasks.publish import publish_block
+from tasks.run import run_of
 
 
 def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
@@ -32,6 +39,42 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     assert sum(e[0] == "window" for e in json.loads(facade.attrs["elements"])) == row["windows"]
     seen = ~facade.occluded.values
     assert np.abs(facade.evidence.values[seen].astype(int) - facade.texture.values[seen]).mean() < 1
+
+
+def test_a_later_snapshot_is_published_beside_the_first(
+    undisturbed: tuple[Path, dict[str, Any]], block: Path, tmp_path: Path
+) -> None:
+    """Also where the first was published without its Collections, as an earlier version did."""
+    out = tmp_path / "out"
+    shutil.copytree(undisturbed[0], out, ignore=shutil.ignore_patterns("prefect"))
+    run = run_of(read_block(block), out)
+    first = (out / "current").read_text().strip()
+    shutil.rmtree(out / "published" / first / "stac" / "runs")
+    publish_block.fn(run, block)
+    stac = out / "published" / first / "stac"
+    block_item = json.loads((stac / "blocks" / "helsinki.json").read_text())["properties"]
+    assert {source["key"] for source in block_item["streetloom:sources"]} >= {"buildings.path", "streets.path"}
+    assert block_item["streetloom:facades_done"] == undisturbed[1]["facades_done"]
+    said = json.loads((stac / "runs" / "run.json").read_text())["properties"]
+    assert said["streetloom:units"]["viewpoints"] == {"done": undisturbed[1]["viewpoints"]}
+    assert said["start_datetime"] < said["end_datetime"]
+    assert {path.stem for path in (stac / "models").glob("*.md")} == {"network", "layouts"}
+
+    session = open_repository(out / "store").writable_session(BRANCH)
+    group = zarr.open_group(session.store)
+    record = read_journal(group, "streets")[0]
+    assert record is not None
+    write_record(group, "streets", 0, record | {"status": "stale", "reason": "another was done again"})
+    commit(session, "a street that is out of date")
+    publish_block.fn(run, block)
+    second = (out / "current").read_text().strip()
+    assert second != first
+    street = json.loads((out / "published" / second / "stac" / "streets" / f"{record['unit']}.json").read_text())
+    assert street["properties"]["streetloom:status"] == "stale"
+    (earlier,) = [link["href"] for link in street["links"] if link["rel"] == "predecessor-version"]
+    held = (out / "published" / second / "stac" / "streets" / earlier).resolve()
+    assert held == (stac / "streets" / f"{record['unit']}.json").resolve()
+    assert json.loads(held.read_text())["properties"]["deprecated"] is True
 
 
 def test_what_is_not_there(undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path) -> None:
