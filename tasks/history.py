@@ -1,0 +1,58 @@
+"""The atlas as it was after any viewpoint: replayed from panoramas, of which every snapshot holds all."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import zarr
+
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import InputError
+from facade_core.ingest import Plan
+from facade_core.street.window import Window
+from tasks.plan import read_plan
+from tasks.units.viewpoint import replay
+
+
+@dataclass(frozen=True)
+class Moment:
+    """What a street's charts held after one of its viewpoints: `window` by the geometry in `plan`, before levelling."""
+
+    plan: Plan
+    window: Window
+
+    def charts(self) -> list[int]:
+        """The charts that the street sees; all others were as they are."""
+        return sorted(self.window.rasters.charts.tolist())
+
+    def raster(self, chart: int) -> tuple[np.ndarray, np.ndarray]:
+        """Colour (h, w, 3) and provenance (h, w), uint8, of one of the charts."""
+        placement = self.plan.scene.placement
+        if chart not in self.window.rasters.charts:
+            raise InputError(f"the street does not see chart {chart}; charts() tells which it sees")
+        texels = self.window.rasters.slice(placement, chart)
+        shape = (int(placement.height[chart]), int(placement.width[chart]))
+        return self.window.colour[texels].reshape(*shape, 3), self.window.provenance[texels].reshape(shape)
+
+
+def after_viewpoint(out: Path, street: str, step: int) -> Moment:
+    """The charts of a street, given by its id, after its viewpoint `step` (0 is the first) of the run in folder `out`.
+
+    Seeds and panoramas are those of the newest snapshot; the panoramas of streets of earlier waves are in. Raises InputError
+    for an unknown street, and a viewpoint that it has not or that is not textured yet; StoreError where there is no run.
+    """
+    session = open_repository(out / "store").readonly_session(BRANCH)
+    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
+    names = [one.id for one in plan.streets]
+    if street not in names:
+        raise InputError(f"{out}: no street has the id {street!r}; there are {', '.join(names[:5])}")
+    own = plan.of_street(names.index(street))
+    if not 0 <= step < len(own):
+        raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
+    if not group["journal/viewpoints"][own[step].id].item():
+        raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
+    return Moment(plan, replay(plan, group, names.index(street), step + 1))

@@ -1,0 +1,47 @@
+"""The atlas after any viewpoint is opened from Python."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+
+from facade_core.atlas import TRANSLATED, UNSEEN, open_repository, read_journal
+from facade_core.errors import InputError
+from tasks.history import after_viewpoint
+
+
+def test_texels_come_with_the_viewpoints_and_end_as_they_are_stored(undisturbed: tuple[Path, dict[str, Any]]) -> None:
+    out, _ = undisturbed
+    group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
+    last = max((record for record in read_journal(group, "streets") if record), key=lambda record: record["wave"])
+    street = last["unit"]
+    first = after_viewpoint(out, street, 0)
+    count = len(first.plan.of_street([one.id for one in first.plan.streets].index(street)))
+    end = after_viewpoint(out, street, count - 1)
+    assert first.charts() == end.charts()
+    known = [int((moment.window.provenance > UNSEEN).sum()) for moment in (first, end)]
+    assert 0 < known[0] < known[1]
+    placement = end.plan.scene.placement
+    for chart in end.window.writable.tolist():
+        colour, provenance = end.raster(chart)
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        at = (int(placement.page[chart]), slice(y, y + colour.shape[0]), slice(x, x + colour.shape[1]))
+        np.testing.assert_array_equal(provenance, group["atlas/provenance"][at])
+        translated = provenance == TRANSLATED
+        np.testing.assert_array_equal(colour[translated], group["atlas/street"][at][translated])
+
+
+def test_what_there_is_not_is_told(undisturbed: tuple[Path, dict[str, Any]]) -> None:
+    out, _ = undisturbed
+    group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
+    street = next(record for record in read_journal(group, "streets") if record)["unit"]
+    with pytest.raises(InputError, match="no street has the id 'nowhere'; there are"):
+        after_viewpoint(out, "nowhere", 0)
+    with pytest.raises(InputError, match="999 is none of 0 to"):
+        after_viewpoint(out, street, 999)
+    with pytest.raises(InputError, match="does not see chart -5"):
+        after_viewpoint(out, street, 0).raster(-5)
