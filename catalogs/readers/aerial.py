@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import threading
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -31,7 +32,7 @@ FORMATS = {
 }
 REMEDY = "give a GeoTIFF, or a PNG or JPEG with its world file beside it"
 # Pixels that are read at once at most; a larger part is read coarser.
-MOST_PIXELS = 16_000_000
+MOST_PIXELS = 4_000_000
 
 
 @dataclass(frozen=True)
@@ -127,8 +128,13 @@ def _opened(path: Path) -> Iterator[Any]:
         raise InputError(f"{path} cannot be read as an orthophoto ({reason}); {REMEDY}") from error
 
 
-@lru_cache(maxsize=8)
 def _transformer(frame: str, crs: str) -> Transformer:
+    """From one frame to another, for this thread: a transformer may not be shared."""
+    return _made(frame, crs, threading.get_ident())
+
+
+@lru_cache(maxsize=16)
+def _made(frame: str, crs: str, thread: int) -> Transformer:
     from pyproj import CRS, Transformer
 
     return Transformer.from_crs(CRS.from_wkt(frame), CRS.from_wkt(crs), always_xy=True)

@@ -15,7 +15,7 @@ LIFT_M = 0.1
 # A roof that leans more than this (cosine of its normal with the vertical) shows too few pixels from above: 75 degrees.
 LEAST_UP = 0.26
 # Texels that are looked at together: what each takes is many times its colour.
-AT_ONCE = 1 << 18
+AT_ONCE = 1 << 17
 
 # World places (n, 2) -> colour (n, 3) uint8 and whether it is known (n,).
 Aerial = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
