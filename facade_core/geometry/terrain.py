@@ -15,6 +15,8 @@ from facade_core.types import Building, Elevation
 STEP_M = 2.0
 CELLS = 1_000_000
 MARGIN_M = 40.0
+# Coordinates are taken relative to a place on a grid of this step.
+NEAR_M = 1000.0
 # Steps between neighbouring bases are smoothed over about this distance.
 SMOOTH_M = 5.0
 # A base is taken for wrong when it is this far from the median of its neighbours', and farther than they usually are.
@@ -114,6 +116,8 @@ def _of_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
     corners, owner = shapely.get_coordinates(np.asarray(outlines, object), return_index=True)
     low, high = corners.min(axis=0) - MARGIN_M, corners.max(axis=0) + MARGIN_M
     step = max(STEP_M, float(np.sqrt(np.prod(high - low) / CELLS)))
+    # on a grid and to the millimetre: the ground stays as it is when something is built elsewhere
+    low = np.floor(low / step) * step
     columns, rows = np.ceil((high - low) / step).astype(int) + 1
     # one point for each cell of the raster that has corners
     _, of, corners_in = np.unique(
@@ -124,9 +128,9 @@ def _of_bases(outlines: Sequence[Polygon], bases: np.ndarray) -> Terrain:
     at = np.stack(np.meshgrid(low[0] + step * np.arange(columns), low[1] + step * np.arange(rows)), axis=-1).reshape(
         -1, 2
     )
-    # relative to the middle: the triangulation works to a share of the coordinates' size
-    centre = points.mean(axis=0)
-    raster = LinearNDInterpolator(points - centre, heights)(at - centre)
+    # relative to a place near: the triangulation works to a share of the coordinates' size
+    centre = np.round(points.mean(axis=0) / NEAR_M) * NEAR_M
+    raster = np.round(LinearNDInterpolator(points - centre, heights)(at - centre), 3)
     outside = ~np.isfinite(raster)
     raster[outside] = heights[cKDTree(points).query(at[outside])[1]]
     smooth = gaussian_filter(raster.reshape(rows, columns), SMOOTH_M / step, mode="nearest")
