@@ -15,7 +15,7 @@ from facade_core.street import Panorama, Scene, Swatches, Window, render
 from facade_core.street.translator_training import Course, as_picture, seen_by
 
 # Budget of each row.
-BUDGET = Course(width=16, steps=500, warm=250, crop=(64, 128), batch=1, check=500)
+BUDGET = Course(width=16, steps=300, warm=120, crop=(64, 128), batch=1, check=300)
 ROWS = {
     "CUT": replace(BUDGET, conditioned=False),
     "PUT 1": replace(BUDGET, masked=False, equirectangular=False, merged=False),
