@@ -171,10 +171,10 @@ def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
         assert made.said.startswith("due are 1 of 2 exemplars (new)")
 
 
-def test_the_density_reaches_everything(seeded: Path, tmp_path: Path) -> None:
-    folder = copied(seeded, tmp_path)
+def test_the_density_reaches_everything(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
     before = set(started(folder / "out"))
-    write_block(folder / "in", texture={"texels_per_metre": 4})
+    write_block(folder / "in", texture=LEFT["texture"] | {"texels_per_metre": 4})
     held = started(folder / "out")
     texture(folder / "in" / "block.yaml", folder / "out")
     assert redone(held, folder / "out") >= before
