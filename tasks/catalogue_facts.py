@@ -79,7 +79,7 @@ def block_facts(
         code_version=code_version(),
         config_digest=run.key,
         updated=updated,
-        footprint=_oriented(shapely.union_all(outlines).simplify(OUTLINE_M)) if outlines else None,
+        footprint=_outline(outlines) if outlines else None,
         counts={
             "buildings": len(outlines),
             "facades_done": done,
@@ -177,7 +177,8 @@ def _seconds(record: Mapping[str, Any] | None) -> float:
     return sum((record or {}).get("seconds", {}).values())
 
 
-def _oriented(outline: Any) -> Any:
-    """Polygons as GeoJSON has them: outer rings anticlockwise."""
-    parts = [shapely.geometry.polygon.orient(part) for part in shapely.get_parts(outline)]
+def _outline(footprints: Sequence[Any]) -> Any:
+    """What buildings cover together, without the cracks between neighbours; outer rings anticlockwise, as in GeoJSON."""
+    closed = shapely.union_all(footprints).buffer(OUTLINE_M, join_style="mitre").buffer(-OUTLINE_M, join_style="mitre")
+    parts = [shapely.geometry.polygon.orient(part) for part in shapely.get_parts(closed.simplify(OUTLINE_M))]
     return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)

@@ -10,11 +10,12 @@ from typing import Any, cast
 
 import numpy as np
 import pytest
+import shapely
 from shapely import LineString
 
 from catalogs.block_sources import OPENSTREETMAP, sources_of
 from facade_core.types import Street
-from tasks.catalogue_facts import OF_FACADES, OF_STREETS, Shipped, models_used, run_facts, street_facts
+from tasks.catalogue_facts import OF_FACADES, OF_STREETS, Shipped, _outline, models_used, run_facts, street_facts
 from tasks.facade_report import facts
 
 START = 1_800_000_000.0
@@ -85,6 +86,17 @@ def test_a_run_is_the_work_in_its_journals() -> None:
     facts = run_facts(journals, datetime.fromtimestamp(START - 5, UTC))
     assert facts.units == {"facades": {"done": 1, "failed": 1, "waiting": 1}, "streets": {"stale": 1}}
     assert (facts.started.timestamp(), facts.ended.timestamp(), facts.seconds) == (START - 5, START + 103.5, 7.5)
+
+
+def test_neighbours_cover_one_outline_and_courtyards_stay() -> None:
+    court = shapely.box(0, 0, 30, 30).difference(shapely.box(10, 10, 20, 20))
+    outline = _outline([court, shapely.box(30.05, 0, 40, 30), shapely.box(50, 0, 60, 30)])
+    other, terrace = sorted(outline.geoms, key=lambda part: part.area)
+    assert terrace.area == pytest.approx(40 * 30 - 100, abs=0.1)
+    assert len(terrace.interiors) == 1, "the crack of 5 cm is closed, the courtyard is not"
+    assert terrace.exterior.is_ccw
+    assert other.symmetric_difference(shapely.box(50, 0, 60, 30)).area < 1e-6
+    assert _outline([court]).geom_type == "Polygon"
 
 
 def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
