@@ -161,7 +161,10 @@ def _line(fault: Mapping[str, Any]) -> str:
     if kind in _UNKNOWN:
         return f"{key}: unknown key; {_suggestion(key)}"
     if kind == "missing":
-        example = {"name": "name: my-block"}.get(key, f"{key}: {{path: FILE}}" if "." not in key else "path: FILE")
+        example = f"{key}: {{path: FILE}}" if "." not in key else "path: FILE"
+        example = {"name": "name: my-block", "metres_per_pixel": "metres_per_pixel: 0.01"}.get(
+            key.rpartition(".")[2], example
+        )
         return f"{key}: missing; write {example}"
     if kind in ("model_type", "dataclass_type"):
         inner = [k.removeprefix(key + ".") for k in known_keys() if k.startswith(key + ".")]
