@@ -43,11 +43,12 @@ class Sightings:
 class Plan:
     """A block's geometry and the order of its work.
 
-    streets are the given ones, or those derived from the gaps; poses are those of the block's panoramas, on the ground where
-    they had no height. refused: buildings without usable surfaces, as (id, reason). textured (charts,) bool: charts with a
-    texture of the source's own, or on a picture from above. views (k, 2) int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows;
-    writable (charts,) bool: charts that the street stage writes; wave (streets,) int32. ids (charts,) uint64 and looks
-    (viewpoints,) digests say what each chart is and each viewpoint sees, wherever it stands in the order.
+    streets are the given ones, or those derived from the gaps; poses are those of the block's panoramas, on the ground
+    where they had no height. refused: buildings without usable surfaces, as (id, reason). textured (charts,) bool: charts
+    with a texture of the source's own, or on a picture from above. views (k, 2) int32: pairs of viewpoint and chart,
+    sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that the street stage writes; wave
+    (streets,) int32. ids (charts,) uint64 and looks (viewpoints,) digests say what each chart is and each viewpoint sees,
+    wherever it stands in the order.
     """
 
     scene: Scene
