@@ -9,6 +9,7 @@ from typing import Any, cast
 
 import click
 
+from flows.cli_box import WithBox
 from flows.cli_paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER
 from flows.cli_results import catalog, export, query, view
 from flows.cli_training import bench, train
@@ -102,7 +103,7 @@ def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_j
     _run(block_file, out, workers, dask, as_json)
 
 
-@main.command("new-block")
+@main.command("new-block", cls=WithBox)
 @click.argument("block_file", metavar="BLOCK.yaml", type=click.Path(dir_okay=False, path_type=Path))
 @click.option("--osm", type=EXISTING_FILE, required=True, help="Map extract with buildings and streets (.osm.pbf).")
 @click.option("--bbox", nargs=4, type=float, required=True, metavar="W S E N", help="Longitudes and latitudes.")

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from flows.cli_box import WithBox
 from flows.cli_paths import EXISTING_FOLDER
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
@@ -24,22 +25,6 @@ class FolderOfRuns(click.ParamType):
         if value.lower().startswith("s3://"):
             return value
         return str(EXISTING_FOLDER.convert(value, param, ctx))
-
-
-class WithBox(click.Command):
-    """A command whose --bbox says in one line what it wants."""
-
-    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
-        from facade_core.errors import InputError
-
-        try:
-            return super().make_context(*args, **kwargs)
-        except click.UsageError as error:
-            if "--bbox" not in error.format_message():
-                raise
-            raise InputError(
-                "--bbox: give four numbers, WEST SOUTH EAST NORTH in degrees, such as --bbox 24.94 60.16 24.95 60.17"
-            ) from error
 
 
 @click.command(cls=WithBox)

@@ -57,7 +57,16 @@ OF_FACADES = (
         {"layouts/cmp.jsonl": "CC BY-SA", "layouts/ingolstadt_lod3_metres.jsonl": "CC BY-SA 4.0"},
     ),
 )
-OF_STREETS = Shipped(TRANSLATOR, "street translator", {})
+OF_STREETS = Shipped(
+    TRANSLATOR,
+    "street translator",
+    {
+        "Panoramax, Strasbourg": "Licence Ouverte / CC BY-SA",
+        "Amsterdam's panoramas": "open data of the city",
+        "renderings of Helsinki": "ODbL",
+        "renderings of Delfshaven": "open data of Rotterdam",
+    },
+)
 
 
 def block_facts(

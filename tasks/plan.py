@@ -73,7 +73,11 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
                 "width": ("chart", placement.width, {"units": "texel"}),
                 "height": ("chart", placement.height, {"units": "texel"}),
                 "writable": ("chart", plan.writable, {"long_name": "written by the street stage"}),
-                "textured": ("chart", plan.textured, {"long_name": "with a texture of the source's own, or from above"}),
+                "textured": (
+                    "chart",
+                    plan.textured,
+                    {"long_name": "with a texture of the source's own, or from above"},
+                ),
                 "id": ("chart", plan.ids, {"long_name": "digest of the chart's kind, place and building"}),
             },
             attrs={"page_size": scene.spec.page, "chunk": scene.spec.chunk, "gutter": scene.spec.gutter},
