@@ -108,7 +108,9 @@ def read_block(path: Path | str) -> Block:
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
     if keys.texture.translator == "neural" and keys.texture.panorama_width % 8:
-        raise file.fault("texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at")
+        raise file.fault(
+            "texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at"
+        )
 
     exemplars, photos, broken_pictures = _pictures(keys, files, file)
     sources = _building_sources(keys, files, file)
@@ -175,9 +177,7 @@ def _pictures(
     return exemplars, photos, faults
 
 
-def _aerial(
-    keys: BlockKeys, files: Files, frame: CRS, buildings: Iterable[Building], file: _File
-) -> Aerial | None:
+def _aerial(keys: BlockKeys, files: Files, frame: CRS, buildings: Iterable[Building], file: _File) -> Aerial | None:
     if keys.imagery.aerial is None:
         return None
     from catalogs.readers.aerial import read_aerial

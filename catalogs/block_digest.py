@@ -45,9 +45,7 @@ def block_digest(
         "storey": keys.storey,
         "geoid_separation": keys.geoid_separation,
         "seed": keys.seed,
-        "geometry": [
-            [key, *map(file_digest, files.get(key, ()))] for key in FILES
-        ],
+        "geometry": [[key, *map(file_digest, files.get(key, ()))] for key in FILES],
         "rectified": keys.imagery.photos is None or keys.imagery.photos.rectified,
         "images": [
             [(path.name, file_digest(path)) for path in folder]
