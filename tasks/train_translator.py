@@ -16,7 +16,7 @@ from facade_core.errors import InputError
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street import translator_training
-from facade_core.street.translator_training import Course, Domains
+from facade_core.street.translator_steps import Course, Domains
 from facade_core.street.translator_views import WIDTHS, Rendering, sequence
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.relief import relief

@@ -12,7 +12,7 @@ import numpy as np
 from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street import Panorama, Scene, Swatches, Window, render
-from facade_core.street.translator_training import Course, as_picture, seen_by
+from facade_core.street.translator_steps import Course, as_picture, seen_by
 
 # Budget of each row.
 BUDGET = Course(width=16, steps=300, warm=120, crop=(64, 128), batch=1, check=300)
@@ -166,7 +166,7 @@ def train_rows(data: Path, models: Path, *, seed: int = 0) -> dict[str, float]:
 
     import torch
 
-    from facade_core.street import translator_training
+    from facade_core.street import translator_steps, translator_training
     from tasks.train_translator import Places, panoramas, renderings
 
     missing = [
@@ -178,7 +178,7 @@ def train_rows(data: Path, models: Path, *, seed: int = 0) -> dict[str, float]:
     folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
     learnt, judged, _ = panoramas(folders, Places(("strasbourg_stra_1",), ("toulouse",)))
     rendered, rendered_judged = renderings([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
-    domains = translator_training.Domains(rendered, learnt, rendered_judged, judged)
+    domains = translator_steps.Domains(rendered, learnt, rendered_judged, judged)
     seconds = {}
     for name in missing:
         begun = time.perf_counter()

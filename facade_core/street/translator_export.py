@@ -11,7 +11,7 @@ import numpy as np
 
 from facade_core.street.equirectangular_taps import TAPS
 from facade_core.street.neural import TRANSLATOR_VERSION, load, write
-from facade_core.street.translator_training import Course
+from facade_core.street.translator_steps import Course
 
 # Weights smaller than this stay in single precision: there is nothing to save.
 _HALVED = 1024

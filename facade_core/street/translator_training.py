@@ -1,15 +1,14 @@
 """Training of the translation network (street paper, 4 Training). Needs the `train` extra (torch).
 
 Step n depends on the seed, on n and on the state before it only, so that a run that was interrupted and resumed ends in
-the same weights as one that was not. The adversarial loss is the least squares one of the method that the paper builds on:
-as printed, E[1 - log d], it has no minimum that a discriminator could not push away.
+the same weights as one that was not.
 """
 
 from __future__ import annotations
 
 import copy
 import math
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -17,60 +16,24 @@ from typing import Any
 import numpy as np
 
 from facade_core.errors import ImageError, ModelError
-from facade_core.street.translator_views import Crop, Rendering, bare, real_crop, rendered_crop
+from facade_core.street.translator_steps import Course, Domains, as_picture, restore, seen_by, step, tensors
+from facade_core.street.translator_views import real_crop, rendered_crop
 
 Progress = Callable[[str, int, int], None]
 # What a checkpoint looks like: step, distance, pictures (h, w, 3) uint8 of inputs above outputs.
 Sample = Callable[[int, float, np.ndarray], None]
 
-TEMPERATURE = 0.07
-PATCHES = 256
-ADVERSARIAL, CONSISTENCY, CONTRAST_RENDERED, CONTRAST_REAL = 1.0, 10.0, 0.5, 0.5
 RATE, BETAS = 2e-4, (0.5, 0.999)
 WARM_RATE = 4e-4
-# Gradients are no longer than this: without normalisation one crop of nothing but sky could end in all white for good.
-LONGEST = 0.5
 # Share of the steps at the full rate: the paper's 150 of 200 epochs.
 CONSTANT = 0.75
 # Crops that a checkpoint is judged by, and seed of theirs.
 _JUDGED, _JUDGED_SEED = 64, 12345
 
 
-@dataclass(frozen=True, slots=True)
-class Course:
-    """width: channels of the first layer; steps, of which the first `warm` only restore real crops; crop: (h, w) pixels; batch:
-    crops of either domain in a step; check: steps between checkpoints. The paper's network is the default of the rest:
-    conditioned on earlier texture, in one RGB image, masked."""
-
-    width: int
-    steps: int
-    warm: int
-    crop: tuple[int, int]
-    batch: int
-    check: int
-    conditioned: bool = True
-    masked: bool = True
-    equirectangular: bool = True
-    merged: bool = True
-
-    @property
-    def bands(self) -> int:
-        return 3 if self.merged else 4
-
-
 # An hour on two cores; and for an accelerator.
 SMALL = Course(width=32, steps=750, warm=250, crop=(96, 192), batch=1, check=250)
 FULL = Course(width=64, steps=150_000, warm=3000, crop=(256, 512), batch=4, check=2500)
-
-
-@dataclass(frozen=True)
-class Domains:
-    """Renderings and real panoramas (h, w, 3) uint8 to learn from, and those of other places to judge by."""
-
-    rendered: Sequence[Rendering]
-    real: Sequence[np.ndarray]
-    judged_rendered: Sequence[Rendering]
-    judged_real: Sequence[np.ndarray]
 
 
 @dataclass(frozen=True)
@@ -131,31 +94,26 @@ def train(
             part.load_state_dict(saved[name])
         done, distances, best = saved["done"], saved["distances"], saved["best"]
     report = progress or (lambda step, done, total: None)
-    for step in range(done, course.steps):
-        report("translator", step, course.steps)
+    for number in range(done, course.steps):
+        report("translator", number, course.steps)
         for optimiser in (first, second):
             for group in optimiser.param_groups:
-                group["lr"] = WARM_RATE if step < course.warm else RATE * rate(step, course.steps)
-        stage = _restore if step < course.warm else _step
-        loss = stage(domains, course, kept, (seed, step), device)
+                group["lr"] = WARM_RATE if number < course.warm else RATE * rate(number, course.steps)
+        learn = restore if number < course.warm else step
+        loss = learn(domains, course, kept, (seed, number), device)
         if not math.isfinite(loss):
-            raise ModelError(f"training diverged at step {step}: train with another --seed")
-        if (step + 1) % course.check == 0 or step + 1 == course.steps:
+            raise ModelError(f"training diverged at step {number}: train with another --seed")
+        if (number + 1) % course.check == 0 or number + 1 == course.steps:
             distance, sheet = judge(generator, domains, course, device)
             if distance < min(distances.values(), default=math.inf):
                 best = copy.deepcopy(generator.state_dict())
-            distances[step + 1] = distance
+            distances[number + 1] = distance
             if sample:
-                sample(step + 1, distance, sheet)
+                sample(number + 1, distance, sheet)
             if state is not None:
                 parts = {name: part.state_dict() for name, part in kept.items()}
-                rest = {
-                    "identity": identity,
-                    "steps": course.steps,
-                    "done": step + 1,
-                    "distances": distances,
-                    "best": best,
-                }
+                rest = {"identity": identity, "steps": course.steps, "done": number + 1}
+                rest |= {"distances": distances, "best": best}
                 _save_state(state, parts | rest)
     at = min(distances, key=distances.__getitem__)
     return Trained({name: value.cpu() for name, value in best.items()}, at, distances[at], distances)
@@ -164,141 +122,6 @@ def train(
 def rate(step: int, steps: int) -> float:
     """Share of the highest learning rate: constant, then falling straight to zero."""
     return min(1.0, (steps - step) / max(1.0, (1 - CONSTANT) * steps))
-
-
-def _restore(domains: Domains, course: Course, kept: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
-    """One step of the generator alone: real crops from their light and from what an earlier viewpoint might have known of them.
-
-    Not in the paper: it brings the colours of streets in minutes for which the losses below take a day on two cores.
-    """
-    import torch
-
-    generator, rng = kept["generator"], np.random.default_rng(seeds)
-    real = [real_crop(domains.real, course.crop, rng) for _ in range(course.batch)]
-    known = [rendered_crop(domains.rendered, course.crop, rng).textured for _ in range(course.batch)]
-    photo, _ = _tensors(real, device)
-    grey = [np.repeat(bare(crop.image)[..., None], 3, 2) for crop in real]
-    plain, mask = _tensors([Crop(g, k, c.place) for g, k, c in zip(grey, known, real, strict=True)], device)
-    if not course.conditioned:
-        mask = torch.zeros_like(mask)
-    made = generator(seen_by(torch.where(mask, photo, plain), plain, mask, course), [crop.place for crop in real])
-    loss = (made - photo).abs().mean()
-    _descend(kept["first"], loss)
-    return float(loss.detach())
-
-
-def _step(domains: Domains, course: Course, kept: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
-    """One step of the generator and one of the discriminator; returns the generator's loss."""
-    import torch
-    from torch.nn import functional
-
-    generator, discriminator, patches = kept["generator"], kept["discriminator"], kept["patches"]
-    rng = np.random.default_rng(seeds)
-    rendered = [rendered_crop(domains.rendered, course.crop, rng) for _ in range(course.batch)]
-    real = [real_crop(domains.real, course.crop, rng) for _ in range(course.batch)]
-    plain, mask = _tensors(rendered, device)
-    photo, _ = _tensors(real, device)
-    places = [crop.place for crop in (*rendered, *real)]
-    own = places[: course.batch]
-    mixed = torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda")
-    with mixed:
-        with torch.no_grad():
-            if not course.conditioned:
-                mask = torch.zeros_like(mask)
-            if mask.any():
-                # what an earlier viewpoint made of this, once through the atlas: a little softer
-                made = generator(seen_by(plain, plain, torch.zeros_like(mask), course), own)
-                earlier = functional.avg_pool2d(functional.pad(made.float(), (1, 1, 1, 1), mode="replicate"), 3, 1)
-                partial = torch.where(mask, earlier, plain)
-            else:
-                partial = plain
-            keys = generator.encode(seen_by(plain, plain, torch.ones_like(mask), course), own)
-        inputs = torch.cat([seen_by(partial, plain, mask, course), _with_grey(photo, course)])
-        features = [inputs]
-        encoded = generator.blocks_of(generator.entry(inputs, places), False, features)
-        made, again = generator.decode(encoded, False).float().split(course.batch)
-        photo_keys = [feature[course.batch :].detach() for feature in features]
-        # the discriminator's turn
-        discriminator.requires_grad_(True)
-        wrong, right = discriminator(made.detach()), discriminator(photo)
-        loss = 0.5 * (wrong.square().mean() + (right - 1).square().mean())
-        _descend(kept["second"], loss)
-        # the generator's
-        discriminator.requires_grad_(False)
-        total = ADVERSARIAL * (discriminator(made) - 1).square().mean()
-        if course.conditioned:
-            compared = mask if course.masked else torch.ones_like(mask)
-            total = total + CONSISTENCY * ((made - partial) * compared).abs().mean()
-        total = total + CONTRAST_RENDERED * _contrast(generator, patches, made, keys, own, course, rng)
-        other = places[course.batch :]
-        total = total + CONTRAST_REAL * _contrast(generator, patches, again, photo_keys, other, course, rng)
-    _descend(kept["first"], total)
-    return float(total.detach())
-
-
-def _descend(optimiser: Any, loss: Any) -> None:
-    """One step of an optimiser down a loss, along a gradient of LONGEST at most."""
-    import torch
-
-    optimiser.zero_grad()
-    loss.backward()
-    for group in optimiser.param_groups:
-        torch.nn.utils.clip_grad_norm_(group["params"], LONGEST)
-    optimiser.step()
-
-
-def _contrast(
-    generator: Any,
-    patches: Any,
-    made: Any,
-    keys: Sequence[Any],
-    places: Sequence[tuple[int, int]],
-    course: Course,
-    rng: np.random.Generator,
-) -> Any:
-    """Eq. 2: each patch of an output against the patch of the input at its place and those at other places."""
-    import torch
-    from torch.nn import functional
-
-    features = generator.encode(_with_grey(made, course), places)
-    where = []
-    for feature in features:
-        size = feature.shape[2] * feature.shape[3]
-        where.append(torch.from_numpy(rng.choice(size, min(PATCHES, size), replace=False)).to(made.device))
-    with torch.no_grad():
-        targets = patches(keys, where)
-    loss = 0.0
-    for query, key in zip(patches(features, where), targets, strict=True):
-        scores = query.float() @ key.float().transpose(1, 2) / TEMPERATURE
-        right = torch.arange(scores.shape[1], device=scores.device).expand(len(scores), -1)
-        loss = loss + functional.cross_entropy(scores.flatten(0, 1), right.flatten())
-    return loss / len(features)
-
-
-def _tensors(crops: Sequence[Crop], device: Any) -> tuple[Any, Any]:
-    """Images (n, 3, h, w) in -1..1 and masks (n, 1, h, w) bool."""
-    import torch
-
-    from facade_core.street.translator_network import as_input
-
-    mask = torch.from_numpy(np.stack([crop.textured for crop in crops]))[:, None]
-    return as_input(np.stack([crop.image for crop in crops])).to(device), mask.to(device)
-
-
-def seen_by(partial: Any, bare: Any, mask: Any, course: Course) -> Any:
-    """What the generator is given of a partially textured image: one RGB image, or texture and grey rendering apart."""
-    import torch
-
-    if course.merged:
-        return partial
-    return torch.cat([torch.where(mask, partial, -torch.ones_like(partial)), bare[:, :1]], 1)
-
-
-def _with_grey(image: Any, course: Course) -> Any:
-    """A fully textured image as the generator's encoder takes it."""
-    import torch
-
-    return image if course.merged else torch.cat([image, image.mean(1, keepdim=True)], 1)
 
 
 def judge(generator: Any, domains: Domains, course: Course, device: Any) -> tuple[float, np.ndarray]:
@@ -316,7 +139,7 @@ def judge(generator: Any, domains: Domains, course: Course, device: Any) -> tupl
     made = []
     with torch.no_grad():
         for crop in rendered:
-            plain, mask = _tensors([crop], device)
+            plain, mask = tensors([crop], device)
             if not course.conditioned:
                 mask = torch.zeros_like(mask)
             out = generator(seen_by(plain, plain, torch.zeros_like(mask), course), [crop.place])
@@ -327,11 +150,6 @@ def judge(generator: Any, domains: Domains, course: Course, device: Any) -> tupl
     distance = kernel_distance(features(made), features([crop.image for crop in real]))
     sheet = [np.concatenate([crop.image, out]) for crop, out in zip(rendered[:8], made[:8], strict=True)]
     return distance, np.concatenate([np.concatenate(sheet[:4], 1), np.concatenate(sheet[4:], 1)])
-
-
-def as_picture(image: Any) -> np.ndarray:
-    """(3, h, w) in -1..1 into (h, w, 3) uint8."""
-    return ((image.float().cpu().permute(1, 2, 0).numpy() + 1) * 127.5).round().clip(0, 255).astype(np.uint8)
 
 
 def _read_state(path: Path, identity: str, course: Course) -> dict[str, Any]:

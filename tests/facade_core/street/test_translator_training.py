@@ -18,7 +18,8 @@ from facade_core.street.equirectangular_taps import gather
 from facade_core.street.translator_distance import features, kernel_distance
 from facade_core.street.translator_export import halved, to_onnx
 from facade_core.street.translator_network import Generator, as_input, initialise
-from facade_core.street.translator_training import Course, Domains, rate, train
+from facade_core.street.translator_steps import Course, Domains
+from facade_core.street.translator_training import rate, train
 from facade_core.street.translator_views import Rendering
 
 COURSE = Course(width=4, steps=4, warm=1, crop=(32, 64), batch=1, check=2)
