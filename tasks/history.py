@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -38,13 +39,13 @@ class Moment:
         return self.window.colour[texels].reshape(*shape, 3), self.window.provenance[texels].reshape(shape)
 
 
-def after_viewpoint(out: Path, street: str, step: int) -> Moment:
+def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
     """The charts of a street, given by its id, after its viewpoint `step` (0 is the first) of the run in folder `out`.
 
     Seeds and panoramas are those of the newest snapshot; the panoramas of streets of earlier waves are in. Raises InputError
     for an unknown street, and a viewpoint that it has not or that is not textured yet; StoreError where there is no run.
     """
-    session = open_repository(out / "store").readonly_session(BRANCH)
+    session = open_repository(Path(out) / "store").readonly_session(BRANCH)
     group: StoreGroup = zarr.open_group(session.store, mode="r")
     plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
     names = [one.id for one in plan.streets]
@@ -55,4 +56,4 @@ def after_viewpoint(out: Path, street: str, step: int) -> Moment:
         raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
     if not group["journal/viewpoints"][own[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
-    return Moment(plan, replay(plan, group, names.index(street), step + 1))
+    return Moment(plan, replay(plan, group, names.index(street), step + 1, threads=os.cpu_count() or 1))

@@ -27,7 +27,8 @@ VIEWPOINTS = 16
 def measure(folder: Path) -> dict[str, Any]:
     """Medians over viewpoints of seconds per stage, wall and processor, and of the texels in view."""
     scene, street, own = ingolstadt(folder, TEXELS_PER_METRE)
-    return steps(scene, [street], own[:VIEWPOINTS])
+    one, two = (steps(scene, [street], own[:VIEWPOINTS], threads=n) for n in (1, 2))
+    return two | {"seconds_one_thread": one["seconds"]}
 
 
 def ingolstadt(folder: Path, texels_per_metre: float) -> tuple[Scene, Street, list[Viewpoint]]:
@@ -66,7 +67,7 @@ def window_of(scene: Scene, own: list[Viewpoint]) -> Window:
     return Window.of(scene.placement, rasters, write, seed, evidence)
 
 
-def steps(scene: Scene, streets: list[Street], own: list[Viewpoint]) -> dict[str, Any]:
+def steps(scene: Scene, streets: list[Street], own: list[Viewpoint], *, threads: int = 1) -> dict[str, Any]:
     """Walk along the viewpoints twice, and time the second walk: the first one compiles and fills caches."""
     translator = Swatches(scene, streets, seed=7)
     texels = scene.placement.width.astype(np.int64) * scene.placement.height
@@ -77,16 +78,16 @@ def steps(scene: Scene, streets: list[Street], own: list[Viewpoint]) -> dict[str
         visible, written = [], []
         for viewpoint in own:
             before = int((window.provenance > 0).sum())
-            clocks, begun = [time.perf_counter()], time.thread_time()
+            clocks, begun = [time.perf_counter()], time.process_time()
             panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
             clocks.append(time.perf_counter())
-            rendered = time.thread_time()
+            rendered = time.process_time()
             rgb = translator.translate(panorama)
             clocks.append(time.perf_counter())
-            translated = time.thread_time()
-            propagate(scene, window, viewpoint, rgb, seen=panorama.chart)
+            translated = time.process_time()
+            propagate(scene, window, viewpoint, rgb, seen=panorama.chart, threads=threads)
             clocks.append(time.perf_counter())
-            processor.append(time.thread_time() - translated + rendered - begun)
+            processor.append(time.process_time() - translated + rendered - begun)
             for stage, seconds in zip(("render", "translate", "propagate"), np.diff(clocks), strict=True):
                 wall[stage].append(float(seconds))
             wall["render + propagate"].append(wall["render"][-1] + wall["propagate"][-1])

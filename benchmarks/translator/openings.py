@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.street.truth import interval
 from facade_core.geometry.charts import WALL, WINDOW
 from facade_core.geometry.equirectangular import project
 from facade_core.geometry.streets import Viewpoint
@@ -34,16 +35,7 @@ def measure(scene: Scene, own: Sequence[Viewpoint], panoramas: dict[str, list[Pa
                 scores[name].append(float((windows & truth & seen).sum() / max(either, 1)))
         if len(next(iter(scores.values()))) == FACADES:
             break
-    rng = np.random.default_rng(0)
-    found = {}
-    for name, values in scores.items():
-        means = np.array(values)[rng.integers(0, len(values), (2000, len(values)))].mean(1)
-        low, high = np.quantile(means, [0.025, 0.975])
-        found[name] = {
-            "iou": round(float(np.mean(values)), 3),
-            "low": round(float(low), 3),
-            "high": round(float(high), 3),
-        }
+    found = {name: interval(values) for name, values in scores.items()}
     return {"facades": len(next(iter(scores.values()))), **found}
 
 

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.street.truth import interval
 from benchmarks.translator.scenes import BLENDINGS, Blending, Translate, between, ingolstadt, walk
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street import Panorama, Scene, Swatches, Window, render
@@ -24,14 +25,13 @@ ROWS = {
     "PUT 4": replace(BUDGET, equirectangular=False),
     "full": BUDGET,
 }
-# Rows of panoramas with facades, as shares of the height: no road and little sky.
-FACADES = (0.28, 0.53)
+# Where the rows of a panorama begin that show facades, as a share of its height: no road and little sky.
+FACADES_FROM = 0.28
 PLACES = ("toulouse", "strasbourg_stra_1")
 SIDE = 128
-RESAMPLES = 2000
 
 
-def measure(data: Path, models: Path, shipped: Translate | None) -> dict[str, Any]:
+def measure(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
     """Kernel distances of every row and blending, means over streets with 95 % bootstrap intervals, and which of the paper's
     orderings hold: only those whose paired differences' intervals exclude zero."""
     scene, own, streets = ingolstadt(data)
@@ -48,8 +48,7 @@ def measure(data: Path, models: Path, shipped: Translate | None) -> dict[str, An
         score(name, network(_file(models, name), ROWS[name]), "weighted")
     swatches = Swatches(scene, streets, seed=7)
     score("exemplar (swatches)", lambda panorama, _: swatches.translate(panorama), "weighted")
-    if shipped:
-        score("shipped network", shipped, "weighted")
+    score("shipped network", shipped, "weighted")
     score("untextured", lambda _, bare: bare.rgb, "weighted")
     table = {
         name: {kind: interval(values) for kind, values in scores.items() if kind != "difference"}
@@ -120,7 +119,7 @@ def full_crops(panorama: np.ndarray) -> list[np.ndarray]:
 
 def facade_crops(panorama: np.ndarray) -> list[np.ndarray]:
     """Eight crops of the rows of a panorama (512, 1024, 3) that show facades."""
-    top = round(FACADES[0] * len(panorama))
+    top = round(FACADES_FROM * len(panorama))
     return [panorama[top : top + SIDE, left : left + SIDE] for left in range(0, 1024, SIDE)]
 
 
@@ -135,14 +134,6 @@ def _real(data: Path) -> dict[str, np.ndarray]:
     held_out = panoramas([data / "panoramas"], Places(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
     return {kind: features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
-
-
-def interval(values: list[float]) -> dict[str, float]:
-    """Mean over streets and its 95 % bootstrap interval."""
-    sample = np.asarray(values)
-    means = sample[np.random.default_rng(0).integers(0, len(sample), (RESAMPLES, len(sample)))].mean(1)
-    low, high = np.quantile(means, [0.025, 0.975])
-    return {"mean": round(float(sample.mean()), 2), "low": round(float(low), 2), "high": round(float(high), 2)}
 
 
 def _orderings(by_row: dict[str, dict[str, Any]], kind: str) -> dict[str, str]:

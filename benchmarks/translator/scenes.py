@@ -31,12 +31,11 @@ _SAME_M = 0.15
 
 @dataclass(frozen=True)
 class Walk:
-    """A street after all its viewpoints: its window, the mean absolute difference (0 to 255) between what consecutive outputs
-    show of the same place, and the panoramas that came out."""
+    """A street after all its viewpoints: its window, and the mean absolute difference (0 to 255) between what consecutive
+    outputs show of the same place."""
 
     window: Window
     difference: float
-    outputs: tuple[np.ndarray, ...]
 
 
 def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
@@ -70,7 +69,6 @@ def walk(scene: Scene, own: Sequence[Viewpoint], translate: Translate, blending:
     weighting = Weighting() if blending == "weighted" else Weighting(gated=False, clamp="none")
     charts = np.unique(np.concatenate([scene.seen(viewpoint, WIDTH) for viewpoint in own]))
     window, empty = _window(scene, charts, weighting), _window(scene, charts, weighting)
-    outputs: list[np.ndarray] = []
     differences = []
     before: tuple[Panorama, np.ndarray] | None = None
     for viewpoint in own:
@@ -87,8 +85,7 @@ def walk(scene: Scene, own: Sequence[Viewpoint], translate: Translate, blending:
         if before is not None:
             differences.append(_difference(*before, panorama, rgb))
         before = (panorama, rgb)
-        outputs.append(rgb)
-    return Walk(window, float(np.mean(differences)), tuple(outputs))
+    return Walk(window, float(np.mean(differences)))
 
 
 def between(own: Sequence[Viewpoint]) -> list[Viewpoint]:

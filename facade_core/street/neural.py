@@ -15,6 +15,7 @@ import numpy as np
 
 from facade_core.errors import ModelError
 from facade_core.geometry.raycast import MISS
+from facade_core.parse.model_file import open_session
 from facade_core.street.equirectangular_taps import gather
 from facade_core.street.render import Panorama
 
@@ -83,26 +84,16 @@ def load(path: Path = SHIPPED) -> Neural:
 
 @lru_cache(maxsize=2)
 def _load(path: Path, _modified: int) -> Neural:
-    import onnxruntime
-
-    content = path.read_bytes()
     try:
         record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
-        checksum, version = record["sha256"], record["version"]
+        version = record["version"]
     except (ValueError, KeyError, TypeError) as error:
         raise ModelError(
             f"{path.with_suffix('.json')}: not the record of a translator; fetch both files again"
         ) from error
-    if checksum != hashlib.sha256(content).hexdigest():
-        raise ModelError(f"{path}: checksum differs from {path.stem}.json; fetch both files again or train anew")
     if version != TRANSLATOR_VERSION:
         raise ModelError(f"{path}: made for another version of the translator; train it anew with this version")
-    options = onnxruntime.SessionOptions()
-    options.intra_op_num_threads, options.inter_op_num_threads = _INTRA_OP_THREADS, 1
-    try:
-        return Neural(onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"]))
-    except Exception as error:  # the runtime has no public root for its errors
-        raise ModelError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
+    return Neural(open_session(path, record, threads=_INTRA_OP_THREADS))
 
 
 def write(content: bytes, path: Path, record: Mapping[str, Any]) -> None:

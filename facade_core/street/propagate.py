@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from concurrent.futures import ThreadPoolExecutor
+
 import numpy as np
 from numba import njit
 
@@ -21,14 +23,20 @@ GATE_SPACINGS = 1.5
 
 
 def propagate(
-    scene: Scene, atlas: Window, viewpoint: Viewpoint, rgb: np.ndarray, *, seen: np.ndarray | None = None
+    scene: Scene,
+    atlas: Window,
+    viewpoint: Viewpoint,
+    rgb: np.ndarray,
+    *,
+    seen: np.ndarray | None = None,
+    threads: int = 1,
 ) -> None:
     """Blend a translated panorama `rgb` (h, w, 3) uint8 into the window's writable charts, in place.
 
     A texel takes the view when it faces the camera within the visibility range, the pixel it falls on shows its own surface,
     and that pixel or one beside it shows its chart: exact for planar surfaces up to one pixel, and never colour from an
     occluder. Its colour is bilinear over the pixels of its surface. d = |forward . (p - c)| in mm. `seen` (h, w) int32 is the
-    panorama's chart image where it is at hand.
+    panorama's chart image where it is at hand. The result is the same for any number of threads.
     Raises GeometryError for a window made for a shorter visibility range.
     """
     if seen is None:
@@ -54,19 +62,18 @@ def propagate(
     surface = np.where(seen >= 0, charts.surface[seen], -1)
     frame = (origin, charts.axis_u[held], charts.axis_v[held], normal, farthest)
     marked = mark_tiles(seen, surface, place, camera, *frame, step, *tiles)
-    _propagate(
-        (atlas.state.arrays(), atlas.state.qualities(), atlas.colour, atlas.provenance),
-        frame,
-        (width, height, charts.surface[held], atlas.rasters.offset[held]),
-        marked,
-        step,
-        camera,
-        rgb,
-        surface,
-        round(1000 * gate),
-        viewpoint.id,
-        clamps(weighting),
-    )
+    window = (atlas.state.arrays(), atlas.state.qualities(), atlas.colour, atlas.provenance)
+    rasters = (width, height, charts.surface[held], atlas.rasters.offset[held])
+    view = (round(1000 * gate), viewpoint.id, clamps(weighting))
+
+    def walk(first: int) -> None:
+        _propagate(window, frame, rasters, marked, (first, threads), step, camera, rgb, surface, *view)
+
+    if threads == 1:
+        walk(0)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(walk, range(threads)))
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -104,7 +111,8 @@ def _aim(origin, step, columns, rows, column_at, row_at, depth, level):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _propagate(window, frame, rasters, marked, step, camera, rgb, surface, gate, view, clamp):
+def _propagate(window, frame, rasters, marked, part, step, camera, rgb, surface, gate, view, clamp):
+    """Every part[1]-th marked tile, from the part[0]-th on: no texel belongs to two of them."""
     rows, columns = surface.shape
     state, qualities, resolved, provenance = window
     origin, axis_u, axis_v, normal, farthest = frame
@@ -114,7 +122,7 @@ def _propagate(window, frame, rasters, marked, step, camera, rgb, surface, gate,
     colour = np.zeros(3, np.int64)
     columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
     first = np.empty(3)
-    quality, tile = 1, -1
+    quality, tile, turn = 1, -1, -1
     for c in range(len(origin)):
         facing = -(normal[c] * origin[c]).sum()
         # the chart's frame in the camera's: right, down, ahead
@@ -124,6 +132,9 @@ def _propagate(window, frame, rasters, marked, step, camera, rgb, surface, gate,
             for left in range(0, width[c], TILE):
                 tile += 1
                 if not marked[tile]:
+                    continue
+                turn += 1
+                if turn % part[1] != part[0]:
                     continue
                 for j in range(top, min(top + TILE, height[c])):
                     x, y = (left + 0.5) * step, (j + 0.5) * step

@@ -134,7 +134,7 @@ def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int
     return _streets[entry]
 
 
-def replay(plan: Plan, group: StoreGroup, street: int, step: int) -> Window:
+def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: int = 1) -> Window:
     """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
     one of its charts, then the street's own."""
     scene = plan.scene
@@ -151,5 +151,5 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int) -> Window:
     records = read_records(group, "viewpoints", shows)
     earlier = [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
     for viewpoint in [*earlier, *own[:step]]:
-        propagate(scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id])
+        propagate(scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)
     return window

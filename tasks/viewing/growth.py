@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import threading
 from dataclasses import dataclass
 
@@ -23,6 +24,8 @@ SIZE = (520, 960)
 UNREACHED, BESIDE, SKY = (226, 222, 214), (188, 190, 194), (236, 240, 244)
 # The camera hovers so many metres behind the street's first viewpoint and above it, and looks down along the street.
 BEHIND_M, ABOVE_M, FIELD = 14.0, 26.0, 70.0
+# A person waits for the replay, and has the machine.
+_THREADS = os.cpu_count() or 1
 
 
 @dataclass
@@ -58,10 +61,11 @@ class Growth:
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )
                 plan = held.plan if held and _same(held, view) else _plan(view)
-                window = replay(plan, view.group, street, steps)
+                window = replay(plan, view.group, street, steps, threads=_THREADS)
                 held = _Street(view, street, plan, window, steps, _texels(plan, window, street))
             for step in own[held.steps : steps]:
-                propagate(held.plan.scene, held.window, held.plan.viewpoints[step], view.group["panoramas/rgb"][step])
+                rgb = view.group["panoramas/rgb"][step]
+                propagate(held.plan.scene, held.window, held.plan.viewpoints[step], rgb, threads=_THREADS)
             held.steps = steps
             self._street = held
             return _draw(held)
