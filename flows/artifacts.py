@@ -18,6 +18,8 @@ from prefect.artifacts import (
     create_table_artifact,
     update_progress_artifact,
 )
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.actions import ArtifactUpdate
 
 from facade_core.atlas.journal import STAGES
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
@@ -60,10 +62,12 @@ def tell_progress(block: str) -> Iterator[None]:
 
     def refresh() -> None:
         told = 0.0
-        while not over.wait(REFRESH_S):
-            if (now := percent()) != told:
-                update_progress_artifact(artifact, now)
-                told = now
+        # one client: each makes a TLS context, which costs as much as half a viewpoint
+        with get_client(sync_client=True) as client:
+            while not over.wait(REFRESH_S):
+                if (now := percent()) != told:
+                    client.update_artifact(artifact, ArtifactUpdate(data=now))
+                    told = now
 
     stop = listen(lambda stage, done, total, failed: finished.update({stage: (done, total)}))
     thread = Thread(target=refresh, name="progress-artifact", daemon=True)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 from facade_core.errors import InputError
 from tasks.cluster import UNITS_SHARE, Cluster
-from tasks.workers import limit_threads, prepared, run_unit, standing
+from tasks.workers import ONE_THREAD, limit_threads, prepared, run_unit, standing
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -88,6 +88,8 @@ def connect(workers: int, dask: str | None, folder: str) -> Iterator[Compute]:
         "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
         # a local cluster forgets a worker whose nanny takes longer to start it anew than this
         "distributed.deploy.lost-worker-timeout": "1 day",
+        # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
+        "distributed.nanny.pre-spawn-environ": ONE_THREAD,
     }
     with dask_module.config.set(settings):
         if dask is not None:

@@ -28,12 +28,12 @@ from facade_core.atlas.store import BRANCH
 from facade_core.errors import StoreError
 from tasks.commits import journal
 
-STREETS, LENGTH_M, APART_M = 8, 60.0, 400.0
+STREETS, LENGTH_M, APART_M = 16, 60.0, 400.0
 # Houses on either side: their fronts are this far from the centreline, this wide and this deep.
 FRONT_M, HOUSE_M, DEPTH_M = 8.0, 12.0, 10.0
-REPEATS = 3
+REPEATS = 2
 # Seconds between two looks at whether a run's streets are done.
-LOOK_S = 1.0
+LOOK_S = 4.0
 
 
 def measure(repeats: int = REPEATS) -> dict[str, Any]:
@@ -120,7 +120,7 @@ def run_block(block: Path, out: Path, workers: int) -> str:
 def _streets_done(store: Path) -> bool:
     try:
         held = journal(store, "streets")
-    except (StoreError, KeyError):  # before the block is ingested
+    except (StoreError, KeyError, FileNotFoundError):  # before the block is ingested
         return False
     return bool(held) and all(record and record["status"] == "done" for record in held)
 
