@@ -31,7 +31,7 @@ from tasks.commits import journal
 STREETS, LENGTH_M, APART_M = 16, 60.0, 400.0
 # Houses on either side: their fronts are this far from the centreline, this wide and this deep.
 FRONT_M, HOUSE_M, DEPTH_M = 8.0, 12.0, 10.0
-REPEATS = 2
+REPEATS = 1
 # Seconds between two looks at whether a run's streets are done.
 LOOK_S = 4.0
 
