@@ -28,8 +28,11 @@ def limit_threads() -> None:
     os.environ.update(ONE_THREAD)
     import cv2
     import scipy.linalg  # noqa: F401 its pool is the whole process's, and better limited before anything runs
+    import zarr
     from threadpoolctl import threadpool_limits
 
+    # chunks are small, and coded sooner than handed from thread to thread one by one
+    zarr.config.set({"threading.max_workers": 1, "codec_pipeline.batch_size": 256})
     cv2.setNumThreads(1)
     threadpool_limits(1)
 
