@@ -54,17 +54,17 @@ def _gather(image, rows, columns, left, out):
     for r in range(rows.shape[0]):
         for k in range(rows.shape[1]):
             above = int(np.floor(rows[r, k]))
-            below_share = np.float32(rows[r, k] - above)
+            below = np.float32(rows[r, k] - above)
             first, second = max(above, 0), min(above + 1, height - 1)
             whole = int(np.floor(columns[r, k]))
-            right_share = np.float32(columns[r, k] - whole)
+            right = np.float32(columns[r, k] - whole)
             start = (left + whole) % width
             for band in range(bands):
-                for c in range(count + 1):
-                    at = start + c
-                    if at >= width:
-                        at -= width
-                    line[c] = image[band, first, at] * (1 - below_share) + image[band, second, at] * below_share
+                upper, lower = image[band, first], image[band, second]
+                for c in range(min(count + 1, width - start)):
+                    line[c] = upper[start + c] + (lower[start + c] - upper[start + c]) * below
+                for c in range(width - start, count + 1):  # around at +-180 degrees
+                    line[c] = upper[start + c - width] + (lower[start + c - width] - upper[start + c - width]) * below
                 target = out[band * TAPS + k, r]
                 for c in range(count):
-                    target[c] = line[c] * (1 - right_share) + line[c + 1] * right_share
+                    target[c] = line[c] + (line[c + 1] - line[c]) * right
