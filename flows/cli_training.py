@@ -105,7 +105,7 @@ def train_translation_network(
 ) -> None:
     """Train the network that textures streets like the panoramas of a city (extra: train; `make train-setup`).
 
-    small: about half an hour on one core, what is shipped; more --steps for longer. full: for an accelerator. A picture of
+    small: about an hour on one core, what is shipped; more --steps for longer. full: for an accelerator. A picture of
     every checkpoint is left in OUT; the best one is what is written. An interrupted run goes on from its last checkpoint.
 
     \b

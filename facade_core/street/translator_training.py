@@ -31,8 +31,8 @@ CONSTANT = 0.75
 _JUDGED, _JUDGED_SEED = 64, 12345
 
 
-# Half an hour on one core; and for an accelerator.
-SMALL = Course(width=32, steps=750, warm=250, crop=(96, 192), batch=1, check=250)
+# An hour on one core that others use too; and for an accelerator.
+SMALL = Course(width=32, steps=1800, warm=400, crop=(96, 192), batch=1, check=300)
 FULL = Course(width=64, steps=150_000, warm=3000, crop=(256, 512), batch=4, check=2500)
 
 
