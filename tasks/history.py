@@ -18,7 +18,7 @@ from tasks.plan import read_plan
 from tasks.units.viewpoint import replay
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Moment:
     """What a street's charts held after one of its viewpoints: `window` by the geometry in `plan`, before levelling."""
 
@@ -40,20 +40,25 @@ class Moment:
 
 
 def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
-    """The charts of a street, given by its id, after its viewpoint `step` (0 is the first) of the run in folder `out`.
+    """The charts of a street after its viewpoint `step` (0 is the first) of the run in folder `out`.
 
+    The street is given by its id, or by a name that no other street has.
     Seeds and panoramas are those of the newest snapshot; the panoramas of streets of earlier waves are in. Raises InputError
     for an unknown street, and a viewpoint that it has not or that is not textured yet; StoreError where there is no run.
     """
     session = open_repository(Path(out) / "store").readonly_session(BRANCH)
     group: StoreGroup = zarr.open_group(session.store, mode="r")
     plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
-    names = [one.id for one in plan.streets]
-    if street not in names:
-        raise InputError(f"{out}: no street has the id {street!r}; there are {', '.join(names[:5])}")
-    own = plan.of_street(names.index(street))
+    chosen = [index for index, one in enumerate(plan.streets) if street in (one.id, one.name)]
+    if len(chosen) != 1:
+        said = "several streets have the name" if chosen else "no street has the id or name"
+        known = [plan.streets[index] for index in chosen or range(min(5, len(plan.streets)))]
+        raise InputError(
+            f"{out}: {said} {street!r}; there are {', '.join(f'{o.id} ({o.name})' if o.name else o.id for o in known)}"
+        )
+    own = plan.of_street(chosen[0])
     if not 0 <= step < len(own):
         raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
     if not group["journal/viewpoints"][own[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
-    return Moment(plan, replay(plan, group, names.index(street), step + 1, threads=os.cpu_count() or 1))
+    return Moment(plan, replay(plan, group, chosen[0], step + 1, threads=os.cpu_count() or 1))

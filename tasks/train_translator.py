@@ -48,10 +48,12 @@ def train_translator(
     """Train on panoramas in the folders `real`, and on renderings of block files and of procedural streets.
 
     Writes translator.onnx and translator.json into `out`, and beside them translator.state, where an interrupted run goes on,
-    and a picture of every checkpoint. Raises InputError without panoramas to learn from or to judge by.
+    and a picture of every checkpoint. Raises InputError without panoramas to learn from or to judge by, ModelError
+    without torch.
     """
     from facade_core.street import translator_export
 
+    translator_training.require_torch()  # before minutes of rendering
     learnt, judged, names = panoramas(real, places)
     out.mkdir(parents=True, exist_ok=True)
     rendered, rendered_judged = renderings(blocks, seed=seed)
@@ -89,7 +91,8 @@ def panoramas(folders: Sequence[Path], places: Places) -> tuple[list[np.ndarray]
                 names.append(f"{folder.name}/{path.name}")
     if not learnt or not judged:
         raise InputError(
-            f"{', '.join(map(str, folders))}: {len(learnt)} panoramas (2 h wide) to learn from and {len(judged)} to judge by; "
+            f"{', '.join(map(str, folders))}: {len(learnt)} panoramas (pictures twice as wide as high) to learn from and "
+            f"{len(judged)} to judge by; "
             "give both, and the beginning of the names of the latter with --judge-by"
         )
     return learnt, judged, names

@@ -10,6 +10,7 @@ import copy
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, replace
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -60,10 +61,9 @@ def train(
     state: file that keeps the run's state at every checkpoint, and is read when it is there and of the same run. Raises
     ImageError for an empty domain, ModelError for a state of another run, for a diverged run and where torch is missing.
     """
-    try:
-        import torch
-    except ImportError as error:
-        raise ModelError("training the translator needs torch; install the extra `train` (make train-setup)") from error
+    require_torch()
+    import torch
+
     from facade_core.street.translator_network import Discriminator, Generator, Patches, initialise
 
     for name, items in vars(domains).items():
@@ -117,6 +117,12 @@ def train(
                 _save_state(state, parts | rest)
     at = min(distances, key=distances.__getitem__)
     return Trained({name: value.cpu() for name, value in best.items()}, at, distances[at], distances)
+
+
+def require_torch() -> None:
+    """Raise ModelError where torch is missing."""
+    if find_spec("torch") is None:
+        raise ModelError("training the translator needs torch; install the extra `train` (make train-setup)")
 
 
 def rate(step: int, steps: int) -> float:

@@ -39,7 +39,7 @@ def test_what_there_is_not_is_told(undisturbed: tuple[Path, dict[str, Any]]) -> 
     out, _ = undisturbed
     group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
     street = next(record for record in read_journal(group, "streets") if record)["unit"]
-    with pytest.raises(InputError, match="no street has the id 'nowhere'; there are"):
+    with pytest.raises(InputError, match="no street has the id or name 'nowhere'; there are"):
         after_viewpoint(out, "nowhere", 0)
     with pytest.raises(InputError, match="999 is none of 0 to"):
         after_viewpoint(out, street, 999)
