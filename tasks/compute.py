@@ -90,7 +90,7 @@ def connect(workers: int, dask: str | None, folder: str) -> Iterator[Compute]:
         "distributed.deploy.lost-worker-timeout": "1 day",
         # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
         "distributed.nanny.pre-spawn-environ": ONE_THREAD,
-        # what watches the workers, 50 to 100 times a second each, takes a tenth of two cores from them
+        # what watches the workers, 50 to 100 times a second each, takes an eighth of a core from them
         "distributed.worker.profile.enabled": False,
         "distributed.admin.tick.interval": "1s",
         "distributed.admin.system-monitor.interval": "5s",
