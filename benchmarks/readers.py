@@ -206,7 +206,7 @@ def _block(name: str) -> dict[str, Any]:
     from catalogs.block import read_block
     from catalogs.sources import BLOCKS as FOLDER
     from facade_core.geometry.charts import WALL
-    from tasks.plan import plan_of
+    from tasks.planning import plan_of
 
     start = time.perf_counter()
     block = read_block(FOLDER / f"{name}.yaml")
@@ -216,7 +216,7 @@ def _block(name: str) -> dict[str, Any]:
     footprints = shapely.union_all([building.footprint for building in block.buildings])
     places = shapely.points([viewpoint.position[:2] for viewpoint in plan.viewpoints])
     normal = charts.normal()
-    middle = charts.origin + charts.axis_u * charts.size[:, :1] / 2 + charts.axis_v * charts.size[:, 1:] / 2
+    middle = charts.points(np.arange(len(charts)), *charts.size.T / 2)
     before = shapely.points((middle + 0.5 * normal)[:, :2])
     large = (charts.kind == WALL) & (charts.size[:, 0] >= 3.0) & (charts.size[:, 1] >= 2.5)
     free = large & ~shapely.intersects(footprints, before)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.frames import LONLAT
 from catalogs.items import BBOX
+from catalogs.visible import visible, visible_json
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -41,9 +42,9 @@ def format_items(items: pd.DataFrame, format: str = "table") -> str:
     if format == "table":
         return _table(items)
     if format == "json":
-        return json.dumps(_records(items), indent=1, ensure_ascii=False, allow_nan=False)
+        return visible_json(json.dumps(_records(items), indent=1, ensure_ascii=False, allow_nan=False))
     if format == "geojson":
-        return json.dumps(_collection(items), ensure_ascii=False, allow_nan=False)
+        return visible_json(json.dumps(_collection(items), ensure_ascii=False, allow_nan=False))
     raise InputError(f"--format {format}: not text, or not known; choose table, json, geojson")
 
 
@@ -120,4 +121,4 @@ def _table(items: pd.DataFrame) -> str:
 def _cell(name: str, value: Any) -> str:
     if value is None:
         return "-"
-    return f"{value:.2f}" if isinstance(value, float) else str(value)
+    return f"{value:.2f}" if isinstance(value, float) else visible(str(value))

@@ -70,7 +70,7 @@ class PathKeys(_Keys):
 class BuildingKeys(_Keys):
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
-    offset: Annotated[list[float], Field(min_length=3, max_length=3)] | None = None
+    offset: Annotated[list[Annotated[float, _between(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
     lod: str | None = None
 
 
@@ -115,6 +115,7 @@ class BlockKeys(_Keys):
     texture: TextureSettings = TextureSettings()
     storey: Annotated[float, _between(2, 8)] = 3.2
     geoid_separation: Annotated[float, _between(-120, 120)] | None = None
+    failed_limit: Annotated[float, _between(0, 1)] = 0.2
     seed: Annotated[int, _whole(0, 2**32 - 1)] = 0
 
 
@@ -159,7 +160,7 @@ def _line(fault: Mapping[str, Any]) -> str:
     kind, value = fault["type"], fault["input"]
     key = str(fault["loc"][-1]) if kind == "invalid_key" else dotted(fault["loc"])
     if kind in _UNKNOWN:
-        return f"{key}: unknown key; {_suggestion(key)}"
+        return f"{key if len(key) <= 60 else key[:57] + '...'}: unknown key; {_suggestion(key[:60])}"
     if kind == "missing":
         example = f"{key}: {{path: FILE}}" if "." not in key else "path: FILE"
         example = {"name": "name: my-block", "metres_per_pixel": "metres_per_pixel: 0.01"}.get(
@@ -168,10 +169,14 @@ def _line(fault: Mapping[str, Any]) -> str:
         return f"{key}: missing; write {example}"
     if kind in ("model_type", "dataclass_type"):
         inner = [k.removeprefix(key + ".") for k in known_keys() if k.startswith(key + ".")]
-        example = f"path: {value}" if "path" in inner and isinstance(value, str) else f"{inner[0]}: ..."
+        example = (
+            f"path: {' '.join(value.split())[:60]}"
+            if "path" in inner and isinstance(value, str)
+            else f"{inner[0]}: ..."
+        )
         return f"{key}: holds {shown(value)} where keys are expected; write {key}: {{{example}}}"
     if kind in _OUTSIDE:
-        return f"{key}: {shown(value)} is out of range; allowed is {known_keys()[key]}"
+        return f"{key}: {shown(value)} is out of range; allowed is {_allowed(key)}"
     if kind == "literal_error":
         return f"{key}: {shown(value)} is not known; choose {fault['ctx']['expected']}"
     if kind == "value_error":
@@ -189,9 +194,16 @@ def _line(fault: Mapping[str, Any]) -> str:
     return f"{key}: {shown(value)} is not {expected}; {remedy}"
 
 
+def _allowed(key: str) -> str:
+    """The range of a key, or of the entries of a list."""
+    return known_keys().get(key) or "up to 100 000 km either way"
+
+
 def dotted(loc: Sequence[str | int]) -> str:
     """("area", 1) -> area[1]; ("texture", "walls") -> texture.walls"""
-    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in loc)
+    end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic goes on with which of text and list it tried
+    parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)
     return key.lstrip(".")
 
 

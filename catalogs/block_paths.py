@@ -5,6 +5,8 @@ from __future__ import annotations
 import difflib
 import os
 import re
+import stat
+from itertools import islice
 from pathlib import Path
 
 from catalogs.block_keys import BlockKeys
@@ -38,15 +40,46 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
 
 
 def _existing(key: str, text: str, block: Path) -> Path:
-    path = block.parent / Path(_expanded(key, text)).expanduser()
-    if not path.exists():
-        near = [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
-        close = difflib.get_close_matches(path.name, near, n=1)
-        remedy = f"did you mean {close[0]}?" if close else "paths are relative to the block file"
-        raise ValueError(f"{key}: {path} does not exist; {remedy}")
-    if key not in FOLDERS and not path.is_file():
-        raise ValueError(f"{key}: {path} is a folder; name a file in it")
+    path = block.parent / _home(key, _expanded(key, text))
+    try:
+        kind = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        remedy = _nearest(path) or "paths are relative to the block file"
+        raise ValueError(f"{key}: {shortened(path)} does not exist; {remedy}") from None
+    except OSError as error:  # a name that is too long, links in a circle, a folder that may not be entered
+        raise ValueError(f"{key}: {shortened(path)} cannot be opened ({error.strerror}); name another path") from error
+    except ValueError as error:  # a name that no file can have
+        raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
+    if key not in FOLDERS and not stat.S_ISREG(kind):
+        what = "is a folder; name a file in it" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
+        raise ValueError(f"{key}: {path} {what}")
     return path
+
+
+def shortened(path: Path, limit: int = 240) -> str:
+    """A path in a message: its end where it is so long that nobody reads it."""
+    text = str(path)
+    return text if len(text) <= limit else f"...{text[-limit:]}"
+
+
+def _nearest(path: Path) -> str | None:
+    """What the folder of a missing file holds instead; of the first thousand of its files."""
+    try:
+        near = [found.name for found in islice(path.parent.iterdir(), 1000)]
+    except OSError:
+        return None
+    close = difflib.get_close_matches(path.name, near, n=1)
+    return f"did you mean {close[0]}?" if close else None
+
+
+def _home(key: str, text: str) -> Path:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        user = text.partition("/")[0]
+        raise ValueError(
+            f"{key}: {text[:60]}: there is no user {user}; name the folder, or write ./ before it"
+        ) from None
 
 
 def _expanded(key: str, text: str) -> str:
@@ -56,6 +89,6 @@ def _expanded(key: str, text: str) -> str:
             raise ValueError(
                 f"{key}: the environment variable {match[1]} is not set; set it to the folder that is meant"
             )
-        return str(Path(found).expanduser().absolute())
+        return str(_home(key, found).absolute())
 
     return re.sub(r"\$\{(\w+)\}", value, text)

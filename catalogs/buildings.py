@@ -5,25 +5,29 @@ from __future__ import annotations
 from collections import defaultdict
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import shapely
+from shapely import MultiPolygon, Polygon
 
+from catalogs.broken import reason_of
 from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
+from catalogs.frames import between
 from catalogs.models import models_in_frame
 from facade_core.types import Building
 
 if TYPE_CHECKING:
     from pyproj import CRS
-    from shapely import Polygon
 
 SMALLEST = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
 FALLBACK_HEIGHT = 12.0  # m; where no building of the block has a height
 SLIVER = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
 SAME = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
+BESIDE = 0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
 
 
 @dataclass(frozen=True)
@@ -52,12 +56,14 @@ def block_buildings(
     area: polygon in the frame; a building is in if its representative point is. A MultiPolygon becomes one building per
     part, id-0, id-1, ..., from west to east. Height of a footprint: the stated one, else levels x storey (roof levels lie
     behind the eaves and do not count), else the median of the known heights, else FALLBACK_HEIGHT. A building that an
-    earlier source states too (same id, or SAME of its outline) is left out with a note.
+    earlier source states too (SAME of its outline, or over BESIDE and the same id) is left out with a note. One elsewhere
+    that merely has another's id, such as a row's number, is numbered: id-2, id-3, ..., with a note.
     """
     reasons: dict[str, list[str]] = defaultdict(list)
     faults: list[Fault] = []
     found: list[_Candidate] = []
     textures: list[Path] = []
+    stated: dict[str, list[Any]] = defaultdict(list)
     for source in sources:
         assert source.crs is not None, "the block gives a frame to every source"
         places = _projected([remark.outline for remark in source.remarks], source.crs, crs)
@@ -71,7 +77,7 @@ def block_buildings(
             textures += source.textures
         else:
             candidates = _outlined(source, crs, area, reasons, faults)
-        found += _new(candidates, found, reasons)
+        found += _new(candidates, found, stated, reasons)
 
     found.sort(key=lambda candidate: natural_order(candidate.building.id))
     buildings, notes = _with_heights(found, storey)
@@ -84,12 +90,20 @@ def _outlined(
     assert source.crs is not None
     candidates = []
     outlines = _projected([footprint.outline for footprint in source.items], source.crs, crs)
-    for footprint, outline in zip(source.items, outlines, strict=True):
-        if reason := _broken(outline):
+    for footprint, stated in zip(source.items, outlines, strict=True):
+        outline = stated
+        try:
+            outline = _without_stray_holes(stated)
+            if outline is not stated:
+                reasons["holes outside their outlines ignored"].append(footprint.id)
+            reason = _broken(outline)
+            large, small = ([], []) if reason else _parts(outline)
+        except Exception as error:  # what GEOS makes of it is no other outline's fault
+            reason = reason_of(error)
+        if reason:
             if _touches(outline, area):
                 faults.append(Fault(footprint.id, "building", reason))
             continue
-        large, small = _parts(outline)
         if not large and _touches(outline, area):
             reason = f"footprints under {SMALLEST:g} m2" if small else "footprints that enclose no area"
             reasons[f"{reason} set aside"].append(footprint.id)
@@ -128,21 +142,40 @@ def _modelled(
     return candidates
 
 
-def _new(candidates: list[_Candidate], found: list[_Candidate], reasons: dict[str, list[str]]) -> list[_Candidate]:
-    """The candidates that no earlier source, and no earlier feature of their own, states too."""
-    ids = {candidate.building.id for candidate in found}
+def _new(
+    candidates: list[_Candidate],
+    found: list[_Candidate],
+    stated: dict[str, list[Any]],
+    reasons: dict[str, list[str]],
+) -> list[_Candidate]:
+    """The candidates that no earlier source, and no earlier feature of their own, states too, each with an id of its own.
+
+    stated: the outlines so far by the id that their source gives them.
+    """
+    used = {candidate.building.id for candidate in found}
+    taken = used | {candidate.building.id for candidate in candidates}
     tree = shapely.STRtree([candidate.building.footprint for candidate in found])
     kept = []
     for candidate in candidates:
-        outline = candidate.building.footprint
+        id, outline = candidate.building.id, candidate.building.footprint
         others = [found[i].building.footprint for i in tree.query(outline, predicate="intersects")]
         shared = max((outline.intersection(other).area for other in others), default=0.0)
-        if candidate.building.id in ids or shared > SAME * outline.area:
-            reasons["buildings stated twice, the first kept"].append(candidate.building.id)
-        else:
-            kept.append(candidate)
-            ids.add(candidate.building.id)
+        if shared > SAME * outline.area or any(_overlap(outline, other) for other in stated[id]):
+            reasons["buildings stated twice, the first kept"].append(id)
+            continue
+        stated[id].append(outline)
+        if id in used:
+            number = next(number for number in count(2) if f"{id}-{number}" not in taken)
+            taken.add(f"{id}-{number}")
+            candidate = replace(candidate, building=replace(candidate.building, id=f"{id}-{number}"))
+            reasons["buildings numbered since one elsewhere has their id"].append(candidate.building.id)
+        used.add(candidate.building.id)
+        kept.append(candidate)
     return kept
+
+
+def _overlap(outline: Any, other: Any) -> bool:
+    return bool(outline.intersection(other).area > BESIDE * min(outline.area, other.area))
 
 
 def _with_heights(found: list[_Candidate], storey: float) -> tuple[tuple[Building, ...], tuple[str, ...]]:
@@ -174,10 +207,9 @@ def _height(footprint: Footprint, storey: float) -> tuple[float | None, str]:
 
 
 def _projected(outlines: Sequence[Any], source: str, crs: CRS) -> np.ndarray:
-    from pyproj import Transformer
-
-    to_frame = Transformer.from_crs(source, crs, always_xy=True)
-    return shapely.transform(shapely.force_2d(np.array(outlines, dtype=object)), to_frame.transform, interleaved=False)
+    flat = np.empty(len(outlines), dtype=object)
+    flat[:] = outlines
+    return shapely.transform(shapely.force_2d(flat), between(source, crs), interleaved=False)
 
 
 def _touches(outline: Any, area: Polygon | None) -> bool:
@@ -185,6 +217,18 @@ def _touches(outline: Any, area: Polygon | None) -> bool:
     if area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
         return True
     return bool(shapely.box(*outline.bounds).intersects(area))
+
+
+def _without_stray_holes(outline: Any) -> Any:
+    """An outline less the holes that lie outside of it, which make it invalid; itself where there is none."""
+    if not shapely.is_valid_reason(outline).startswith("Hole lies outside shell"):
+        return outline
+    polygons = []
+    for part in shapely.get_parts(outline):
+        shell = _repaired(Polygon(part.exterior))
+        holes = [hole for hole in part.interiors if shell.covers(_repaired(Polygon(hole)).representative_point())]
+        polygons.append(Polygon(part.exterior, holes))
+    return polygons[0] if len(polygons) == 1 else MultiPolygon(polygons)
 
 
 def _broken(outline: Any) -> str | None:

@@ -10,6 +10,7 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.pictures import opened
 from facade_core.errors import ImageError, InputError
 from facade_core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
 
@@ -209,12 +210,10 @@ def _image_files(folder: Path) -> list[Path]:
 
 
 def _read_image(path: Path, mode: str | None) -> np.ndarray:
-    from PIL import Image, UnidentifiedImageError
-
     try:
-        with Image.open(path) as opened:
-            return np.asarray(opened.convert(mode) if mode else opened)
-    except (UnidentifiedImageError, OSError) as error:
+        with opened(path) as image:
+            return np.asarray(image.convert(mode) if mode else image)
+    except (ImageError, OSError) as error:
         raise ImageError(f"{path}: cannot be read as an image; fetch it again or remove the pair") from error
 
 

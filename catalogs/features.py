@@ -18,6 +18,9 @@ from facade_core.types import Roof, Shell
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
 
+# File systems allow 255 bytes, of which prefixes and suffixes take some.
+LONGEST_STEM = 120
+
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
@@ -91,9 +94,13 @@ class Footprints:
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
-    def bounds(self) -> tuple[float, float, float, float] | None:
-        """(xmin, ymin, xmax, ymax) of the outlines that lie somewhere; None where none does."""
-        return _bounds(footprint.outline for footprint in self.items)
+    def boxes(self) -> np.ndarray:
+        """(xmin, ymin, xmax, ymax) of each outline, (n, 4)."""
+        return _boxes(footprint.outline for footprint in self.items)
+
+    def place(self, index: int) -> Any:
+        """The outline of an item."""
+        return self.items[index].outline
 
     def moved(self, offset: Sequence[float]) -> Footprints:
         """All outlines and ground heights moved by (x, y, z)."""
@@ -118,9 +125,13 @@ class Models:
     remarks: tuple[Remark, ...] = ()
     faults: tuple[Fault, ...] = ()
 
-    def bounds(self) -> tuple[float, float, float, float] | None:
-        """(xmin, ymin, xmax, ymax) of the models that lie somewhere; None where none does."""
-        return _bounds(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
+    def boxes(self) -> np.ndarray:
+        """(xmin, ymin, xmax, ymax) of each model, (n, 4)."""
+        return _boxes(shapely.multipoints(model.shell.vertices[:, :2]) for model in self.items)
+
+    def place(self, index: int) -> Any:
+        """The box around an item."""
+        return shapely.box(*shapely.bounds(shapely.multipoints(self.items[index].shell.vertices[:, :2])))
 
     def moved(self, offset: Sequence[float]) -> Models:
         """All shells and ground heights moved by (x, y, z)."""
@@ -140,30 +151,30 @@ class Centrelines:
     items: tuple[Centreline, ...]
     faults: tuple[Fault, ...] = ()
 
-    def bounds(self) -> tuple[float, float, float, float] | None:
-        """(xmin, ymin, xmax, ymax) of the lines that lie somewhere; None where none does."""
-        return _bounds(piece.line for piece in self.items)
+    def boxes(self) -> np.ndarray:
+        """(xmin, ymin, xmax, ymax) of each line, (n, 4)."""
+        return _boxes(piece.line for piece in self.items)
 
 
-def _bounds(geometries: Iterable[Any]) -> tuple[float, float, float, float] | None:
-    boxes = shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
-    boxes = boxes[np.isfinite(boxes).all(axis=1)]
-    if len(boxes) == 0:
-        return None
-    return (*boxes[:, :2].min(axis=0).tolist(), *boxes[:, 2:].max(axis=0).tolist())
+def _boxes(geometries: Iterable[Any]) -> np.ndarray:
+    return shapely.bounds(np.array(list(geometries), dtype=object)).reshape(-1, 4)
 
 
 def file_stem(identifier: str) -> str:
-    """An id as a file's name without suffix: itself where it is one on every system, else told apart by a short digest."""
-    if re.fullmatch(r"[\w{}()+=@-][\w {}()+=@.-]*", identifier, re.ASCII):
+    """An id as a file's name without suffix, of LONGEST_STEM letters at most: itself where it is one on every system, else told
+    apart by a short digest."""
+    if len(identifier) <= LONGEST_STEM and re.fullmatch(r"[\w{}()+=@-][\w {}()+=@.-]*", identifier, re.ASCII):
         return identifier
-    plain = re.sub(r"[^\w{}()+=@-]", "_", identifier, flags=re.ASCII)
-    return f"{plain[:80]}-{hashlib.blake2b(identifier.encode(), digest_size=4).hexdigest()}"
+    plain = re.sub(r"[^\w{}()+=@-]", "_", identifier[:80], flags=re.ASCII)
+    digest = hashlib.blake2b(identifier.encode(errors="surrogatepass"), digest_size=4).hexdigest()
+    return f"{plain}-{digest}"
 
 
-def natural_order(identifier: str) -> tuple[tuple[str, int], ...]:
-    """Sort key that puts w9 before w10."""
-    return tuple((text, int(number or -1)) for text, number in re.findall(r"(\D*)(\d*)", identifier))
+def natural_order(identifier: str) -> tuple[tuple[str, int, str], ...]:
+    """Sort key that puts w9 before w10, however many digits there are."""
+    found = re.findall(r"(\D*)(\d*)", identifier)
+    stripped = [(text, number.lstrip("0") or number[:1]) for text, number in found]
+    return tuple((text, len(number), number) for text, number in stripped)
 
 
 def numbered(identifier: str, seen: Counter[str], remarks: list[Remark]) -> str:

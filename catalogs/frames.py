@@ -3,8 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+import re
+from collections.abc import Callable, Sequence
+from functools import lru_cache
 from typing import TYPE_CHECKING
+
+import numpy as np
 
 from facade_core.errors import InputError
 
@@ -14,20 +18,17 @@ if TYPE_CHECKING:
 
 LONLAT = "EPSG:4326"
 _MARGIN = 2.0  # degrees by which blocks at a border may leave the area of their frame
+_RADII = (6.3e6, 6.45e6)  # m; the semi-major axes of the ellipsoids and spheres that are meant to be the Earth
+_LONGEST_SHOWN = 60
+_GRID_FILE = re.compile(r"(?:grids|file|init)\s*=[^\s\"]*[/\\~]|PARAMETERFILE\[[^\]]*[/\\~]", re.IGNORECASE)
+# Krovak's frames, whose axes are south and west, and those of east and north beside them.
+_EAST_AND_NORTH = {"EPSG:5513": "EPSG:5514", "EPSG:2065": "EPSG:5221"}
 _TOLERANCE = 0.01  # a frame whose metre is off by more than this spoils every height and floor count
 
 
 def named_frame(text: str) -> CRS:
     """The horizontal part of a named CRS; InputError unless it is projected and in metres."""
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
-    try:
-        crs = CRS.from_user_input(text)
-    except CRSError as error:
-        raise InputError(f"{text!r} is not a known CRS; give a projected one in metres, e.g. EPSG:32635") from error
-    if crs.is_compound:
-        crs = crs.sub_crs_list[0]
+    crs = known_frame(text)
     if not crs.is_projected or any(axis.unit_conversion_factor != 1.0 for axis in crs.axis_info):
         raise InputError(
             f"{text!r} ({crs.name}) is not projected in metres; give e.g. EPSG:32635, or leave crs out for UTM"
@@ -35,15 +36,71 @@ def named_frame(text: str) -> CRS:
     return crs
 
 
+@lru_cache(maxsize=64)
 def known_frame(text: str) -> CRS:
-    """Any CRS by its name; InputError where pyproj does not know it."""
+    """The horizontal part of any CRS by its name. InputError where it is unknown, of no places on Earth, or needs files."""
     from pyproj import CRS
-    from pyproj.exceptions import CRSError
+    from pyproj.exceptions import CRSError, ProjError
+
+    shown = repr(text if len(text) <= _LONGEST_SHOWN else f"{text[:_LONGEST_SHOWN]}...")
+    remedy = "give one such as EPSG:4326 or EPSG:32635"
+    if _GRID_FILE.search(text):
+        raise InputError(f"{shown} names a grid file of this machine; {remedy}")
+    try:
+        crs = CRS.from_user_input(text)
+        if crs.is_compound:
+            crs = crs.sub_crs_list[0]
+        if not (crs.is_projected or crs.is_geographic):
+            raise InputError(f"{shown} ({crs.name}) is a {crs.type_name}, which has no places on a map; {remedy}")
+        ellipsoid = crs.ellipsoid
+        if ellipsoid is None or not _RADII[0] < ellipsoid.semi_major_metre < _RADII[1]:
+            raise InputError(f"{shown} ({crs.name}) is not a frame of the Earth; {remedy}")
+        between(crs, LONLAT)
+    except (CRSError, ProjError, UnicodeError) as error:
+        raise InputError(f"{shown} is not a known CRS; {remedy}") from error
+    return crs
+
+
+def between(source: CRS | str, target: CRS | str) -> Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]:
+    """How x (east) and y (north) of one frame become those of another; infinite where the other has no such place.
+
+    Frames whose axes are north and east are taken in the order east, north; others, such as south and west, in their own.
+    Raises InputError where no way leads from one to the other.
+    """
+    from pyproj import Transformer
+    from pyproj.exceptions import ProjError
 
     try:
-        return CRS.from_user_input(text)
-    except CRSError as error:
-        raise InputError(f"{text!r} is not a known CRS; give one such as EPSG:4326 or EPSG:28992") from error
+        transform = Transformer.from_crs(source, target, always_xy=True).transform
+    except ProjError as error:
+        raise InputError(
+            f"no transformation is known from {_name(source)} to {_name(target)}; give another crs"
+        ) from error
+    return transform
+
+
+def points_east_and_north(crs: CRS) -> bool:
+    """Whether the axes of a frame are east and north, in either order, or those of a map of a pole."""
+    directions = [axis.direction for axis in crs.axis_info]
+    return set(directions[:2]) == {"east", "north"} or (len(directions) > 1 and directions[0] == directions[1])
+
+
+def check_axes(crs: CRS, longitude: float, latitude: float) -> None:
+    """InputError where a frame mirrors or turns what is in it: where its x does not run east, or its y not north."""
+    step = 1e-4  # degrees
+    x, y = between(LONLAT, crs)(
+        np.array([longitude, longitude + step, longitude]), np.array([latitude, latitude, latitude + step])
+    )
+    east, north = np.array([x[1] - x[0], y[1] - y[0]]), np.array([x[2] - x[0], y[2] - y[0]])
+    turned = set(axis.direction for axis in crs.axis_info[:2]) == {"east", "north"} and east[0] < 0
+    if points_east_and_north(crs) and east[0] * north[1] - east[1] * north[0] > 0 and not turned:
+        return
+    axes = " and ".join(axis.direction for axis in crs.axis_info)
+    instead = _EAST_AND_NORTH.get(crs.to_string()) or f"EPSG:{utm_frame(longitude, latitude).to_epsg()}"
+    raise InputError(
+        f"{crs.to_string()} ({crs.name}) has the axes {axes}, which mirrors or turns a block; give one with east and north, "
+        f"e.g. {instead}, or leave crs out"
+    )
 
 
 def block_frame(source: str, longitude: float, latitude: float) -> CRS:
@@ -51,6 +108,7 @@ def block_frame(source: str, longitude: float, latitude: float) -> CRS:
     try:
         frame = named_frame(source)
         check_scale(frame, longitude, latitude)
+        check_axes(frame, longitude, latitude)
     except InputError:
         return utm_frame(longitude, latitude)
     return frame
@@ -62,7 +120,7 @@ def utm_frame(longitude: float, latitude: float) -> CRS:
 
     if not -80.0 <= latitude <= 84.0:
         raise InputError(f"no UTM zone at latitude {latitude:.2f}; give a projected crs in metres")
-    zone = min(int((longitude + 180.0) // 6.0) + 1, 60)
+    zone = int((longitude + 180.0) % 360.0 // 6.0) + 1
     return CRS.from_epsg((32600 if latitude >= 0 else 32700) + zone)
 
 
@@ -104,12 +162,10 @@ def outside(crs: CRS, longitude: float, latitude: float) -> tuple[str, ...]:
 def area_outline(area: Sequence[float], crs: CRS) -> Polygon:
     """A [west, south, east, north] box in degrees as a polygon in the frame, its sides split so that they stay true."""
     import shapely
-    from pyproj import Transformer
 
     west, south, east, north = area
     box = shapely.segmentize(shapely.box(west, south, east, north), max(east - west, north - south) / 64)
-    to_frame = Transformer.from_crs(LONLAT, crs, always_xy=True)
-    return shapely.transform(box, to_frame.transform, interleaved=False)
+    return shapely.transform(box, between(LONLAT, crs), interleaved=False)
 
 
 def to_lonlat(crs: str, bounds: tuple[float, float, float, float]) -> tuple[float, float, float, float]:
@@ -117,3 +173,7 @@ def to_lonlat(crs: str, bounds: tuple[float, float, float, float]) -> tuple[floa
     from pyproj import Transformer
 
     return Transformer.from_crs(crs, LONLAT, always_xy=True).transform_bounds(*bounds)
+
+
+def _name(crs: CRS | str) -> str:
+    return (crs if isinstance(crs, str) else crs.to_string())[:_LONGEST_SHOWN]

@@ -88,10 +88,10 @@ COLUMNS = (
         "parents", "string", "", "what it is made from: block/, building/, street/ with their ids, image/ with names"
     ),
     Column("status", "string", "", "done or failed", required=True),
-    Column("reason", "string", "", "why the unit failed"),
+    Column("reason", "string", "", "why the unit failed, or what of its pictures was refused"),
     Column("seconds", "double", "seconds", "time spent on the facade"),
     Column("updated", "timestamp[us, UTC]", "", "when the unit was made", required=True),
-    Column("code_version", "string", "", "code that made the row", required=True),
+    Column("code_version", "string", "", "code that made the block", required=True),
     Column("config_digest", "string", "", "digest of the inputs and settings", required=True),
 )
 BBOX = ("xmin", "ymin", "xmax", "ymax")

@@ -9,7 +9,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from catalogs.broken import reason_of
 from catalogs.features import Model, Models
+from catalogs.frames import between
 from facade_core.types import SEMANTICS, Shell
 
 if TYPE_CHECKING:
@@ -19,6 +21,7 @@ if TYPE_CHECKING:
 GROUND = SEMANTICS.index("ground")
 WELD = 0.001  # m; corners of neighbouring triangles are the same within this
 GAP = 0.01  # m; slits between triangles that miss each other by a hair are closed
+LOWEST, HIGHEST = -1000.0, 10_000.0  # m; where on Earth a building can stand
 TALLEST = 1500.0  # m; what reaches further up is a slip of the data
 
 
@@ -29,12 +32,11 @@ def models_in_frame(
 
     Texture indices are counted on from `first_texture`.
     """
-    from pyproj import Transformer
-
-    to_frame = Transformer.from_crs(source.crs, crs, always_xy=True)
+    assert source.crs is not None, "the block gives a frame to every source"
+    to_frame = between(source.crs, crs)
     for model in source.items:
         shell = model.shell
-        x, y = to_frame.transform(shell.vertices[:, 0], shell.vertices[:, 1])
+        x, y = to_frame(shell.vertices[:, 0], shell.vertices[:, 1])
         vertices = np.column_stack([x, y, shell.vertices[:, 2]])
         if not np.isfinite(vertices).all():
             yield model, shell, "a corner of it is not a number, or lies outside the block's frame; mend or remove it"
@@ -44,7 +46,19 @@ def models_in_frame(
         if np.ptp(vertices[:, 2]) > TALLEST:
             yield model, shell, f"it is over {TALLEST:g} m high; check its heights, or remove it"
             continue
-        outline = outline_of(shell)
+        low = float(vertices[:, 2].min())
+        if not LOWEST <= low <= HIGHEST:
+            yield (
+                model,
+                shell,
+                f"it stands at a height of {low:.6g} m; check its heights and buildings.offset, or remove it",
+            )
+            continue
+        try:
+            outline = outline_of(shell)
+        except Exception as error:  # what GEOS makes of it is no other model's fault
+            yield model, shell, reason_of(error)
+            continue
         yield model, shell, outline if not outline.is_empty else "it covers no ground (walls only); give a closed model"
 
 

@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from catalogs.answers import located
+from catalogs.held import being_read
 from catalogs.query import query
 from catalogs.runs import Folder, items_path, runs_in
 from catalogs.s3 import S3Folder, folder_at
@@ -59,37 +60,8 @@ class Catalogue:
         facade that there is not, StoreError where the run's store is gone.
         """
         folder = self._folder(id, run)
-        group = _published_group(folder)
-        import xarray as xr
-
-        facades = xr.open_zarr(group.store, group="facades", consolidated=False, chunks=None).load()
-        index = list(map(str, facades.id.values)).index(id)
-        charts = xr.open_zarr(group.store, group="charts", consolidated=False, chunks=None)
-        chart = charts.isel(chart=int(facades.chart.values[index])).load()
-        y, x, height, width = (int(chart[name]) for name in ("y", "x", "height", "width"))
-        place = int(chart.page), slice(y, y + height), slice(x, x + width)
-        density = float(group["atlas"].attrs["texels_per_metre"])
-        variables: dict[str, Any] = {}
-        for name, path in RASTERS.items():
-            array = group[path]
-            dimensions = ("y", "x", "band") if array.ndim == 4 else ("y", "x")
-            variables[name] = (dimensions, np.asarray(array[place]), {"long_name": array.attrs["long_name"]})
-        record = json.loads(group["journal/facades"][index].item() or "{}")
-        return xr.Dataset(
-            variables,
-            coords={
-                "y": ("y", (np.arange(height) + 0.5) / density, {"units": "m", "long_name": "down from the top"}),
-                "x": ("x", (np.arange(width) + 0.5) / density, {"units": "m", "long_name": "along the wall"}),
-            },
-            attrs={
-                "id": id,
-                "crs": group["atlas"].attrs["crs"],
-                "origin": chart.origin.values.tolist(),
-                "axis_x": chart.axis_u.values.tolist(),
-                "axis_y": chart.axis_v.values.tolist(),
-                "elements": json.dumps(record.get("elements", [])),
-            },
-        )
+        with being_read(items_path(folder).parent):
+            return _facade(_published_group(folder), id)
 
     def _folder(self, id: str, run: str | None) -> Folder:
         rows = query(self.out, where="kind = 'facade'")
@@ -104,6 +76,39 @@ class Catalogue:
         if len(names) > 1:
             raise InputError(f"{self.out}: facade {id} is in the runs {', '.join(names)}; name one with run=")
         return next(found.folder for found in runs_in(self.out)[0] if found.name == names[0])
+
+
+def _facade(group: Any, id: str) -> xr.Dataset:
+    import xarray as xr
+
+    facades = xr.open_zarr(group.store, group="facades", consolidated=False, chunks=None).load()
+    index = list(map(str, facades.id.values)).index(id)
+    charts = xr.open_zarr(group.store, group="charts", consolidated=False, chunks=None)
+    chart = charts.isel(chart=int(facades.chart.values[index])).load()
+    y, x, height, width = (int(chart[name]) for name in ("y", "x", "height", "width"))
+    place = int(chart.page), slice(y, y + height), slice(x, x + width)
+    density = float(group["atlas"].attrs["texels_per_metre"])
+    variables: dict[str, Any] = {}
+    for name, path in RASTERS.items():
+        array = group[path]
+        dimensions = ("y", "x", "band") if array.ndim == 4 else ("y", "x")
+        variables[name] = (dimensions, np.asarray(array[place]), {"long_name": array.attrs["long_name"]})
+    record = json.loads(group["journal/facades"][index].item() or "{}")
+    return xr.Dataset(
+        variables,
+        coords={
+            "y": ("y", (np.arange(height) + 0.5) / density, {"units": "m", "long_name": "down from the top"}),
+            "x": ("x", (np.arange(width) + 0.5) / density, {"units": "m", "long_name": "along the wall"}),
+        },
+        attrs={
+            "id": id,
+            "crs": group["atlas"].attrs["crs"],
+            "origin": chart.origin.values.tolist(),
+            "axis_x": chart.axis_u.values.tolist(),
+            "axis_y": chart.axis_v.values.tolist(),
+            "elements": json.dumps(record.get("elements", [])),
+        },
+    )
 
 
 def open(out: Folder | str) -> Catalogue:
@@ -122,7 +127,7 @@ def _published_group(folder: Folder) -> Any:
     import zarr
 
     snapshot = items_path(folder).parent.name
-    icechunk.set_logs_filter("error")  # it warns of writers at every opening
+    icechunk.set_logs_filter("off")  # it warns of writers at every opening
     try:
         store = folder / "store"
         if isinstance(store, S3Folder):
@@ -130,5 +135,5 @@ def _published_group(folder: Folder) -> Any:
         else:
             repository = icechunk.Repository.open(icechunk.local_filesystem_storage(str(store)))
         return zarr.open_group(repository.readonly_session(snapshot_id=snapshot).store, mode="r")
-    except icechunk.IcechunkError as error:
+    except (icechunk.IcechunkError, OSError, ValueError) as error:
         raise StoreError(f"{folder / 'store'}: {str(error).splitlines()[0]}; run the block again") from error

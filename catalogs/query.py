@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Callable, Sequence
+from contextlib import ExitStack
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.answers import FORMATS, format_items
+from catalogs.held import being_read
 from catalogs.items import COLUMNS, arrow_type
 from catalogs.runs import Folder, Run, items_path, runs_in
 from catalogs.s3 import S3Folder, filesystem, folder_at, reached
@@ -49,9 +51,9 @@ def query(
     import duckdb
 
     box, start = _checked_box(bbox), None if since is None else parse_since(since)
-    found, schema = _published(out, note)
-    local = [path for _, path, _ in found if isinstance(path, Path)]
-    with duckdb.connect(":memory:", config=_SETTINGS) as connection:
+    with ExitStack() as holds, duckdb.connect(":memory:", config=_SETTINGS) as connection:
+        found, schema = _published(out, note, holds)
+        local = [path for _, path, _ in found if isinstance(path, Path)]
         connection.execute("SET TimeZone = 'UTC'")
         # of the world the condition may see these files and no others, and only the columns that it names are read of all rows
         connection.execute(
@@ -92,9 +94,10 @@ def _checked_box(bbox: Sequence[float] | None) -> list[float]:
 
 
 def _published(
-    out: Folder | str, note: Callable[[str], None] | None
+    out: Folder | str, note: Callable[[str], None] | None, holds: ExitStack
 ) -> tuple[list[tuple[Run, Folder, pa.Schema]], pa.Schema]:
-    """The catalogues of the runs in `out`, and all their columns; of several runs, those that cannot be read are left out."""
+    """The catalogues of the runs in `out`, and all their columns; of several runs, those that cannot be read are left out.
+    holds keeps them from being pruned."""
     import pyarrow as pa
 
     runs, left_out = runs_in(folder_at(out))
@@ -103,6 +106,7 @@ def _published(
     for run in runs:
         try:
             path = items_path(run.folder)
+            holds.enter_context(being_read(path.parent))
             try:
                 held = _schema(path)
                 united = pa.unify_schemas([united, held], promote_options="permissive")

@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 import statistics
+from base64 import b64encode
 from collections.abc import Mapping, Sequence
+from hashlib import sha256
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
 
+from markupsafe import Markup
+
 from catalogs.features import file_stem
+from catalogs.visible import visible
 
 # Stages in their order with what a reader should see; a picture that does not exist is left out.
 STAGES = (
@@ -34,14 +39,17 @@ def write_report(
     heights: Mapping[str, int],
 ) -> None:
     """Write index.html into `folder`, beside its images/ (which are looked for, not made)."""
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined, select_autoescape
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), autoescape=select_autoescape(), undefined=StrictUndefined
+        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=_shown, undefined=StrictUndefined
     )
     images = sorted((folder / "images").iterdir())
     facades = [_facade(row, records.get(row["id"], {}), images) for row in rows]
+    style = (Path(__file__).parent / "report.css").read_text(encoding="utf-8")
     page = environment.get_template("report.html.j2").render(
+        style=Markup(style),
+        style_digest=b64encode(sha256(style.encode()).digest()).decode(),
         summary=summary,
         facades=facades,
         set_aside=set_aside,
@@ -53,6 +61,11 @@ def write_report(
         timings=[*_timings("facade", records.values()), *_timings("viewpoint", viewpoints)],
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
+
+
+def _shown(value: Any) -> Any:
+    """What stands in the page for a value, before it is escaped."""
+    return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
 def _facade(row: Mapping[str, Any], record: Mapping[str, Any], images: Sequence[Path]) -> dict[str, Any]:

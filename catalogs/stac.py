@@ -29,6 +29,7 @@ from catalogs.stac_items import (
     street_item,
 )
 from catalogs.stac_parquet import MIRROR, write_mirror
+from catalogs.visible import visible_json
 
 if TYPE_CHECKING:
     from pystac import Item, Link, STACObject
@@ -197,7 +198,7 @@ def to_json(value: STACObject) -> str:
 
 def json_text(fields: Mapping[str, Any]) -> str:
     """A STAC object's fields as they are written to its file."""
-    return json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False) + "\n"
+    return visible_json(json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _stem(identifier: str) -> str:

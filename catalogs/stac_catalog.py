@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import os
+import re
 import uuid
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from urllib.parse import quote
 
 from catalogs.runs import Run, items_path, runs_in
 from catalogs.stac import collections_in, to_json
@@ -32,7 +34,8 @@ def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = No
     for run in runs:
         try:
             _write_run(run)
-            children.append((f"./{run.name}/{CATALOG}", run.name))
+            # a run's folder may have a name that means something in a link
+            children.append((f"./{re.sub('[%?#]', lambda sign: quote(sign[0]), run.name)}/{CATALOG}", run.name))
         except (InputError, OSError) as error:
             left_out.append(f"{run.name} is left out: {error}")
     for line in left_out:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import posixpath
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING, Any
 
@@ -51,6 +51,33 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
     pq.write_table(
         table.replace_schema_metadata({k: json.dumps(v) for k, v in header.items()}), path, compression="zstd"
     )
+
+
+def without_links(path: Path, dead: Callable[[dict[str, Any]], bool]) -> Callable[[Path], None] | None:
+    """What writes a mirror without some links of its Items and its Collection; None where it has none of these."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    table = pq.read_table(path)
+    header = {key: json.loads(text) for key, text in (table.schema.metadata or {}).items() if key != b"ARROW:schema"}
+    found = False
+
+    def living(links: list[dict[str, Any]]) -> list[dict[str, Any]]:
+        nonlocal found
+        kept = [link for link in links if not dead(link)]
+        found = found or len(kept) < len(links)
+        return kept
+
+    for said in (header[b"stac:collection"], *header[b"stac-geoparquet"]["collections"].values()):
+        said["links"] = living(said["links"])
+    if "links" in table.column_names:
+        column = table.column_names.index("links")
+        links = [living(row) for row in table["links"].to_pylist()]
+        table = table.set_column(column, table.schema.field("links"), pa.array(links, table.schema.field("links").type))
+    if not found:
+        return None
+    table = table.replace_schema_metadata({key: json.dumps(value) for key, value in header.items()})
+    return lambda target: pq.write_table(table, target, compression="zstd")
 
 
 def _row(href: str, item: Item) -> dict[str, Any]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import defaultdict
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -11,12 +12,14 @@ import shapely
 from shapely import LineString
 
 from catalogs.features import Centreline, Centrelines, Fault, natural_order
+from catalogs.frames import between
 from facade_core.types import Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
     from shapely import Polygon
 
+LONGEST_STRETCH = 20_000.0  # m between two points of a line
 SHORTEST = 1.0  # m; what is shorter is a slip of the mapper, or a crumb that the area's border leaves
 
 
@@ -63,16 +66,33 @@ def block_streets(
     return tuple(streets), tuple(sorted(faults, key=lambda fault: natural_order(fault.id)))
 
 
-def _projected(geometries: Sequence[Any], source: str | None, crs: CRS) -> np.ndarray:
-    from pyproj import Transformer
+def followed(
+    source: Centrelines, crs: CRS, around: Polygon, area: Polygon | None
+) -> tuple[Centrelines, tuple[str, ...]]:
+    """The centrelines in the metric frame as far as they lie in a polygon in it, and the ids of those that leave it within the
+    area; the source itself where none does."""
+    lines = _projected([piece.line for piece in source.items], source.crs, crs)
+    sound = [not _broken(piece.line, line) for piece, line in zip(source.items, lines, strict=True)]
+    inside = [not one or around.covers(line) for one, line in zip(sound, lines, strict=True)]
+    if all(inside):
+        return source, ()
+    items, cut = [], []
+    for piece, line, whole in zip(source.items, lines, inside, strict=True):
+        items += [replace(piece, line=part) for part in ([line] if whole else _clipped(line, around))]
+        if not whole and _touches(line, area):
+            cut.append(piece.id)
+    places = _projected([fault.place for fault in source.faults], source.crs, crs)
+    faults = [replace(fault, place=place) for fault, place in zip(source.faults, places, strict=True)]
+    return Centrelines(None, tuple(items), tuple(faults)), tuple(cut)
 
+
+def _projected(geometries: Sequence[Any], source: str | None, crs: CRS) -> np.ndarray:
     flat = np.empty(len(geometries), dtype=object)
     flat[:] = geometries
     flat = shapely.force_2d(flat)
     if source is None:
         return flat
-    to_frame = Transformer.from_crs(source, crs, always_xy=True)
-    return shapely.transform(flat, to_frame.transform, interleaved=False)
+    return shapely.transform(flat, between(source, crs), interleaved=False)
 
 
 def _broken(stated: LineString | None, line: LineString | None) -> str | None:
@@ -85,6 +105,11 @@ def _broken(stated: LineString | None, line: LineString | None) -> str | None:
         return "has coordinates that the block's frame cannot hold; remove it, or check the frame of its file"
     if line.length == 0:
         return "has no length; remove it, or draw it to its end"
+    stretch = float(np.hypot(*np.diff(shapely.get_coordinates(line), axis=0).T).max())
+    if stretch > LONGEST_STRETCH:
+        return (
+            f"has a stretch of {stretch / 1000:,.0f} km without a point; mend the point that lies apart, or remove it"
+        )
     return None
 
 

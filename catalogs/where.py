@@ -44,6 +44,8 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
         )
     if len(where) > LONGEST:
         raise InputError(f"--where has {len(where)} characters; at most {LONGEST} are read")
+    if where != where.encode(errors="replace").decode():
+        raise refusal(where, "it holds half a character", "write it as UTF-8")
     query = f"SELECT * FROM {table} WHERE {where}"
     tree = _tree(connection, query)
     if tree.get("error"):

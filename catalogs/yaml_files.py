@@ -2,50 +2,148 @@
 
 from __future__ import annotations
 
+import re
+import stat
+import unicodedata
+from functools import cache
 from pathlib import Path
 from typing import Any
 
+# A block file names data and does not hold any: one of a list of a thousand files has 100 kB.
+LARGEST = 256_000  # bytes
+DEEPEST = 20  # levels of keys and lists
+# Digits of a whole number: what is longer is no setting, and Python refuses to read some of it.
+MOST_DIGITS = 40
+# Characters that no value has on purpose: they break lines of messages, or cannot be written down at all.
+_UNWANTED = {"Cc": "a control character", "Cs": "half a character", "Zl": "a line break", "Zp": "a line break"}
+# Plain values by their look, as YAML 1.2's core schema reads them. In YAML 1.1 `no` is false, 1:30 is 90 and 010 is 8.
+_CORE = (
+    ("null", r"~|null|Null|NULL|", "~nN\0"),
+    ("bool", r"true|True|TRUE|false|False|FALSE", "tTfF"),
+    ("int", r"[-+]?[0-9]+|0o[0-7]+|0x[0-9a-fA-F]+", "-+0123456789"),
+    (
+        "float",
+        r"[-+]?(\.[0-9]+|[0-9]+(\.[0-9]*)?)([eE][-+]?[0-9]+)?|[-+]?\.(inf|Inf|INF)|\.(nan|NaN|NAN)",
+        "-+0123456789.",
+    ),
+)
+_OCTAL = re.compile(r"[-+]?0[0-9]+")
+
 
 def read_yaml(path: Path) -> Any:
-    """The content of a YAML file; ValueError in one line, with the line number where YAML itself is at fault."""
+    """The content of a YAML file; ValueError in one line, with the line number where YAML itself is at fault.
+
+    Plain values are read as in YAML 1.2 (core schema). Anchors, aliases, tags and twins of a key are refused, and so are
+    files of more than LARGEST bytes or of more than DEEPEST levels.
+    """
     import yaml
 
+    text = _text(path)
     try:
-        text = path.read_text(encoding="utf-8")
+        return yaml.load(text, Loader=_loader())
+    except yaml.YAMLError as error:
+        problem = getattr(error, "problem", None) or getattr(error, "reason", None) or str(error)
+        raise ValueError(
+            f"{_place(error, text)}not valid YAML ({' '.join(str(problem).split())}); mend that line"
+        ) from error
+
+
+def _text(path: Path) -> str:
+    try:
+        if not stat.S_ISREG(path.stat().st_mode):
+            raise ValueError("is no file; name a block file")
+        with path.open("rb") as file:
+            content = file.read(LARGEST + 1)
     except FileNotFoundError:
         raise ValueError("no such block file; check the path") from None
     except OSError as error:
         raise ValueError(f"cannot be read ({error.strerror}); name a block file") from error
+    if len(content) > LARGEST:
+        raise ValueError(f"has more than {LARGEST // 1000} kB, and a block file only names data; name a block file")
+    try:
+        return content.decode("utf-8-sig")
     except UnicodeDecodeError:
         raise ValueError("is not UTF-8 text; a block file is YAML") from None
-    try:
-        _refuse_twins(yaml.compose(text, Loader=yaml.SafeLoader))
-        return yaml.safe_load(text)
-    except yaml.YAMLError as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f"line {mark.line + 1}, column {mark.column + 1}: " if mark else ""
-        problem = " ".join(str(getattr(error, "problem", None) or error).split())
-        raise ValueError(f"{place}not valid YAML ({problem}); mend that line") from error
 
 
-def _refuse_twins(root: Any) -> None:
-    """YAML lets the last of two equal keys win in silence."""
+def _place(error: Any, text: str) -> str:
+    if mark := getattr(error, "problem_mark", None) or getattr(error, "context_mark", None):
+        return f"line {mark.line + 1}, column {mark.column + 1}: "
+    position = getattr(error, "position", None)  # of a character that YAML does not allow
+    return f"line {text.count(chr(10), 0, position) + 1}: " if isinstance(position, int) else ""
+
+
+@cache
+def _loader() -> type:
     import yaml
 
-    waiting, seen = [root], set()
-    while waiting:
-        node = waiting.pop()
-        if id(node) in seen:  # anchors make a graph of it
-            continue
-        seen.add(id(node))
-        if isinstance(node, yaml.SequenceNode):
-            waiting += node.value
-        elif isinstance(node, yaml.MappingNode):
+    class Loader(yaml.SafeLoader):
+        """PyYAML's, which reads YAML 1.1, with what is refused refused and the plain values of YAML 1.2."""
+
+        depth = 0
+
+        def compose_node(self, parent: Any, index: Any) -> Any:
+            event = self.peek_event()
+            line = event.start_mark.line + 1
+            if isinstance(event, yaml.AliasEvent):
+                raise ValueError(f"line {line}: *{event.anchor} stands for another value; write the value out")
+            if event.anchor is not None:
+                raise ValueError(f"line {line}: &{event.anchor} names a value; leave the name out")
+            if event.tag is not None:
+                tag = ascii(event.tag.replace("tag:yaml.org,2002:", "!!"))[:60]
+                raise ValueError(f"line {line}: {tag} is a tag, and tags are not read; leave it out")
+            if self.depth >= DEEPEST:
+                raise ValueError(f"line {line}: more than {DEEPEST} levels of lists or keys; no key takes as many")
+            self.depth += 1
+            try:
+                return super().compose_node(parent, index)
+            finally:
+                self.depth -= 1
+
+        def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:
             lines: dict[str, int] = {}
-            for key, value in node.value:
+            for key, _ in node.value:
                 line = key.start_mark.line + 1
-                if isinstance(key, yaml.ScalarNode) and lines.setdefault(key.value, line) != line:
+                if not isinstance(key, yaml.ScalarNode):
+                    raise ValueError(f"line {line}: a list or keys in place of a key; write text before the colon")
+                if key.value in lines:  # YAML lets the last of them win in silence
                     raise ValueError(
                         f"line {line}: {key.value}: given twice (also on line {lines[key.value]}); remove one"
                     )
-                waiting.append(value)
+                lines[key.value] = line
+            return super().construct_mapping(node, deep=deep)
+
+    def text(loader: Any, node: Any) -> str:
+        value = loader.construct_scalar(node)
+        for character in value:
+            if what := _UNWANTED.get(unicodedata.category(character)):
+                line = node.start_mark.line + 1
+                raise ValueError(f"line {line}: {ascii(value)[:60]} holds {what}; write it without")
+        return str(value)
+
+    def whole(loader: Any, node: Any) -> int:
+        value, line = loader.construct_scalar(node), node.start_mark.line + 1
+        if _OCTAL.fullmatch(value) and value.strip("+-0"):
+            plain = value[0].strip("0123456789+") + value.lstrip("+-0")
+            raise ValueError(
+                f"line {line}: {value[:MOST_DIGITS]} begins with 0, which some read as octal; write {plain[:MOST_DIGITS]}, "
+                "or in quotes where it is text"
+            )
+        if len(value) > MOST_DIGITS:
+            raise ValueError(f"line {line}: a number of {len(value)} digits; write one that is meant")
+        return int(value, 0) if value[:2] in ("0o", "0x") else int(value)
+
+    def number(loader: Any, node: Any) -> float:
+        value = loader.construct_scalar(node).lower()
+        return float(value.replace(".inf", "inf").replace(".nan", "nan"))
+
+    Loader.yaml_implicit_resolvers = {}
+    for name, pattern, first in _CORE:
+        tag = f"tag:yaml.org,2002:{name}"
+        resolver = (tag, re.compile(rf"(?:{pattern})\Z"))
+        for letter in first:
+            Loader.yaml_implicit_resolvers.setdefault(letter.strip("\0"), []).append(resolver)
+    Loader.add_constructor("tag:yaml.org,2002:str", text)
+    Loader.add_constructor("tag:yaml.org,2002:int", whole)
+    Loader.add_constructor("tag:yaml.org,2002:float", number)
+    return Loader

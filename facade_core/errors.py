@@ -33,3 +33,15 @@ class ModelError(FacadeError):
 
 class StoreError(FacadeError):
     """A store that cannot be opened, or whose content does not fit the block."""
+
+
+class WithheldError(FacadeError):
+    """So many units failed that what was published is not made current."""
+
+
+class MachineError(FacadeError):
+    """The machine's fault, not the input's: a full disk, no memory, a store that fails. The unit that met it may be sound."""
+
+
+class LostStoreError(StoreError, MachineError):
+    """A store of which nothing can be read any more, by no fault of whoever runs the block."""

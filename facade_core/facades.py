@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.geometry.charts import WALL
+from facade_core.geometry.charts import WALL, Charts
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.scene import Scene
 from facade_core.types import Building
@@ -20,12 +20,20 @@ FACADE_SEEN = 0.25
 FACADE_TEXELS = 16
 # Points of a wall that are looked at, per axis.
 SAMPLES = (5, 4)
+# A storey is at least and at most this high: tagged levels can contradict the height.
+STOREY_M = (2.2, 6.0)
 
 
 @dataclass(frozen=True)
 class Facades:
-    """Facades as columns: chart, street, building (n,) int32 indices; width, height (n,) metres; floors (n,) int32; seen (n,)
-    the share of the wall that its street sees; id, a name that stays the same as long as the building's footprint does."""
+    """Facades as columns.
+
+    id: a name that stays the same as long as the building's footprint does;
+    chart, street, building (n,) int32 indices;
+    width, height (n,) metres;
+    floors (n,) int32;
+    seen (n,) the share of the wall that its street sees.
+    """
 
     id: tuple[str, ...]
     chart: np.ndarray
@@ -48,50 +56,67 @@ def find_facades(
     streets: int,
     storey: float,
 ) -> Facades:
-    """Walls that a street sees, by looking from every viewpoint at a grid of points on each wall in its panorama."""
+    """Walls that a street sees; seen: the charts that each camera's panorama shows."""
     charts = scene.charts
-    candidate = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
-    candidate &= charts.texels(scene.spec.texels_per_metre).min(axis=1) >= FACADE_TEXELS
-    at = np.stack(
-        np.meshgrid((np.arange(SAMPLES[0]) + 0.5) / SAMPLES[0], (np.arange(SAMPLES[1]) + 0.5) / SAMPLES[1]), axis=-1
-    ).reshape(-1, 2)
-    visible = np.zeros((streets, len(charts), len(at)), bool)
+    candidate = _large_walls(scene)
+    share = _share_seen(scene, candidate, cameras, seen, streets)
+    best = share.max(axis=0)
+    chart = np.flatnonzero(candidate & (best >= FACADE_SEEN))
+    building = charts.building[chart]
+    wall = _wall_numbers(charts)[chart]
+    width, height = charts.size[chart].T
+    return Facades(
+        id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
+        chart=chart.astype(np.int32),
+        street=share.argmax(axis=0)[chart].astype(np.int32),
+        building=building.astype(np.int32),
+        width=width,
+        height=height,
+        floors=_floors([buildings[b].levels for b in building], height, storey),
+        seen=best[chart],
+    )
+
+
+def _large_walls(scene: Scene) -> np.ndarray:
+    """The walls that are large enough for a facade, (charts,) bool."""
+    charts = scene.charts
+    large = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    return large & (charts.texels(scene.spec.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
+
+
+def _share_seen(
+    scene: Scene, candidate: np.ndarray, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray], streets: int
+) -> np.ndarray:
+    """The share of every chart that is seen from each street, (streets, charts), one row of zeros without streets: by looking
+    from every viewpoint at a grid of points on each candidate in its panorama."""
+    charts = scene.charts
+    across, down = ((np.arange(n) + 0.5) / n for n in SAMPLES)
+    grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
+    visible = np.zeros((max(streets, 1), len(charts), len(grid)), bool)
     for camera, row in zip(cameras, seen, strict=True):
         walls = row[candidate[row]]
         if len(walls) == 0:
             continue
-        xy = at[None] * charts.size[walls][:, None]
-        points = (
-            charts.origin[walls][:, None]
-            + xy[..., :1] * charts.axis_u[walls][:, None]
-            + xy[..., 1:] * charts.axis_v[walls][:, None]
-        )
-        ray = points - camera.position
+        ray = charts.at_shares(walls, grid) - camera.position
         distance, chart = scene.caster.cast(camera.position, ray)
         reached = (distance > 1 - 1e-3) | (chart == walls[:, None])
         visible[camera.street, walls] |= reached & (np.linalg.norm(ray, axis=-1) <= scene.visibility_range)
-    share = visible.mean(axis=2) if streets else np.zeros((1, len(charts)))
-    owner = share.argmax(axis=0)
-    best = share.max(axis=0)
-    chart = np.flatnonzero(candidate & (best >= FACADE_SEEN))
-    building = charts.building[chart]
-    wall_number = np.zeros(len(charts), np.int64)
+    return visible.mean(axis=2)
+
+
+def _wall_numbers(charts: Charts) -> np.ndarray:
+    """The number of each wall among those of its building, (charts,) int64."""
+    number = np.zeros(len(charts), np.int64)
     walls = np.flatnonzero(charts.kind == WALL)
     walls = walls[np.argsort(charts.building[walls], kind="stable")]
     owners = charts.building[walls]
-    wall_number[walls] = np.arange(len(walls)) - np.searchsorted(owners, owners)
-    width, height = charts.size[chart].T
-    levels = np.array([buildings[b].levels or 0 for b in building], np.int64)
-    floors = np.where(levels > 0, levels, np.maximum(1, np.round(height / storey))).astype(np.int32)
-    # Tagged levels can contradict the height; a storey below 2.2 m or above 6 m is one that nobody built.
-    floors = np.clip(floors, np.ceil(height / 6.0), np.maximum(1, np.floor(height / 2.2))).astype(np.int32)
-    return Facades(
-        id=tuple(f"{buildings[b].id}-{wall_number[c]}" for b, c in zip(building, chart, strict=True)),
-        chart=chart.astype(np.int32),
-        street=owner[chart].astype(np.int32),
-        building=building.astype(np.int32),
-        width=width,
-        height=height,
-        floors=floors,
-        seen=best[chart],
-    )
+    number[walls] = np.arange(len(walls)) - np.searchsorted(owners, owners)
+    return number
+
+
+def _floors(levels: Sequence[int | None], height: np.ndarray, storey: float) -> np.ndarray:
+    """Floors of facades (n,) int32: the tagged levels, else as many storeys as the height has; as many as it can have."""
+    tagged = np.array([count or 0 for count in levels], np.int64)
+    floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / storey))).astype(np.int32)
+    least, most = np.ceil(height / STOREY_M[1]), np.maximum(1, np.floor(height / STOREY_M[0]))
+    return np.clip(floors, least, most).astype(np.int32)

@@ -1,7 +1,11 @@
-"""What the Prefect UI shows of a run: progress while it goes on; its units, failures and links when it is done."""
+"""What the Prefect UI shows of a run: progress while it goes on; its units, failures and links when it is done.
+
+A server that does not take an artifact keeps less of the run; it does not end it.
+"""
 
 from __future__ import annotations
 
+import logging
 import re
 import shlex
 from collections.abc import Iterator
@@ -22,10 +26,13 @@ from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactUpdate
 
 from facade_core.atlas.journal import STAGES
+from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.commits import journal
 from tasks.progress import listen
 from tasks.run import Run
+
+log = logging.getLogger(__name__)
 
 # Seconds between two updates of the progress shown.
 REFRESH_S = 2.0
@@ -49,12 +56,28 @@ EXPECTED = {"ingest", "exemplars", "facades", "viewpoints", "publish"}
 
 
 @contextmanager
+def _left_out() -> Iterator[None]:
+    """Leave out of the server's record what it does not take, and log that."""
+    try:
+        yield
+    except Exception as error:  # whatever a client makes of a server that has ended, is full, or is not Prefect's
+        log.warning("the Prefect server's record of this run is incomplete: %s", " ".join(str(error).split()))
+
+
+@contextmanager
 def tell_progress(block: str) -> Iterator[None]:
     """Keep an artifact at the share of the work that is finished, until the block ends."""
     finished: dict[str, tuple[int, int]] = {}
     over = Event()
     key = f"{_slug(block)}-progress"
-    artifact = cast(UUID, create_progress_artifact(0.0, key=key, description="percent of the work that is finished"))
+    artifact: UUID | None = None
+    with _left_out():
+        artifact = cast(
+            UUID, create_progress_artifact(0.0, key=key, description="percent of the work that is finished")
+        )
+    if artifact is None:
+        yield
+        return
 
     def percent() -> float:
         shares = [done / total if total else 1.0 for done, total in list(finished.values())]
@@ -63,7 +86,7 @@ def tell_progress(block: str) -> Iterator[None]:
     def refresh() -> None:
         told = 0.0
         # one client: each makes a TLS context, which costs as much as half a viewpoint
-        with get_client(sync_client=True) as client:
+        with _left_out(), get_client(sync_client=True) as client:
             while not over.wait(REFRESH_S):
                 if (now := percent()) != told:
                     client.update_artifact(artifact, ArtifactUpdate(data=now))
@@ -78,20 +101,23 @@ def tell_progress(block: str) -> Iterator[None]:
         over.set()
         stop()
         thread.join()
-    update_progress_artifact(artifact, 100.0)
+    with _left_out():
+        update_progress_artifact(artifact, 100.0)
 
 
+@_left_out()
 def tell_viewer(run: Run) -> None:
     """A link to where the viewer of a run answers once somebody starts it, which may be while the run goes on."""
     command = shlex.join(["streetloom", "view", run.out])
     create_link_artifact(
         f"http://{VIEWER_HOST}:{VIEWER_PORT}/",
-        link_text=f"map, facades and 3D model of {run.block}",
+        link_text=f"map, facades and 3D model of {plain(run.block)}",
         key=f"{_slug(run.block)}-viewer",
-        description=f"`{command}` on the run's machine serves it there, also while the run goes on",
+        description=f"{code(command)} on the run's machine serves it there, also while the run goes on",
     )
 
 
+@_left_out()
 def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     """Artifacts of a finished run: tables of the units and of the facades, the failures with their reasons, links to what was
     published."""
@@ -102,7 +128,8 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
         {
             "stage": stage,
             "unit": record["unit"],
-            "status": record["status"],
+            # done from another source than the one that was refused
+            "status": "refused" if record["status"] == "done" and record.get("reason") else record["status"],
             "seconds": round(sum(record.get("seconds", {}).values()), 2),
             "worker": record.get("worker", ""),
         }
@@ -111,7 +138,7 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
         if record
     ]
     failures = summary["failures"]
-    recorded = {row["unit"] for row in units if row["status"] == "failed"}
+    recorded = {row["unit"] for row in units if row["status"] in ("failed", "refused")}
     units += [
         {"stage": "ingest", "unit": failure["unit"], "status": "set aside", "seconds": None, "worker": ""}
         for failure in failures
@@ -120,35 +147,35 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     units.sort(key=lambda row: row["status"] == "done")
     shown = f"{len(units)} units" if len(units) <= ROWS else f"{ROWS} of {len(units)} units, those not done first"
     counts = f"{summary['units_done']} done in this run, {summary['units_skipped']} before, {len(failures)} failed"
-    create_table_artifact(units[:ROWS], key=f"{slug}-units", description=f"{shown}: {counts}")
+    create_table_artifact([*map(cells, units[:ROWS])], key=f"{slug}-units", description=f"{shown}: {counts}")
     why = f"{failed(summary)}, and why" if failures else "no unit failed or was set aside"
-    create_table_artifact(failures, key=f"{slug}-failures", description=why)
+    create_table_artifact([*map(cells, failures)], key=f"{slug}-failures", description=why)
     outputs = summary["outputs"]
     facades = _facades(Path(outputs["items"]))
     create_table_artifact(
-        facades[:ROWS],
+        [*map(cells, facades[:ROWS])],
         key=f"{slug}-facades",
-        description=f"{len(facades)} facades, failed ones first; `streetloom query {run.out}` finds what you look for",
+        description=f"{len(facades)} facades, failed ones first; {code(f'streetloom query {run.out}')} finds what you look for",
     )
     report = Path(outputs["report"]).resolve()
     # browsers do not follow links from a server's page to files, so every path is also there to be copied
     create_link_artifact(
         report.as_uri(),
-        link_text=f"report of {run.block}",
+        link_text=f"report of {plain(run.block)}",
         key=f"{slug}-report",
-        description=f"pictures and figures of every facade: open {report}",
+        description=f"pictures and figures of every facade: open {plain(str(report))}",
     )
     links = [("report", report), *(("model", Path(path)) for path in outputs["glb"]), ("items", Path(outputs["items"]))]
-    lines = [f"- [{name}]({path.resolve().as_uri()}): `{path.resolve()}`" for name, path in links]
+    lines = [f"- [{name}]({path.resolve().as_uri()}): {code(str(path.resolve()))}" for name, path in links]
     find = (
-        f"`streetloom view {run.out}` serves the map, every facade stage by stage and the block in 3D at "
+        f"{code(f'streetloom view {run.out}')} serves the map, every facade stage by stage and the block in 3D at "
         f"[{VIEWER_HOST}:{VIEWER_PORT}](http://{VIEWER_HOST}:{VIEWER_PORT}/), also while a run goes on; "
-        f"`streetloom query {run.out}` answers questions about the facades."
+        f"{code(f'streetloom query {run.out}')} answers questions about the facades."
     )
     create_markdown_artifact(
-        "\n".join([f"# {run.block}", "", *lines, "", find]),
+        "\n".join([f"# {plain(run.block)}", "", *lines, "", find]),
         key=f"{slug}-outputs",
-        description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {run.out}",
+        description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {plain(run.out)}",
     )
 
 

@@ -2,38 +2,54 @@
 
 from __future__ import annotations
 
+import logging
+import time
 from collections import deque
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import contextmanager
 from dataclasses import replace
+from datetime import UTC, datetime
+from functools import partial
 from pathlib import Path
+from queue import SimpleQueue
 from typing import Any
 
-from prefect import flow, get_run_logger
-from prefect.futures import PrefectFuture, wait
+from prefect import Task, flow
+from prefect.futures import PrefectFuture
 from prefect.runtime import flow_run
 from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block import Block, read_block
 from catalogs.yaml_files import read_yaml
+from facade_core.errors import WithheldError
 from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
-from flows.console import console
+from flows.console import tell
 from flows.lock import locked
+from flows.log_file import log_to, told_to_prefect
 from tasks.compute import Compute, connect
 from tasks.demo import NAME, write_demo
-from tasks.due import what_is_due
+from tasks.due import what_is_due, what_is_set_aside
 from tasks.exemplars import exemplars_due
 from tasks.facades import choose, facades_due
 from tasks.fan_out import AT_ONCE, Stage, batches, process_batch
 from tasks.ingest import Outline, ingest_block
-from tasks.outcome import Outcome
+from tasks.outcome import Outcome, raising_machine_errors, refused, store_fault
 from tasks.poses import poses_due
 from tasks.progress import begin_stage
+from tasks.prune import pruned
 from tasks.publish import publish_block
+from tasks.redo import chosen_streets
+from tasks.room import require_room
 from tasks.run import Run, run_of
-from tasks.standing import nothing_due
-from tasks.streets import chosen_streets, texture_street
+from tasks.standing import nothing_due, record_source
+from tasks.streets import texture_street
 from tasks.textures import textures_due
 from tasks.units.memory import street_memory
+from tasks.wounds import mend, suspect
+
+log = logging.getLogger(__name__)
 
 # Tasks on their way at once; they only wait for workers, of which a cluster may have many.
 THREADS = 64
@@ -51,6 +67,12 @@ def flow_run_name() -> str:
     return f"{name} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
 
 
+# What runs in this process came to, though their server may not have heard of it.
+_summaries: dict[Run, dict[str, Any]] = {}
+# Starts a Prefect task under a name; what it returns has the task's result.
+Submit = Callable[..., Any]
+
+
 @flow(
     name="city-block",
     description="Texture a city block: facades, streets, atlas, model and catalogue. Resumes by itself.",
@@ -63,6 +85,8 @@ def city_block(
     workers: int = 2,
     dask: str | None = None,
     only: str | None = None,
+    deadline: float | None = None,
+    keep: int | None = None,
 ) -> dict[str, Any] | State:
     """Texture the block of `block_file` into `out`; resumes by itself. Returns the run's summary.
 
@@ -72,91 +96,180 @@ def city_block(
         workers: local processes.
         dask: address of a Dask scheduler to use instead, such as tcp://127.0.0.1:8786.
         only: id or name of the one street to texture; all without.
+        deadline: hours after the time it was scheduled for at which the run ends, done or not; what is committed stays.
+        keep: published snapshots to keep, the newest; all without.
     """
     out = out or Path("out") / (block_file.stem if block_file else "demo")
-    with locked(out):
+    with locked(out), log_to(out), told_to_prefect():
         source = (block_file or write_demo(out / "input")).resolve()
         block = read_block(source)
         run = run_of(block, out)
         tell_viewer(run)
-        summary = nothing_due(run)
-        if summary is None:
-            with tell_progress(block.name):
-                summary = _texture(run, block, source, workers, dask, only)
+        with _faults_told(run):
+            summary = _standing(run, source)
+            if summary is None:
+                with tell_progress(block.name):
+                    summary = _texture(run, block, source, workers, dask, only, _until(deadline), _recorded)
+        _summaries[run] = summary
+        if keep is not None:
+            for line in pruned(out, keep):
+                tell(line)
         tell_outcome(run, summary)
+    if "withheld" in summary:
+        raise WithheldError(summary["withheld"])
     if summary["failures"]:
         # not Failed: everything else is done and published, and a retry would change nothing
         return Completed(name="UnitsFailed", message=failed(summary), data=summary)
     return summary
 
 
-def _texture(run: Run, block: Block, source: Path, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
+def _until(deadline: float | None) -> float | None:
+    """When a run ends that may take so many hours, by time.monotonic(): counted anew by no retry."""
+    if deadline is None:
+        return None
+    gone = datetime.now(UTC) - flow_run.scheduled_start_time
+    return time.monotonic() + deadline * 3600 - gone.total_seconds()
+
+
+def unrecorded_block(
+    block_file: Path, out: Path, workers: int = 2, dask: str | None = None, only: str | None = None
+) -> dict[str, Any]:
+    """What `city_block` does, without a Prefect server: nothing is recorded there, and all else is the same.
+
+    In the process in which the server was lost to `city_block`, it goes on from there.
+    """
+    with locked(out), log_to(out):
+        block = read_block(block_file)
+        run = run_of(block, out)
+        if run in _summaries:
+            return _summaries.pop(run)
+        with _faults_told(run):
+            if (summary := _standing(run, block_file)) is not None:
+                return summary
+            with ThreadPoolExecutor(THREADS, thread_name_prefix="tasks") as pool:
+                return _texture(run, block, block_file, workers, dask, only, None, partial(_unrecorded, pool))
+
+
+def _standing(run: Run, source: Path) -> dict[str, Any] | None:
+    """Mend what the folder lost, and say so; the summary where nothing is due then."""
+    record_source(Path(run.out), source)
+    for line in mend(run):
+        tell(line)
+    return nothing_due(run)
+
+
+@contextmanager
+def _faults_told(run: Run) -> Iterator[None]:
+    """A fault of the machine ends the run as one, and one of the store is looked into by the next run."""
+    with raising_machine_errors(run.block):
+        try:
+            yield
+        except Exception as error:
+            if store_fault(error):
+                suspect(Path(run.out))
+            raise
+
+
+def _recorded(task: Task, *arguments: Any, name: str | None = None) -> PrefectFuture:
+    return (task.with_options(name=name) if name else task).submit(*arguments)
+
+
+def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any, name: str | None = None) -> Future:
+    return pool.submit(task.fn, *arguments)
+
+
+def _texture(
+    run: Run,
+    block: Block,
+    source: Path,
+    workers: int,
+    dask: str | None,
+    only: str | None,
+    until: float | None,
+    submit: Submit,
+) -> dict[str, Any]:
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
-    ingest = ingest_block.submit(run, block) if dask is None else None
-    with connect(workers, dask, run.out) as compute:
-        outline = ingest.result() if ingest else ingest_block(run, block)
+    ingest = submit(ingest_block, run, block) if dask is None else None
+    with connect(workers, dask, run.out, until) as compute:
+        outline = (ingest or submit(ingest_block, run, block)).result()
         run = replace(run, ingested=outline.ingested)
+        for line in what_is_set_aside(outline):
+            tell(line)
         if told := what_is_due(run, block, outline):
-            console.print(f"streetloom: {told}", highlight=False, markup=False, soft_wrap=True)
-        outcome = _process(run, textures_due(run, outline.textured, block.textures), compute)
-        outcome += _process(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
-        outcome += _process(run, exemplars_due(run, block.exemplars), compute)
-        outcome += _facades(run, block, outline, compute)
-        outcome += _streets(run, outline, compute, only)
-        published = publish_block(run, source)
+            tell(told)
+        outcome = _process(run, textures_due(run, outline.textured, block.textures), compute, submit)
+        poses = poses_due(run, [panorama.path for panorama in block.panoramas])
+        outcome += _process(run, poses, compute, submit)
+        outcome += _process(run, exemplars_due(run, block.exemplars), compute, submit)
+        outcome += _facades(run, block, outline, compute, submit)
+        outcome += _streets(run, outline, compute, only, submit)
+        require_room(Path(run.out))
+        published = submit(publish_block, run, source).result()
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     return published | {
         "out": run.out,
         "units_skipped": outcome.skipped + (1 if outline.skipped else 0),
         "units_done": outcome.done + (0 if outline.skipped else 1),
-        "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed],
+        "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed + outcome.refused],
     }
 
 
-def _process(run: Run, stage: Stage, compute: Compute) -> Outcome:
+def _process(run: Run, stage: Stage, compute: Compute, submit: Submit) -> Outcome:
     """All batches of a stage, AT_ONCE on their way at a time."""
     if not stage.total:
         return Outcome()
+    require_room(Path(run.out))
     begin_stage(stage.name, stage.total, stage.skipped)
-    outcome = Outcome(skipped=stage.skipped)
+    outcome = Outcome(skipped=stage.skipped, refused=refused(stage.held))
     due = list(batches(stage.work, compute))
-    submitted: deque[PrefectFuture[Outcome]] = deque()
+    submitted: deque[Any] = deque()
     for number, batch in enumerate(due, 1):
         if len(submitted) == AT_ONCE:
             outcome += submitted.popleft().result()
-        task = process_batch.with_options(name=stage.name)
-        submitted.append(task.submit(run, stage.name, f"{number} of {len(due)}", stage.function, batch, compute))
+        numbered = f"{number} of {len(due)}"
+        submitted.append(
+            submit(process_batch, run, stage.name, numbered, stage.function, batch, compute, name=stage.name)
+        )
     for future in submitted:
         outcome += future.result()
     _log(stage.name, outcome)
     return outcome
 
 
-def _facades(run: Run, block: Block, outline: Outline, compute: Compute) -> Outcome:
-    imagery = choose(run, block, outline)
+def _facades(run: Run, block: Block, outline: Outline, compute: Compute, submit: Submit) -> Outcome:
+    imagery = submit(choose, run, block, outline).result()
     due = facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
-    return _process(run, due, compute)
+    return _process(run, due, compute, submit)
 
 
-def _streets(run: Run, outline: Outline, compute: Compute, only: str | None) -> Outcome:
+def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, submit: Submit) -> Outcome:
     chosen = chosen_streets(run, only)
     waves = [[s for s in wave if chosen is None or s in chosen] for wave in outline.waves]
     begin_stage("viewpoints", sum(outline.viewpoints[s] for wave in waves for s in wave))
     outcome = Outcome()
     network = run.panorama_width**2 // 2 if run.translator == "neural" else 0
     for wave in waves:
+        require_room(Path(run.out))
         futures = []
         for street in wave:
             memory = street_memory(*outline.windows[street], network=network)
-            futures.append(texture_street.submit(run, street, outline.streets[street], memory, compute))
-        wait(futures)  # the next wave reads what this one wrote
+            futures.append(submit(texture_street, run, street, outline.streets[street], memory, compute))
+        # the next wave reads what this one wrote; what ends one street ends the run, however long the others would go on
+        for future in _as_completed(futures):
+            future.result()
         outcome = sum((future.result() for future in futures), outcome)
     _log("streets", outcome)
     return outcome
 
 
+def _as_completed(futures: Sequence[Any]) -> Iterator[Any]:
+    """Futures of Prefect or of a pool, as they end."""
+    ended: SimpleQueue[Any] = SimpleQueue()
+    for future in futures:
+        future.add_done_callback(ended.put)
+    for _ in futures:
+        yield ended.get()
+
+
 def _log(stage: str, outcome: Outcome) -> None:
-    log = get_run_logger()
     log.info("%s: %d done, %d done before, %d failed", stage, outcome.done, outcome.skipped, len(outcome.failed))
-    for unit, reason in outcome.failed:
-        log.warning("%s: %s failed: %s", stage, unit, reason)

@@ -10,22 +10,28 @@ from typing import Any, cast
 import click
 
 from flows.cli_box import WithBox
-from flows.cli_paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER
+from flows.cli_doctor import doctor
+from flows.cli_paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
+from flows.cli_prune import prune
 from flows.cli_results import catalog, export, query, view
 from flows.cli_training import bench, train
+from flows.say import note, say
 
 
 class Commands(click.Group):
-    """Turns the project's errors into one line on stderr and exit code 2."""
+    """Ends with one line on stderr and the code of what went wrong, whatever that is."""
 
     def invoke(self, ctx: click.Context) -> Any:
-        from facade_core.errors import FacadeError
-
         try:
             return super().invoke(ctx)
-        except FacadeError as error:
-            click.echo(f"streetloom: {' '.join(str(error).split())}", err=True)
-            ctx.exit(2)
+        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+            raise  # click's own: how it ends a command
+        except Exception as error:
+            from flows.endings import ending
+
+            code, line = ending(error)
+            note(line)
+            ctx.exit(code)
 
 
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
@@ -46,7 +52,7 @@ def main() -> None:
 
 def _compute_options(command: Any) -> Any:
     for option in (
-        click.option("--workers", default=2, show_default=True, type=click.IntRange(1), help="Local processes."),
+        click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes."),
         click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786."),
         click.option("--json", "as_json", is_flag=True, help="Print one JSON object last."),
     ):
@@ -61,12 +67,16 @@ def _compute_options(command: Any) -> Any:
     "--redo", metavar="STREET", help="Do a street again, by id or name, and the later ones that read its texels."
 )
 @click.option("--only", is_flag=True, help="With --redo: that street alone; the later ones are marked stale.")
+@click.option(
+    "--keep", type=click.IntRange(1), metavar="N", help="Prune afterwards: keep the N newest published snapshots."
+)
 @_compute_options
 def run(
     block_file: Path,
     out: Path | None,
     redo: str | None,
     only: bool,
+    keep: int | None,
     workers: int,
     dask: str | None,
     as_json: bool,
@@ -80,7 +90,7 @@ def run(
     """
     if only and redo is None:
         raise click.UsageError("--only needs --redo STREET")
-    _run(block_file, out or Path("out") / block_file.stem, workers, dask, as_json, redo, only)
+    _run(block_file, out or Path("out") / block_file.stem, workers, dask, as_json, redo, only, keep)
 
 
 @main.command()
@@ -104,7 +114,7 @@ def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_j
 
 
 @main.command("new-block", cls=WithBox)
-@click.argument("block_file", metavar="BLOCK.yaml", type=click.Path(dir_okay=False, path_type=Path))
+@click.argument("block_file", metavar="BLOCK.yaml", type=NEW_FILE)
 @click.option("--osm", type=EXISTING_FILE, required=True, help="Map extract with buildings and streets (.osm.pbf).")
 @click.option("--bbox", nargs=4, type=float, required=True, metavar="W S E N", help="Longitudes and latitudes.")
 @click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
@@ -129,8 +139,9 @@ def new_block(
 
     with progress(quiet=not sys.stderr.isatty()):
         found = write(block_file, osm, bbox, photos, exemplars, poses)
-    click.echo("\n".join(found.lines()))
-    click.echo(f"ready: streetloom run {block_file}")
+    for line in found.lines():
+        say(line)
+    say(f"ready: streetloom run {block_file}")
 
 
 @main.command()
@@ -150,12 +161,12 @@ def fetch(name: str | None, out: Path) -> None:
 
     if name is None:
         for known, source in SOURCES.items():
-            click.echo(f"{known:<14} {len(source.files):>2} files  {source.licence}")
+            say(f"{known:<14} {len(source.files):>2} files  {source.licence}")
         return
     with progress(quiet=not sys.stderr.isatty()):
         block, source = fetch_block(name, out)
-    click.echo(f"licence: {source.licence}")
-    click.echo(f"ready: streetloom run {block}")
+    say(f"licence: {source.licence}")
+    say(f"ready: streetloom run {block}")
 
 
 def _run(
@@ -166,6 +177,7 @@ def _run(
     as_json: bool,
     redo: str | None = None,
     only: bool = False,
+    keep: int | None = None,
 ) -> None:
     import time
 
@@ -173,45 +185,83 @@ def _run(
     from flows.console import console, progress, show
     from flows.interrupts import end_on_interrupt
     from flows.lock import locked
-    from flows.server import server
+    from flows.log_file import log_to
+    from tasks.room import require_room
     from tasks.run import run_of
     from tasks.standing import nothing_due
 
     start = time.monotonic()
     run = run_of(read_block(block_file), out)
-    with locked(out):
+    with locked(out), log_to(out, alone=True):
         if redo is not None:
             _redo(run, redo, only)
         summary = nothing_due(run)
         if summary is None:
+            require_room(out)
             end_on_interrupt()
-            with progress(quiet=as_json and not sys.stderr.isatty()), server(out / "prefect") as ready:
-                from flows.block import city_block  # takes seconds, in which the server starts
+            if dask is not None:  # said before a server starts
+                from tasks.compute import require_scheduler
 
-                ready()
-                alone = redo if only else None
-                done = city_block(block_file.resolve(), out, workers=workers, dask=dask, only=alone)
-                summary = cast(dict[str, Any], done)
+                require_scheduler(dask)
+            with progress():
+                summary = _textured(block_file.resolve(), out, workers, dask, redo if only else None)
+        if keep is not None:
+            from tasks.prune import pruned
+
+            for line in pruned(out, keep):
+                note(line)
     summary["seconds"] = round(time.monotonic() - start, 2)
     if as_json:
         click.echo(json.dumps(summary))
     else:
         show(console, summary)
+    if "withheld" in summary:
+        note(summary["withheld"])
     if summary["facades_failed"] or summary["failures"]:
         sys.exit(1)
 
 
+def _textured(block_file: Path, out: Path, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
+    """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
+    from facade_core.errors import FacadeError, WithheldError
+    from flows.console import tell
+    from flows.server import ServerDown, server
+
+    with server(out / "prefect") as record:
+        from flows.block import city_block, unrecorded_block  # takes seconds, in which the server starts
+
+        try:
+            record.require()
+            return cast(dict[str, Any], city_block(block_file, out, workers=workers, dask=dask, only=only))
+        except WithheldError:
+            pass  # its summary says so
+        except FacadeError:
+            raise
+        except ServerDown as error:
+            tell(f"no Prefect server ({error}); the run does without, and has no record there")
+        except Exception as error:
+            if record.answers() and not record.refused(error):
+                raise
+            tell(
+                f"the Prefect server was lost ({record.reason()}); the run does without, and its record there is incomplete"
+            )
+        return unrecorded_block(block_file, out, workers=workers, dask=dask, only=only)
+
+
 def _redo(run: Any, street: str, only: bool) -> None:
     """Make a street due again and say what else is."""
-    from tasks.streets import redo_street
+    from tasks.redo import redo_street
+    from tasks.wounds import mend
 
+    for line in mend(run):
+        note(line)
     streets, dependants = redo_street(run, street, only=only)
     others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
     fate = ", marked stale until the next run" if only and dependants else ""
-    click.echo(f"streetloom: doing street {', '.join(streets)} again; {others}{fate}", err=True)
+    note(f"doing street {', '.join(streets)} again; {others}{fate}")
 
 
-for command in (query, export, catalog, view, train, bench):
+for command in (query, export, catalog, view, doctor, prune, train, bench):
     main.add_command(command)
 
 

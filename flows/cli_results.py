@@ -8,7 +8,8 @@ from pathlib import Path
 import click
 
 from flows.cli_box import WithBox
-from flows.cli_paths import EXISTING_FOLDER
+from flows.cli_paths import EXISTING_FOLDER, LocalPath
+from flows.say import note, say
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
 # An export of more files than these is named by its folder.
@@ -56,7 +57,7 @@ def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since:
 
     if style == "parquet" and sys.stdout.isatty():
         raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
-    found = find(folder, where=where, bbox=bbox or None, since=since, note=_note)
+    found = find(folder, where=where, bbox=bbox or None, since=since, note=note)
     if style == "parquet":
         click.echo(parquet_bytes(found), nl=False)
     else:
@@ -72,7 +73,7 @@ def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since:
     type=click.Choice(["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg"]),
     help="glb, 3dtiles, cityjson(seq), lod3: models; coco, labelme: elements of the facades; gpkg: for QGIS.",
 )
-@click.option("--to", type=click.Path(path_type=Path), help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]")
+@click.option("--to", type=LocalPath(path_type=Path), help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]")
 @click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
 def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
     """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
@@ -90,9 +91,9 @@ def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]
     with progress(quiet=not sys.stderr.isatty()):
         done = write(folder, style, to, buildings)
     for line in done.notes:
-        _note(line)
+        note(line)
     for file in done.files if len(done.files) <= LISTED else [done.path]:
-        click.echo(file)
+        say(file)
 
 
 @click.command()
@@ -116,23 +117,19 @@ def catalog(folder: Path, to: str | None) -> None:
     target = folder_at(to) if to else None
     if to and not isinstance(target, S3Folder):
         raise InputError(f"--to {to}: is no bucket; write s3://BUCKET/FOLDER, or copy the folder itself")
-    written = write_catalog(folder, note=_note)
+    written = write_catalog(folder, note=note)
     if not isinstance(target, S3Folder):
-        click.echo(written)
+        say(written)
         return
     runs, _ = runs_in(folder)
     for run in runs:
         place = target if run.folder == folder else target / run.name
         with locked(run.folder):
             sent = copy_run(run.folder, place)
-        click.echo(f"{place}: {sent} files sent", err=True)
+        say(f"{place}: {sent} files sent", err=True)
     if runs[0].folder != folder:
         copy_catalog(folder, target)
-    click.echo(target / "catalog.json")
-
-
-def _note(line: str) -> None:
-    click.echo(f"streetloom: {line}", err=True)
+    say(target / "catalog.json")
 
 
 @click.command()
@@ -141,7 +138,7 @@ def _note(line: str) -> None:
     "--port", type=click.IntRange(0, 65535), default=VIEWER_PORT, show_default=True, help="0 takes any that is free."
 )
 @click.option(
-    "--host", default=VIEWER_HOST, show_default=True, help="Address to serve on; others see it only by theirs."
+    "--host", default=VIEWER_HOST, show_default=True, help="Address or name to serve on; 0.0.0.0 is all addresses."
 )
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
 def view(out: Path, port: int, host: str, opened: bool) -> None:
@@ -154,14 +151,18 @@ def view(out: Path, port: int, host: str, opened: bool) -> None:
     """
     from facade_core.errors import InputError
 
+    if not host.strip():  # it would be every address of the machine
+        raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
     out = _run_in(out)
     try:
         from flows.viewer.app import serve
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
-    def ready(address: str) -> None:
-        click.echo(f"{address}  (Ctrl-C ends it)")
+    def ready(address: str, seen_by: str | None) -> None:
+        if seen_by:
+            note(seen_by)
+        say(f"{address}  (Ctrl-C ends it)")
         if opened:
             import webbrowser
 

@@ -8,6 +8,7 @@ from pathlib import Path
 import click
 
 from flows.cli_paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER
+from flows.say import say
 
 
 @click.group()
@@ -50,7 +51,7 @@ def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | N
             model = train_forest(data, out, seed=seed)
         else:
             model = train_network(data, out, seed=seed)
-    click.echo(model)
+    say(model)
 
 
 @train.command("layout")
@@ -71,7 +72,7 @@ def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | 
 
     with progress(quiet=False):
         model = train_layout(data, out, seed=seed, fold=fold, size=size)
-    click.echo(model)
+    say(model)
 
 
 @train.command("translator")
@@ -126,7 +127,7 @@ def train_translation_network(
         course = replace(course, steps=steps)
     with progress(quiet=False):
         model = train_translator(real, blocks, out, seed=seed, course=course, places=Places(judge_by, leave_out))
-    click.echo(model)
+    say(model)
 
 
 class _Benchmark(click.Command):
@@ -157,7 +158,8 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
 
     names = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
     if name is None:
-        click.echo("\n".join(names))
+        for name in names:
+            say(name)
         return
     if name not in names:
         raise click.BadParameter(f"{name}: there is {', '.join(names)}", param_hint="NAME")

@@ -1,24 +1,35 @@
-"""What a run looks like in a terminal: progress bars on stderr, a summary at the end."""
+"""What a run looks like in a terminal: progress bars on stderr, a summary at the end. Elsewhere: a line for each tenth."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import dataclass, field
 from typing import Any
 
 from rich.console import Console
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+from rich.text import Text
 
+from catalogs.visible import visible
 from tasks.progress import listen
 
 console = Console(stderr=True)
 
 
 @contextmanager
-def progress(*, quiet: bool) -> Iterator[None]:
-    """Draw a bar per stage from the tasks' events, until the block ends."""
+def progress(*, quiet: bool = False) -> Iterator[None]:
+    """Show the tasks' events until the block ends: a bar per stage in a terminal, else lines."""
     if quiet:
         yield
+        return
+    if not console.is_terminal:
+        stop = listen(Lines(tell))
+        try:
+            yield
+        finally:
+            stop()
         return
     bars: dict[str, Any] = {}
     with Progress(
@@ -43,14 +54,61 @@ def progress(*, quiet: bool) -> Iterator[None]:
             stop()
 
 
+def tell(line: str) -> None:
+    """A line beside the bars."""
+    _line(console, f"streetloom: {line}")
+
+
+@dataclass
+class Lines:
+    """Tells events in lines: a stage that begins, each tenth of it with the time that is left, and its end."""
+
+    tell: Callable[[str], None]
+    clock: Callable[[], float] = time.monotonic
+    _begun: dict[str, tuple[float, int]] = field(default_factory=dict)  # when, with how many finished already
+    _tenths: dict[str, int] = field(default_factory=dict)
+
+    def __call__(self, stage: str, finished: int, total: int, failed: int) -> None:
+        if stage not in self._begun:
+            self._begun[stage] = self.clock(), finished
+            self._tenths[stage] = 10 * finished // total if total else 10
+            before = f", {finished} of them done before" if finished else ""
+            self.tell(f"{stage}: {total}{before}")
+            return
+        tenth = 10 * finished // total if total else 10
+        if tenth <= self._tenths[stage]:
+            return
+        self._tenths[stage] = tenth
+        since, before_it = self._begun[stage]
+        seconds = self.clock() - since
+        left = seconds * (total - finished) / max(finished - before_it, 1)
+        when = f"about {_lasting(left)} left" if finished < total else f"in {_lasting(seconds)}"
+        aside = f", {failed} failed" if failed else ""
+        self.tell(f"{stage}: {finished} of {total}{aside}, {when}")
+
+
+def _lasting(seconds: float) -> str:
+    """Such as "40 s", "12 min" or "3 h 5 min"."""
+    minutes = round(seconds / 60)
+    if seconds < 100:
+        return f"{seconds:.0f} s"
+    return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
+
+
 def show(target: Console, summary: dict[str, Any]) -> None:
     """The summary of a run for people."""
-    line = f"[bold]{summary['block']}[/bold]: {summary['facades_done']} facades, {summary['viewpoints']} viewpoints"
-    target.print(f"{line} in {summary['seconds']:.0f} s, {summary['units_skipped']} units were done before")
+    done = f"{summary['facades_done']} facades, {summary['viewpoints']} viewpoints in {summary['seconds']:.0f} s"
+    _line(target, (summary["block"], "bold"), f": {done}, {summary['units_skipped']} units were done before")
     for failure in summary["failures"]:
-        target.print(f"  [red]failed[/red] {failure['unit']}: {failure['reason']}", highlight=False, soft_wrap=True)
-    target.print(f"  report  {summary['outputs']['report']}", highlight=False, soft_wrap=True)
+        _line(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
+    _line(target, f"  report  {summary['outputs']['report']}")
     for model in summary["outputs"]["glb"]:
-        target.print(f"  model   {model}", highlight=False, soft_wrap=True)
-    target.print(f"  items   {summary['outputs']['items']}", highlight=False, soft_wrap=True)
-    target.print(f"  look    streetloom view {summary['out']}", highlight=False, soft_wrap=True)
+        _line(target, f"  model   {model}")
+    _line(target, f"  items   {summary['outputs']['items']}")
+    _line(target, f"  look    streetloom view {summary['out']}")
+
+
+def _line(target: Console, *parts: str | tuple[str, str]) -> None:
+    """One line of text, parts of it in a style; nothing in it is taken for markup or steers the terminal."""
+    shown = [visible(part) if isinstance(part, str) else (visible(part[0]), part[1]) for part in parts]
+    target.print(Text.assemble(*shown), soft_wrap=True)

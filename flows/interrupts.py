@@ -1,23 +1,31 @@
-"""One Ctrl-C, or one SIGTERM, ends a run at once: every unit is committed whole, so there is nothing to wind down."""
+"""One Ctrl-C, or one SIGTERM, ends a command at once: every unit is committed whole, so there is nothing to wind down."""
 
 from __future__ import annotations
 
 import os
 import signal
-import socket
 import sys
-import threading
+from typing import NoReturn
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
+
+
+def end_early() -> None:
+    """Exit with 128 + signal and one line as soon as the interpreter heeds a signal; until `end_on_interrupt` takes over."""
+    for number in ENDING:
+        signal.signal(number, lambda received, _: _end(received))
 
 
 def end_on_interrupt() -> None:
     """Exit with 128 + signal and one line. Call once, from the main thread.
 
     An exception raised by a handler can be swallowed wherever it lands (a garbage collector's callback of a library is
-    enough), which leaves a run that hangs. So handlers do nothing, and a thread that reads the signals' wake-up socket exits:
-    the pipes to the server's guard and to the workers close, and they follow.
+    enough), which leaves a run that hangs; and none is called while a library computes. So handlers do nothing, and a thread
+    that reads the signals' wake-up socket exits: the pipes to the server's guard and to the workers close, and they follow.
     """
+    import socket
+    import threading
+
     read, write = socket.socketpair()
     write.setblocking(False)
     for number in ENDING:
@@ -28,10 +36,14 @@ def end_on_interrupt() -> None:
         with write:  # keeps the descriptor open as long as the thread runs
             while (number := read.recv(1)[0]) not in ENDING:
                 continue
-        show_cursor = "\x1b[?25h" if sys.stderr.isatty() else ""
-        os.write(
-            2, f"{show_cursor}\nstreetloom: interrupted; what is done is kept, run the same command to go on\n".encode()
-        )
-        os._exit(128 + number)
+        _end(number)
 
     threading.Thread(target=watch, daemon=True, name="interrupts").start()
+
+
+def _end(number: int) -> NoReturn:
+    show_cursor = "\x1b[?25h" if sys.stderr and sys.stderr.isatty() else ""
+    os.write(
+        2, f"{show_cursor}\nstreetloom: interrupted; what is done is kept, run the same command to go on\n".encode()
+    )
+    os._exit(128 + number)

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+import errno
 import fcntl
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
-from facade_core.errors import InputError
+from facade_core.errors import InputError, MachineError
 
 # Folders that this process holds: the command line locks before it starts a server, and the flow locks for itself.
 _held: set[Path] = set()
@@ -27,6 +28,10 @@ def locked(out: Path) -> Iterator[None]:
         out.mkdir(parents=True, exist_ok=True)
         handle = (out / ".lock").open("w")
     except OSError as error:
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise MachineError(
+                f"{out}: {error.strerror}; free some space, or name another folder with --out"
+            ) from error
         raise InputError(f"{out}: cannot be written ({error.strerror}); name another folder with --out") from error
     with handle:
         try:
@@ -40,3 +45,15 @@ def locked(out: Path) -> Iterator[None]:
             yield
         finally:
             _held.discard(out)
+
+
+def is_held(out: Path) -> bool:
+    """Whether a run, of this process or another, is at work in the folder `out`."""
+    try:
+        with (out / ".lock").open() as handle:
+            fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except BlockingIOError:
+        return True
+    return False

@@ -16,15 +16,20 @@ import zarr
 
 from facade_core.atlas.journal import STAGES, forget_record, read_journal
 from facade_core.atlas.rasters import clear_rasters
+from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, commit, open_repository, resize_arrays
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
 from facade_core.geometry.packing import Places
-from facade_core.ingest import Plan
+from facade_core.plan import Plan
 from tasks.plan import read_plan
-from tasks.run import Run, code_version
+from tasks.run import Run
 
 Records = list[dict[str, Any] | None]
+# Names and keys.
+Units = Sequence[tuple[str, str]]
+# Raised when tables, arrays or records are written in another way: stores of before begin anew.
+FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -39,12 +44,40 @@ class Last:
         return Places(self.plan.ids, self.plan.scene.placement)
 
 
+def made_for(run: Run) -> dict[str, Any]:
+    """What a store is made for, in which nothing can be taken over from one for anything else."""
+    return {
+        "format": FORMAT,
+        "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
+        "crs": run.crs,
+        "texels_per_metre": run.texels_per_metre,
+    }
+
+
+def why_anew(run: Run, group: StoreGroup) -> str | None:
+    """Why nothing can be taken over of what a store holds, in words; None where it holds nothing."""
+    if "key" not in group.attrs:
+        return None
+    held, wanted = group.attrs.get("made_for"), made_for(run)
+    if not isinstance(held, dict) or any(held.get(name) != wanted[name] for name in ("format", "pages")):
+        return "another version of Streetloom made the store"
+    changed = []
+    if held["texels_per_metre"] != run.texels_per_metre:
+        changed.append(f"texture.texels_per_metre was {held['texels_per_metre']:g} and is {run.texels_per_metre:g}")
+    if held["crs"] != run.crs:
+        changed.append(f"the block's frame was {held['crs']} and is {run.crs}")
+    return " and ".join(changed) or "what the store holds cannot be read"
+
+
 def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
-    """What the store holds, where it was made by this code, in the same frame and density; None otherwise."""
+    """What the store holds, where it is of this format, in the same frame and density; None otherwise.
+
+    Other code may have made it: what an ingest takes over stands by its own keys.
+    """
     session = repository.readonly_session(BRANCH)
     try:
         group: StoreGroup = zarr.open_group(session.store, mode="r")
-        if group.attrs["made_by"] != [code_version(), run.crs, run.texels_per_metre]:
+        if group.attrs["made_for"] != made_for(run):
             return None
         return Last(group, read_plan(session, run.texels_per_metre))
     except (KeyError, FileNotFoundError, StoreError):
@@ -52,13 +85,13 @@ def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
 
 
 def carry_over(
-    group: StoreGroup, last: Last, plan: Plan, *, panorama_width: int, poses: Sequence[str], exemplars: Sequence[str]
+    group: StoreGroup, last: Last, plan: Plan, *, panorama_width: int, poses: Units, exemplars: Units
 ) -> None:
     """Bring the arrays of `last` in line with a new plan, in place: charts that are gone, moved or written by others now are
     cleared, and what is known of units goes to the places where these stand now.
 
-    poses, exemplars: the keys of those units, by which they are found again; the others are found by their names. A facade
-    whose chart is another now is known as stale, and due.
+    poses, exemplars: names and keys of those units, by which they are found again; the others are found by their names. A
+    facade whose chart is another now is known as stale, and due.
     """
     before = {stage: read_journal(last.group, stage) for stage in STAGES}
     stays = _staying(last.plan, plan)
@@ -85,8 +118,8 @@ def carry_over(
     same_width = last.group["panoramas/rgb"].shape[2] == panorama_width
     viewpoints = _viewpoints(last.plan, plan, streets) if same_width else {}
     moved = {
-        "poses": _by_key(before["poses"], poses),
-        "exemplars": _by_key(before["exemplars"], exemplars),
+        "poses": _by_key_or_name(before["poses"], poses),
+        "exemplars": _by_key_or_name(before["exemplars"], exemplars),
         "textures": textures,
         "facades": facades,
         "viewpoints": viewpoints,
@@ -200,10 +233,12 @@ def _viewpoints(old: Plan, new: Plan, streets: Mapping[int, int]) -> dict[int, i
     }
 
 
-def _by_key(records: Records, keys: Sequence[str]) -> dict[int, int]:
-    """Units with the same key, new -> old."""
-    at = {record["key"]: i for i, record in enumerate(records) if record}
-    return {i: at[key] for i, key in enumerate(keys) if key in at}
+def _by_key_or_name(records: Records, units: Units) -> dict[int, int]:
+    """Units, as (name, key), with the same key, else the same name, new -> old. The latter are due, and known for why."""
+    keys = {record["key"]: i for i, record in enumerate(records) if record}
+    found = {i: keys[key] for i, (_, key) in enumerate(units) if key in keys}
+    names = {record["unit"]: i for i, record in enumerate(records) if record and i not in found.values()}
+    return found | {i: names[name] for i, (name, _) in enumerate(units) if i not in found and name in names}
 
 
 def _moved(records: Records, units: Mapping[int, int], count: int) -> Records:

@@ -18,12 +18,13 @@ from catalogs.stac_facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export.footprints import footprints
 from facade_core.export.models import textured_scene
-from facade_core.ingest import Plan
 from facade_core.layout.model import SHIPPED as LAYOUTS
 from facade_core.parse.network import SHIPPED as NETWORK
+from facade_core.plan import Plan
 from facade_core.street.neural import SHIPPED as TRANSLATOR
 from tasks.facade_report import made_at
-from tasks.run import Run, code_version
+from tasks.run import Run
+from tasks.standing import made_by
 
 Records = Sequence[Mapping[str, Any] | None]
 # A footprint's outline in the catalogue may be off by this.
@@ -85,7 +86,7 @@ def block_facts(
         name=run.block,
         crs=run.crs,
         snapshot=snapshot,
-        code_version=code_version(),
+        code_version=made_by(group),
         config_digest=run.key,
         updated=updated,
         footprint=_outline(outlines) if outlines else None,

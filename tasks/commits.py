@@ -1,9 +1,8 @@
-"""The one place of a run where commits are made: this process, one at a time."""
+"""A unit's data and its journal records, in one commit."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from threading import Lock
 from typing import Any
 
 import icechunk
@@ -12,9 +11,6 @@ import zarr
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
-
-# The local file system has no atomic reference update, and one committer keeps history linear anyway.
-_committing = Lock()
 
 
 def begin(store: Path) -> tuple[icechunk.Session, Any]:
@@ -25,12 +21,11 @@ def begin(store: Path) -> tuple[icechunk.Session, Any]:
 
 def finish(session: icechunk.Session, fork: Any, stage: str, records: dict[int, dict[str, Any]], message: str) -> str:
     """Commit a fork's data together with its journal records (unit index -> record); returns the snapshot id."""
-    with _committing:
-        session.merge(fork)
-        group: StoreGroup = zarr.open_group(session.store)
-        for index, record in records.items():
-            write_record(group, stage, index, record)
-        return commit(session, message)
+    session.merge(fork)
+    group: StoreGroup = zarr.open_group(session.store)
+    for index, record in records.items():
+        write_record(group, stage, index, record)
+    return commit(session, message)
 
 
 def journal(store: Path, stage: str) -> list[dict[str, Any] | None]:

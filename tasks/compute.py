@@ -4,20 +4,26 @@ from __future__ import annotations
 
 import logging
 import threading
+import time
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any
 
-from facade_core.errors import InputError
-from tasks.cluster import UNITS_SHARE, Cluster
-from tasks.workers import ONE_THREAD, limit_threads, prepared, run_unit, standing
+from facade_core.errors import InputError, MachineError
+from tasks.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
+from tasks.leases import Forget
+from tasks.scheduler_view import UNITS_SHARE
+from tasks.workers import ONE_THREAD, TOPIC, limit_threads, make, prepared, run_unit, standing, unlike
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, LocalCluster
+
+log = logging.getLogger(__name__)
 
 # Seconds in which a scheduler must answer, and in which it must show a worker: those may be on their way.
-GREETING_S, ANSWER_S = 10, 30
+GREETING_S, ANSWER_S = 8, 30
 REMEDY = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 
 
@@ -27,10 +33,11 @@ class _Later:
 
     function: Callable[..., Any]
     arguments: tuple
-    lock: threading.RLock
+    serial: Serial
 
     def result(self) -> Any:
-        with self.lock:
+        with self.serial.lock:
+            self.serial.require_open()
             return run_unit(self.function, *self.arguments)
 
 
@@ -39,45 +46,67 @@ class Serial:
 
     threads = 1
 
-    def __init__(self) -> None:
+    def __init__(self, until: float | None = None) -> None:
         import psutil
 
+        self._until = until
         self.memory = int(psutil.virtual_memory().available * UNITS_SHARE)
-        self._lock = threading.RLock()
+        self.lock = threading.RLock()
         self._leases = threading.Lock()
+        self._open = True
 
     def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> _Later:
-        return _Later(function, args, self._lock)
+        if self._until is not None and time.monotonic() > self._until:
+            raise RunOverran(OVERRAN)
+        return _Later(function, args, self)
 
     def completed(self, started: Iterable[Any]) -> Iterator[Any]:
         """The units in order. Until the next one is asked for no other starts: each is committed before the one after it."""
         for unit in started:
-            with self._lock:
+            with self.lock:
                 yield unit
 
     @contextmanager
-    def lease(self, memory: int) -> Iterator[str]:
-        """This process, for a sequence of units that share state."""
+    def lease(self, memory: int, forget: Forget | None = None) -> Iterator[str]:
+        """This process, for a sequence of units that share state; `forget`, a function with its arguments, lets go of it."""
         with self._leases:
-            yield "serial"
+            self.require_open()
+            try:
+                yield "serial"
+            finally:
+                if forget:
+                    run_unit(*forget)
+
+    def close(self) -> None:
+        """Start no more units: the run ends, and threads of it may still wait for their turn."""
+        self._open = False
+
+    def require_open(self) -> None:
+        if not self._open:
+            raise MachineError("the run has ended")
 
 
 Compute = Serial | Cluster
 
 
 @contextmanager
-def connect(workers: int, dask: str | None, folder: str) -> Iterator[Compute]:
+def connect(workers: int, dask: str | None, folder: str, until: float | None = None) -> Iterator[Compute]:
     """Compute on the scheduler at address `dask`, else on `workers` local processes; one worker is this process itself.
 
+    At the time `until`, by time.monotonic(), what is still at work ends with RunOverran; in this process at its unit's end.
     `folder` is where units write: every worker must see it. Raises InputError where the scheduler does not answer, has no
     worker, or its workers do not see the folder or have another version of the code.
     """
     if dask is None and workers <= 1:
         limit_threads()
-        yield Serial()
+        serial = Serial(until)
+        try:
+            yield serial
+        finally:
+            serial.close()
         return
     import dask as dask_module
-    from distributed import Client, LocalCluster
+    from distributed import Client
 
     # what a unit raises comes back to its task, which says it better
     for name in ("distributed", "distributed.client"):  # Dask gives the second a level of its own
@@ -99,25 +128,63 @@ def connect(workers: int, dask: str | None, folder: str) -> Iterator[Compute]:
         if dask is not None:
             with _client(dask) as client:
                 _check_workers(client, dask, folder)
-                yield Cluster(client)
+                with _watched(client, until) as compute:
+                    yield compute
             return
-        with (
-            LocalCluster(
+        with _local(workers) as cluster, Client(cluster) as client:
+            client.register_plugin(prepared(), name="streetloom")
+            with _watched(client, until) as compute:
+                yield compute
+
+
+@contextmanager
+def _watched(client: Client, until: float | None) -> Iterator[Cluster]:
+    cluster = Cluster(client, until)
+    try:
+        yield cluster
+    finally:
+        cluster.close()
+
+
+def _local(workers: int) -> LocalCluster:
+    """Local processes, asked for once more where one dies while it starts. Raises ClusterGone."""
+    from distributed import LocalCluster
+
+    cause: Exception | None = None
+    for _ in range(2):
+        try:
+            return LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 host="127.0.0.1",
                 dashboard_address="127.0.0.1:0",
                 silence_logs=logging.CRITICAL,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
-            client.register_plugin(prepared(ours=True), name="streetloom")
-            yield Cluster(client)
+            )
+        except Exception as error:
+            log.warning("local workers do not start: %s", error)
+            cause = error
+    raise ClusterGone(
+        f"{workers} local workers do not start: {' '.join(str(cause).split())} See to the machine's memory, or name fewer "
+        "with --workers"
+    ) from cause
 
 
 def require_scheduler(address: str) -> None:
-    """Raise InputError at once where nothing listens, within GREETING_S where something else does: a client that finds no
-    scheduler is long in ending."""
+    """Raise InputError at once where nothing listens, within GREETING_S whatever else is there.
+
+    A client that finds no scheduler is long in ending, and so is a name or a connection that nobody answers.
+    """
+    answer: Queue[Exception | None] = Queue()
+    threading.Thread(target=_greet, args=(address, answer), daemon=True).start()
+    try:
+        error: Exception | None = answer.get(timeout=GREETING_S)
+    except Empty:
+        error = TimeoutError(f"no answer in {GREETING_S} s")
+    if error is not None:
+        raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
+
+
+def _greet(address: str, answer: Queue[Exception | None]) -> None:
     import asyncio
     import socket
 
@@ -125,7 +192,7 @@ def require_scheduler(address: str) -> None:
     from distributed.comm.addressing import parse_address, parse_host_port
 
     async def hello() -> None:
-        (await asyncio.wait_for(greet(address), GREETING_S)).abort()
+        (await greet(address)).abort()
 
     try:
         scheme, place = parse_address(address)
@@ -133,8 +200,9 @@ def require_scheduler(address: str) -> None:
             raise ValueError(f"not a Dask address: {address!r}")
         socket.create_connection(parse_host_port(place), timeout=GREETING_S).close()
         asyncio.run(hello())
+        answer.put(None)
     except Exception as error:  # what does not speak Dask is met with errors of every kind
-        raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
+        answer.put(error)
 
 
 @contextmanager
@@ -153,10 +221,8 @@ def _client(address: str) -> Iterator[Client]:
 def _check_workers(client: Client, address: str, folder: str) -> None:
     import tempfile
 
-    from tasks.run import code_version
-
+    own = make()
     try:
-        client.register_plugin(prepared(ours=False), name="streetloom")
         with tempfile.NamedTemporaryFile(
             dir=folder, prefix=".seen-"
         ) as token:  # elsewhere a folder may have the same name
@@ -165,14 +231,13 @@ def _check_workers(client: Client, address: str, folder: str) -> None:
         raise InputError(
             f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
         ) from error
-    for worker, (sees, version) in sorted(answers.items()):
+    for worker, (sees, theirs) in sorted(answers.items()):
         if not sees:
             raise InputError(
                 f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
                 "name a folder with --out that all workers share"
             )
-        if version != code_version():
-            raise InputError(
-                f"--dask {address}: worker {worker} has version {version} and this is {code_version()}; "
-                "start them in the same environment"
-            )
+        if said := unlike(own, theirs):
+            raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")
+    client.subscribe_topic(TOPIC, lambda event: log.warning("%s", event[1]))
+    client.register_plugin(prepared(own), name="streetloom")

@@ -12,7 +12,7 @@ import yaml
 
 from catalogs.block import Block, read_block
 from facade_core.synth import STYLES, PaintedFacade, exemplars, facade
-from tasks.plan import plan_of
+from tasks.planning import plan_of
 from tasks.progress import advance, begin_stage
 
 NAME = "helsinki"

@@ -13,10 +13,10 @@ from catalogs.block import Block
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.ingest import Plan
-from tasks.facades import facade_imagery, facade_keys
+from facade_core.plan import Plan
+from tasks.facades import facade_imagery, keys_of_facades
 from tasks.ingest import Outline
-from tasks.keys import changed_parts, exemplar_key, pose_key, texture_key
+from tasks.keys import changed_parts, exemplar_key, parts_of, pose_key, texture_key
 from tasks.outcome import is_done
 from tasks.plan import plan_of_run
 from tasks.run import Run
@@ -38,6 +38,7 @@ REASONS = {
     "geometry": "geometry changed",
     "walls": "block's texture.walls changed",
     "settings": "block's settings changed",
+    "code": "code or a library changed",
 }
 SEEN, READ, FOLLOW = "what is in sight changed", "what they see is done again", "texels of other streets changed"
 NEW, AGAIN = "new", "not done before"
@@ -48,20 +49,22 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> str | None:
 
     Later streets that only share ground with those are counted apart: they are due where that comes out differently.
     """
+    if outline.anew:
+        return f"all is due: {outline.anew}"
     session = open_repository(run.store).readonly_session(BRANCH)
     group: StoreGroup = zarr.open_group(session.store, mode="r")
     if not any(read_journal(group, "streets")):
         return None
     plan = plan_of_run(run)
     pictures = [panorama.path for panorama in block.panoramas]
-    poses = _due(read_journal(group, "poses"), [pose_key(run, plan, i, path) for i, path in enumerate(pictures)])
-    exemplars = _due(read_journal(group, "exemplars"), [exemplar_key(run, path) for path in block.exemplars])
+    poses = _due(read_journal(group, "poses"), [(pose_key(run, plan, i, path),) for i, path in enumerate(pictures)])
+    exemplars = _due(read_journal(group, "exemplars"), [(exemplar_key(run, path),) for path in block.exemplars])
     textures = _due(
         read_journal(group, "textures"),
-        [texture_key(run, plan, one.building, block.textures) for one in outline.textured],
+        [(texture_key(run, plan, one.building, block.textures),) for one in outline.textured],
     )
     held = read_journal(group, "facades")
-    facades = _due(held, facade_keys(run, facade_imagery(run, block, outline), block.textures))
+    facades = _due(held, keys_of_facades(run, facade_imagery(run, block, outline), block.textures))
     facades = _after(facades, held, outline, set(poses), {block.exemplars[i].stem for i in exemplars}, bool(exemplars))
     seeded = [int(plan.facades.chart[f]) for f in facades]
     seeded += [chart for i in textures for chart in plan.own_charts(outline.textured[i].building)]
@@ -79,17 +82,30 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> str | None:
     return f"due are {', '.join(parts)}; the rest stands" if parts else "nothing is due but what is published"
 
 
-def _due(records: Sequence[Record], keys: Sequence[str]) -> dict[int, str]:
-    """The units that are not done, by index, and why."""
-    return {i: _why(records[i], key) for i, key in enumerate(keys) if not is_done(records[i], key)}
+def what_is_set_aside(outline: Outline) -> list[str]:
+    """A line for each kind of input that cannot be used, before anything is done without it."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    for kind, unit, reason in outline.set_aside:
+        found.setdefault(kind, []).append((unit, reason))
+    lines = []
+    for kind, units in found.items():
+        unit, reason = units[0]
+        more = f"; {len(units) - 1} more {kind}{'s' if len(units) > 2 else ''}" if len(units) > 1 else ""
+        lines.append(f"set aside is {kind} {unit}: {reason}{more}")
+    return lines
 
 
-def _why(record: Record, key: str) -> str:
+def _due(records: Sequence[Record], keys: Sequence[tuple[str, ...]]) -> dict[int, str]:
+    """The units that are not done by any of their keys, by index, and why."""
+    return {i: _why(records[i], own) for i, own in enumerate(keys) if not is_done(records[i], *own)}
+
+
+def _why(record: Record, keys: tuple[str, ...]) -> str:
     if record is None:
         return NEW
-    if record["key"] == key:
+    if record["key"] in keys:
         return AGAIN
-    changed = changed_parts(record["key"], key)
+    changed = min((changed_parts(record["key"], key) for key in keys), key=len)
     return next((reason for part, reason in REASONS.items() if part in changed), REASONS["settings"])
 
 
@@ -105,7 +121,8 @@ def _after(
         reason = facades.get(facade)
         if record is not None and anew and (reason in (None, REASONS["exemplar"])):
             reason = REASONS["exemplar"] if record.get("source") in sources else None
-        if reason is None and any(panorama in poses for panorama, _ in outline.panoramas[facade]):
+        from_panoramas = record is not None and "panoramas" in parts_of(record["key"])
+        if reason is None and from_panoramas and any(panorama in poses for panorama, _ in outline.panoramas[facade]):
             reason = REASONS["panoramas"]
         if reason is not None:
             found[facade] = reason
@@ -127,8 +144,8 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
             due[street] = NEW
         elif "views" in (changed := changed_parts(record["key"], key)):
             due[street] = SEEN
-        elif "settings" in changed:
-            due[street] = REASONS["settings"]
+        elif why := next((part for part in ("settings", "code") if part in changed), None):
+            due[street] = REASONS[why]
         elif np.isin(charts, seeded).any():
             due[street] = READ
         elif changed:

@@ -20,4 +20,4 @@ def exemplars_due(run: Run, paths: Sequence[Path]) -> Stage:
     keys = [exemplar_key(run, path) for path in paths]
     due = [i for i, key in enumerate(keys) if not is_done(held[i], key)]
     work = [Work({i: (paths[i].stem, keys[i])}, (i, paths[i], keys[i]), exemplar_memory(paths[i])) for i in due]
-    return Stage("exemplars", exemplar_unit, work, skipped=len(paths) - len(due))
+    return Stage("exemplars", exemplar_unit, work, held=[r for i, r in enumerate(held) if r and i not in due])

@@ -13,6 +13,7 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.held import being_read
 from facade_core.errors import InputError
 from tasks.published import Published, published
 
@@ -66,8 +67,13 @@ def export(out: Path | str, format: str, to: Path | str | None = None, buildings
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)
     found = published(Path(out))
+    with being_read(found.folder):
+        return _export(found, format, None if to is None else Path(to), buildings, as_file)
+
+
+def _export(found: Published, format: str, to: Path | None, buildings: Sequence[str], as_file: bool) -> Exported:
     chosen = found.choose(buildings)
-    target = found.folder.parent.parent / "exports" / format if to is None else Path(to).resolve()
+    target = found.folder.parent.parent / "exports" / format if to is None else to.resolve()
     if to is None:
         _check_target(target, format, as_file)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.visible import visible_json
 from facade_core.types import Element
 from tasks.export_models import with_ground
 from tasks.progress import advance, begin_stage
@@ -64,7 +65,7 @@ def _write_document(
 
 
 def _line(value: dict[str, Any]) -> str:
-    return json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False) + "\n"
+    return visible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
 
 
 def _objects(

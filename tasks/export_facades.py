@@ -84,7 +84,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     table = found.buildings
     chosen = {found.names[b] for b in buildings.tolist()}
     write_layers(
-        folder / f"{found.block}.gpkg",
+        folder / f"{file_stem(found.block)}.gpkg",
         items=found.folder / "items.parquet",
         crs=found.crs,
         walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),

@@ -15,8 +15,9 @@ from catalogs.items import ROW_KEYS
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import draw_facade, overlay_hidden
+from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
-from facade_core.ingest import Facades, Plan
+from facade_core.plan import Plan
 from facade_core.types import Lattice
 from facade_core.variation import Hierarchy, draw_level
 from tasks.run import Run

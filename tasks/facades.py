@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from prefect import task
@@ -15,7 +15,7 @@ from tasks.commits import journal
 from tasks.fan_out import Stage, Work
 from tasks.imagery import Imagery, imagery_of
 from tasks.ingest import Outline
-from tasks.keys import facade_key
+from tasks.keys import facade_keys
 from tasks.outcome import is_done
 from tasks.plan import plan_of_run
 from tasks.poses import refined
@@ -32,38 +32,37 @@ def choose(run: Run, block: Block, outline: Outline) -> list[Imagery]:
 
 def facade_imagery(run: Run, block: Block, outline: Outline) -> list[Imagery]:
     """The imagery of every facade as the journal stands: poses that are refined, exemplars that could be prepared."""
-    chosen = _chosen(run, block.photos) if run.walls == "exemplar" else {}
+    chosen = _chosen(run) if run.walls == "exemplar" else {}
     panoramas = [[(block.panoramas[p].path, pose) for p, pose in shown] for shown in refined(run, outline.panoramas)]
     return imagery_of(outline.facades, block.photos, block.photos_rectified, panoramas, outline.own, chosen)
 
 
-def _chosen(run: Run, photos: Mapping[str, Path]) -> dict[int, tuple[int, str]]:
-    """An exemplar, (index, name), for every facade without a photo; none where no exemplar could be prepared.
+def _chosen(run: Run) -> dict[int, tuple[int, str]]:
+    """An exemplar, (index, name), for every facade; none where no exemplar could be prepared.
 
-    Those with panoramas or own textures have one too, in case that these show too little of them.
+    Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade alone.
     """
     usable = [(i, r) for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"]
     plan = plan_of_run(run)
-    facades, numbers = plan.facades, plan.scene.building_numbers
-    bare = [i for i, name in enumerate(facades.id) if name not in photos]
-    if not usable or not bare:
+    facades = plan.facades
+    if not usable or not len(facades):
         return {}
     chosen = choose_exemplars(
-        facades.width[bare],
-        facades.floors[bare],
-        numbers[facades.building[bare]],
+        facades.width,
+        facades.floors,
+        plan.scene.building_numbers[facades.building],
         [r["width_m"] for _, r in usable],
         [r["floors"] for _, r in usable],
         seed=run.seed,
     )
-    return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in zip(bare, chosen.tolist(), strict=True)}
+    return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in enumerate(chosen.tolist())}
 
 
-def facade_keys(run: Run, imagery: Sequence[Imagery], textures: Sequence[Path]) -> list[str]:
-    """The key of every facade as the journal stands."""
+def keys_of_facades(run: Run, imagery: Sequence[Imagery], textures: Sequence[Path]) -> list[tuple[str, ...]]:
+    """The keys of every facade as the journal stands."""
     plan = plan_of_run(run)
     exemplars = {i: r["key"] for i, r in enumerate(journal(run.store, "exemplars")) if r and r["status"] == "done"}
-    return [facade_key(run, plan, f, one, exemplars, textures) for f, one in enumerate(imagery)]
+    return [facade_keys(run, plan, f, one, exemplars, textures) for f, one in enumerate(imagery)]
 
 
 def facades_due(
@@ -76,17 +75,15 @@ def facades_due(
 ) -> Stage:
     """The facades that the journal does not hold yet. Those of a building go to one worker: they may share chunks."""
     held = journal(run.store, "facades")
-    keys = facade_keys(run, imagery, textures)
-    stale = [f for f, key in enumerate(keys) if held[f] and not is_done(held[f], key)]
+    keys = keys_of_facades(run, imagery, textures)
+    due = {f for f, own in enumerate(keys) if not is_done(held[f], *own)}
+    stale = [f for f in sorted(due) if held[f]]
     plan = plan_of_run(run)
     forget_units(run, plan, "facades", {f: [int(plan.facades.chart[f])] for f in stale})
-    skipped = 0
     work = []
     for facades in buildings:
-        due = [f for f in facades if not is_done(held[f], keys[f])]
-        skipped += len(facades) - len(due)
-        if due:
-            arguments = (due, {f: keys[f] for f in due}, {f: imagery[f] for f in due}, textures)
-            memory = max(facade_memory(texels[f], imagery[f]) for f in due)
-            work.append(Work({f: (names[f], keys[f]) for f in due}, arguments, memory))
-    return Stage("facades", facade_unit, work, skipped=skipped)
+        if mine := [f for f in facades if f in due]:
+            arguments = (mine, {f: keys[f] for f in mine}, {f: imagery[f] for f in mine}, textures)
+            memory = max(facade_memory(texels[f], imagery[f]) for f in mine)
+            work.append(Work({f: (names[f], keys[f][-1]) for f in mine}, arguments, memory))
+    return Stage("facades", facade_unit, work, [r for f, r in enumerate(held) if r and f not in due])

@@ -9,10 +9,9 @@ from typing import Any
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from tasks.cluster import ClusterGone
 from tasks.commits import begin, finish
 from tasks.compute import Compute
-from tasks.outcome import Outcome, failure
+from tasks.outcome import Outcome, failure, log_units, machine_error, machine_fault
 from tasks.progress import advance
 from tasks.run import Run
 
@@ -37,7 +36,7 @@ class Work:
 
 @dataclass(frozen=True)
 class Stage:
-    """The units of a stage that are due, and how many of them the journal holds already.
+    """The units of a stage that are due, and the records of those that the journal holds already.
 
     function(run, fork, *arguments) does one piece of work; it returns the fork and its units' records.
     """
@@ -45,7 +44,11 @@ class Stage:
     name: str
     function: Callable[..., Any]
     work: Sequence[Work] = ()
-    skipped: int = 0
+    held: Sequence[dict[str, Any]] = ()
+
+    @property
+    def skipped(self) -> int:
+        return len(self.held)
 
     @property
     def total(self) -> int:
@@ -73,8 +76,8 @@ def process_batch(
 ) -> Outcome:
     """Do a batch; each piece is committed, and its result released, as it completes.
 
-    What raises as a whole leaves a failed record for each of its units, and nothing else. Raises ClusterGone; what was
-    committed stays.
+    What raises as a whole leaves a failed record for each of its units, and nothing else. Raises MachineError where the machine
+    is at fault, or the cluster went away; what was committed stays.
     """
     started: dict[Any, tuple[Work, Any]] = {}
     for piece in batch:
@@ -85,14 +88,19 @@ def process_batch(
         piece, session = started.pop(unit)
         try:
             fork, records = unit.result()
-        except ClusterGone:
-            raise
         except Exception as error:
+            if machine_fault(error):
+                raise machine_error(f"{stage} {_names(piece)}", error) from error
             session, fork = begin(run.store)
             records = {index: failure(name, key, error) for index, (name, key) in piece.units.items()}
-        finish(session, fork, stage, records, f"{stage} {', '.join(name for name, _ in piece.units.values())}")
+        finish(session, fork, stage, records, f"{stage} {_names(piece)}")
+        log_units(stage, records.values())
         del unit, fork  # with the last reference its result leaves the cluster
         made = Outcome().add(records.values())
         advance(stage, made.finished, len(made.failed))
         outcome += made
     return outcome
+
+
+def _names(piece: Work) -> str:
+    return ", ".join(name for name, _ in piece.units.values())

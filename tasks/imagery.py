@@ -24,6 +24,11 @@ class Imagery:
     own: bool = False
     exemplar: tuple[int, str] | None = None
 
+    def sources(self) -> tuple[str, ...]:
+        """What the facade can be made from, in the order of trying: where one fails or shows too little, the next."""
+        there = {"photo": self.photo is not None, "panoramas": bool(self.panoramas), "own": self.own}
+        return (*(source for source, given in there.items() if given), "none")
+
 
 def imagery_of(
     names: Sequence[str],

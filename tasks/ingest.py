@@ -4,26 +4,34 @@ from __future__ import annotations
 
 import time
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.block import Block
 from catalogs.features import file_stem
 from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.ingest import Plan
+from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
+from facade_core.geometry.charts import WALL
+from facade_core.plan import Plan
 from facade_core.types import Pose
-from tasks.carry import carry_over, last_ingest
+from tasks.carry import carry_over, last_ingest, made_for, why_anew
 from tasks.keys import exemplar_key, pose_key
-from tasks.plan import plan_of, read_plan, write_plan
+from tasks.plan import read_plan, write_plan
+from tasks.planning import plan_of
 from tasks.progress import advance, begin_stage
-from tasks.run import Run, code_version
+from tasks.room import require_room, room_for
+from tasks.run import Run
+from tasks.stage_code import stage_code
+
+if TYPE_CHECKING:
+    from catalogs.block import Block
 
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
 VIEWS = 4
@@ -46,7 +54,7 @@ class Outline:
     their own, in order; panoramas: those that show each facade, best first, as (index, pose); own: whether each facade has a
     texture of its own; streets: names; waves: the streets of each wave; viewpoints: how many each street has; windows: texels
     that each street sees, and those of them that it writes; set_aside: input that cannot be used, as (kind, unit, reason);
-    ingested: when the plan was written, seconds since 1970.
+    ingested: when the plan was written, seconds since 1970; anew: why nothing of an earlier ingest was taken over, if so.
     """
 
     facades: tuple[str, ...]
@@ -62,33 +70,39 @@ class Outline:
     set_aside: tuple[tuple[str, str, str], ...]
     ingested: float
     skipped: bool
+    anew: str | None = None
 
 
 @task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
 def ingest_block(run: Run, block: Block) -> Outline:
     """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
 
-    Arrays are empty, or hold what is left of an earlier ingest with the same code.
+    Arrays are empty, or hold what is left of an earlier ingest.
     """
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
     root: StoreGroup = zarr.open_group(session.store, mode="a")
-    skipped = root.attrs.get("key") == run.key
+    skipped, anew = root.attrs.get("key") == run.key, None
     if skipped:
         plan = read_plan(session, run.texels_per_metre)
     else:
         last = last_ingest(run, repository)
         plan = plan_of(block, last.places if last else None)
+        require_room(Path(run.out), room_for(plan, run.panorama_width))
         if last is None:
+            anew = why_anew(run, root)
             root = zarr.group(store=session.store, overwrite=True)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.refused]
+        set_aside += [("building", "all buildings", reason) for reason in no_facade(plan, run.texels_per_metre)]
         set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
             block=run.block,
             key=run.key,
-            made_by=[code_version(), run.crs, run.texels_per_metre],
+            made_for=made_for(run),
+            ingested_by=stage_code("ingest"),
+            published_by=stage_code("publish"),
             crs=run.crs,
             seed=run.seed,
             geoid_separation=block.geoid_separation,
@@ -116,12 +130,28 @@ def ingest_block(run: Run, block: Block) -> Outline:
                 last,
                 plan,
                 panorama_width=run.panorama_width,
-                poses=[pose_key(run, plan, i, panorama.path) for i, panorama in enumerate(block.panoramas)],
-                exemplars=[exemplar_key(run, path) for path in block.exemplars],
+                poses=[(p.path.name, pose_key(run, plan, i, p.path)) for i, p in enumerate(block.panoramas)],
+                exemplars=[(path.stem, exemplar_key(run, path)) for path in block.exemplars],
             )
         commit(session, f"ingest {run.block}")
     advance("ingest", 1)
-    return _outline(plan, tuple(map(tuple, root.attrs["set_aside"])), float(root.attrs["ingested"]), skipped)
+    return replace(_outline(plan, root, skipped), anew=anew)
+
+
+def no_facade(plan: Plan, texels_per_metre: float) -> list[str]:
+    """Why a block has no facade at all, in one line, with the remedy; nothing where it has one."""
+    if len(plan.facades):
+        return []
+    charts = plan.scene.charts
+    wall = charts.kind == WALL
+    small = wall & ((charts.size[:, 0] < FACADE_WIDTH_M) | (charts.size[:, 1] < FACADE_HEIGHT_M))
+    coarse = wall & ~small & (charts.texels(texels_per_metre).min(axis=1) < FACADE_TEXELS)
+    unseen = int(wall.sum() - small.sum() - coarse.sum())
+    return [
+        f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {FACADE_WIDTH_M:g} x {FACADE_HEIGHT_M:g} m, "
+        f"{coarse.sum()} have under {FACADE_TEXELS} texels a side (raise texture.texels_per_metre), {unseen} are seen from no "
+        "street (check streets, or raise texture.visibility_range)"
+    ]
 
 
 def _notes(block: Block, plan: Plan) -> list[str]:
@@ -133,7 +163,7 @@ def _notes(block: Block, plan: Plan) -> list[str]:
     return notes
 
 
-def _outline(plan: Plan, set_aside: tuple, ingested: float, skipped: bool) -> Outline:
+def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:
     building = plan.facades.building.tolist()
     facades: dict[int, list[int]] = {}
     for facade, one in enumerate(building):
@@ -157,8 +187,8 @@ def _outline(plan: Plan, set_aside: tuple, ingested: float, skipped: bool) -> Ou
             tuple((p, plan.poses[p]) for p in plan.sightings.of(i)[:VIEWS].tolist()) for i in range(len(plan.facades))
         ),
         own=tuple(plan.textured[plan.facades.chart].tolist()),
-        set_aside=set_aside,
-        ingested=ingested,
+        set_aside=tuple(map(tuple, root.attrs["set_aside"])),
+        ingested=float(root.attrs["ingested"]),
         skipped=skipped,
     )
 

@@ -14,10 +14,12 @@ import numpy as np
 
 from catalogs.block_digest import file_digest
 from facade_core.atlas.journal import unit_key
-from facade_core.ingest import Plan
+from facade_core.geometry.charts import CORNERS
+from facade_core.plan import Plan
 from facade_core.types import Pose
 from tasks.imagery import Imagery
-from tasks.run import Run, code_version
+from tasks.run import Run
+from tasks.stage_code import stage_code
 
 # What of a block a panorama may be matched with, metres from where it was taken.
 AROUND_POSE_M = 150.0
@@ -27,25 +29,35 @@ OFF_PLANE_M = 1.0
 ABOVE_M = 0.01
 
 
-def parts_key(**parts: Any) -> str:
-    """The key of a unit from its inputs by kind: strings, numbers, nested lists and dicts."""
-    return " ".join(f"{kind}:{unit_key(value)[:16]}" for kind, value in {"code": code_version(), **parts}.items())
+def parts_key(code: str, **parts: Any) -> str:
+    """The key of a unit: of its stage's code, and its inputs by kind (strings, numbers, nested lists and dicts)."""
+    return " ".join([f"code:{code}", *(f"{kind}:{unit_key(value)[:16]}" for kind, value in parts.items())])
+
+
+def parts_of(key: str) -> dict[str, str]:
+    """The digests that a key is made of, by kind: "code" first."""
+    return dict(part.partition(":")[::2] for part in key.split())
 
 
 def changed_parts(held: str, key: str) -> list[str]:
     """The kinds of input in which two keys of a unit differ."""
-    before, now = (dict(part.partition(":")[::2] for part in text.split()) for text in (held, key))
+    before, now = parts_of(held), parts_of(key)
     return sorted(kind for kind in before | now if before.get(kind) != now.get(kind))
 
 
 def exemplar_key(run: Run, path: Path) -> str:
-    return parts_key(settings=[run.seed, run.storey, run.texels_per_metre], picture=[path.stem, file_digest(path)])
+    return parts_key(
+        stage_code("exemplars"),
+        settings=[run.seed, run.storey, run.texels_per_metre],
+        picture=[path.stem, file_digest(path)],
+    )
 
 
 def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
     pose = plan.poses[panorama]
     place = np.array([pose.x, pose.y, pose.z])
     return parts_key(
+        stage_code("poses"),
         settings=run.texels_per_metre,
         picture=[path.name, file_digest(path)],
         pose=_pose(pose),
@@ -58,22 +70,25 @@ def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -
     charts = plan.own_charts(building)
     parts: dict[str, Any] = {"settings": run.texels_per_metre, "own": _own(plan, charts, textures)}
     if run.aerial is not None and charts:
-        parts["aerial"] = [file_digest(run.aerial.path), run.aerial.crs, run.aerial.frame]
+        parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
         low, high = _box(plan, charts)
         high[2] = np.inf
         parts["above"] = plan.things.within(low - OFF_PLANE_M, high + OFF_PLANE_M)
-    return parts_key(**parts)
+    return parts_key(stage_code("textures"), **parts)
 
 
-def facade_key(
+def facade_keys(
     run: Run,
     plan: Plan,
     facade: int,
     imagery: Imagery,
     exemplars: Mapping[int, str],
     textures: Sequence[Path],
-) -> str:
-    """exemplars: the key of each exemplar that could be prepared, by index."""
+) -> tuple[str, ...]:
+    """The keys of a facade, one for each of its sources in order: when it is made from that, those before it having failed.
+
+    exemplars: the key of each exemplar that could be prepared, by index.
+    """
     table, placement = plan.facades, plan.scene.placement
     chart = int(table.chart[facade])
     shape = (int(placement.width[chart]), int(placement.height[chart]))
@@ -82,16 +97,21 @@ def facade_key(
         "settings": [table.id[facade], run.seed, run.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],
     }
-    if imagery.photo is not None:
-        return parts_key(**parts, photo=[imagery.photo.name, imagery.rectified, file_digest(imagery.photo)])
-    if imagery.panoramas:
-        parts["panoramas"] = [[path.name, file_digest(path), _pose(pose)] for path, pose in imagery.panoramas]
-        parts["between"] = [_between(plan, chart, pose) for _, pose in imagery.panoramas]
-    if imagery.own:
-        parts["own"] = _own(plan, [chart], textures)
-    if imagery.exemplar is not None:
-        parts["exemplar"] = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0])]
-    return parts_key(**parts, walls=run.walls)
+    keys = []
+    for source in imagery.sources():
+        if source == "photo" and imagery.photo is not None:
+            parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
+        elif source == "panoramas":
+            parts["panoramas"] = [[path.name, file_digest(path), _pose(pose)] for path, pose in imagery.panoramas]
+            parts["between"] = [_between(plan, chart, pose) for _, pose in imagery.panoramas]
+        elif source == "own":
+            parts["own"] = _own(plan, [chart], textures)
+        elif imagery.exemplar is not None:
+            parts |= {"exemplar": [imagery.exemplar[1], exemplars.get(imagery.exemplar[0])], "walls": run.walls}
+        else:
+            parts["walls"] = run.walls
+        keys.append(parts_key(stage_code("facades"), **parts))
+    return tuple(keys)
 
 
 def _pose(pose: Pose) -> list[Any]:
@@ -109,10 +129,7 @@ def _between(plan: Plan, chart: int, pose: Pose) -> list[str]:
 
 def _box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
     """The corners (3,) of the box around some charts."""
-    one = plan.scene.charts
-    share = np.array([[0, 0], [1, 0], [0, 1], [1, 1]])[None] * one.size[charts][:, None]
-    corners = one.origin[charts][:, None] + share[..., :1] * one.axis_u[charts][:, None]
-    corners = corners + share[..., 1:] * one.axis_v[charts][:, None]
+    corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
     return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
 
 

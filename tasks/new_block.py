@@ -17,7 +17,7 @@ from catalogs.readers.images import image_files
 from catalogs.readers.panoramas import read_panoramas
 from facade_core.errors import BlockFileError, InputError
 from tasks.demo import paint_exemplars
-from tasks.plan import plan_of
+from tasks.planning import plan_of
 
 # What the keys of the block file are called on the command line.
 _OPTIONS = {

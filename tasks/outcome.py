@@ -1,22 +1,61 @@
-"""What a task says of its units."""
+"""What a task says of its units, and whose fault an error is: the input's sets its unit aside, the machine's ends the run."""
 
 from __future__ import annotations
 
+import errno
+import logging
+import os
 import time
-from collections.abc import Iterable
+import traceback
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from typing import Any
 
-from facade_core.errors import FacadeError
+import icechunk
+from zarr.errors import BaseZarrError
+
+from catalogs.visible import visible
+from facade_core.errors import FacadeError, MachineError, ModelError, StoreError
+
+log = logging.getLogger(__name__)
+
+SPACE = {errno.ENOSPC, errno.EDQUOT}
+MEMORY = {errno.ENOMEM}
+# Of a disk, a mount, the network or a limit. Not here: what a wrong path or a file's rights in the input raise.
+OTHERS = {
+    errno.EIO,
+    errno.EROFS,
+    errno.EMFILE,
+    errno.ENFILE,
+    errno.ESTALE,
+    errno.ETIMEDOUT,
+    errno.ENOTCONN,
+    errno.ECONNRESET,
+    errno.ECONNREFUSED,
+    errno.EHOSTUNREACH,
+    errno.ENETUNREACH,
+    errno.ENODEV,
+    errno.ENXIO,
+    errno.ENOLCK,
+}
+# Raised by the store, by an installation that lacks something, or for want of memory, whatever they say.
+MACHINES = (MachineError, StoreError, ModelError, MemoryError, ImportError, icechunk.IcechunkError, BaseZarrError)
+# What zarr's codecs say of a chunk that is cut or garbled.
+DAMAGED = ("decompression error",)
+# How libraries put into words what they do not give a number or a type.
+NO_MEMORY = ("Insufficient memory", "Failed to allocate memory", "bad_alloc", "can't start new thread")
 
 
 @dataclass(frozen=True)
 class Outcome:
-    """done units, units skipped because the journal holds them, and the failed ones as (unit, reason)."""
+    """done units, units skipped because the journal holds them, and the failed ones as (unit, reason); likewise those that are
+    done, now or before, without a picture that was refused."""
 
     done: int = 0
     skipped: int = 0
     failed: tuple[tuple[str, str], ...] = ()
+    refused: tuple[tuple[str, str], ...] = ()
 
     @property
     def finished(self) -> int:
@@ -26,24 +65,151 @@ class Outcome:
         """With more units, by their journal records."""
         records = list(records)
         failed = tuple((r["unit"], r["reason"]) for r in records if r["status"] == "failed")
-        return replace(self, done=self.done + len(records) - len(failed), failed=self.failed + failed)
+        return replace(
+            self,
+            done=self.done + len(records) - len(failed),
+            failed=self.failed + failed,
+            refused=self.refused + refused(records),
+        )
 
     def __add__(self, other: Outcome) -> Outcome:
-        return Outcome(self.done + other.done, self.skipped + other.skipped, self.failed + other.failed)
+        return Outcome(
+            self.done + other.done,
+            self.skipped + other.skipped,
+            self.failed + other.failed,
+            self.refused + other.refused,
+        )
 
 
-def is_done(record: dict[str, Any] | None, key: str) -> bool:
-    """Whether the journal holds a unit for the inputs it has now; failed units are tried again."""
-    return record is not None and record["key"] == key and record["status"] == "done"
+def refused(records: Iterable[dict[str, Any] | None]) -> tuple[tuple[str, str], ...]:
+    """The units that are done without a picture that was refused, as (unit, reason), by their journal records."""
+    return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
+
+
+def is_done(record: dict[str, Any] | None, *keys: str) -> bool:
+    """Whether the journal holds a unit for the inputs it has now, by one of its keys; failed units are tried again."""
+    return record is not None and record["key"] in keys and record["status"] == "done"
 
 
 def failure(unit: str, key: str, error: Exception) -> dict[str, Any]:
-    """The journal record of a unit that failed as a whole; one line, whatever was raised."""
-    reason = str(error) if isinstance(error, FacadeError) else f"{type(error).__name__}: {error}"
+    """The journal record of a unit that failed as a whole: one line, whatever was raised, and where that was."""
     return {
         "unit": unit,
         "key": key,
         "status": "failed",
-        "reason": " ".join(reason.split()),
+        "reason": reason_of(error),
+        "traceback": "".join(traceback.format_exception(error)),
         "started": time.time(),
     }
+
+
+def log_units(stage: str, records: Iterable[dict[str, Any]]) -> None:
+    """Log units by their journal records: each that failed as a warning with its traceback, the others for who looks closer."""
+    for record in records:
+        unit, reason = visible(record["unit"]), visible(record.get("reason") or "")  # a log may end in a terminal
+        about = {name: record.get(name) for name in ("unit", "worker", "seconds", "traceback")} | {"stage": stage}
+        if record["status"] == "failed":
+            log.warning("%s %s failed: %s", stage, unit, reason, extra=about)
+        elif record["status"] == "done" and reason:
+            log.warning("%s %s: %s", stage, unit, reason, extra=about)
+        else:
+            log.debug("%s %s done", stage, unit, extra=about)
+
+
+def reason_of(error: Exception) -> str:
+    """An error in one line."""
+    reason = str(error) if isinstance(error, FacadeError) else f"{type(error).__name__}: {error}"
+    return " ".join(reason.split())
+
+
+@contextmanager
+def refusing(errors: list[Exception]) -> Iterator[None]:
+    """What is raised within refuses a picture, and is added to `errors`; the machine's faults pass."""
+    try:
+        yield
+    except Exception as error:
+        if machine_fault(error):
+            raise
+        errors.append(error)
+
+
+def refusal(errors: Sequence[Exception], instead: str) -> dict[str, str]:
+    """What the record of a unit says of pictures that were refused, and of what it was made from instead."""
+    if not errors:
+        return {}
+    return {
+        "reason": f"{'; '.join(map(reason_of, errors))}; textured {instead}",
+        "traceback": "".join(line for error in errors for line in traceback.format_exception(error)),
+    }
+
+
+def machine_fault(error: BaseException) -> bool:
+    """Whether an error, or what it was raised from, is the machine's: retried later, the same unit may well be done."""
+    return any(_is_machines(one) for one in _chain(error))
+
+
+def machine_error(doing: str, error: BaseException) -> MachineError:
+    """What to raise from an error that is the machine's: one line with the unit that met it, the cause and the remedy."""
+    chain = list(_chain(error))
+    said = next((one for one in chain if isinstance(one, MachineError)), None)
+    if said is not None:
+        return MachineError(f"{doing}: {said}") if type(said) is MachineError else said
+    number = next((number for one in chain if (number := _number(one)) is not None), None)
+    first = next(filter(_is_machines, chain), error)
+    if number in SPACE:
+        remedy = "free some space"
+    elif number in MEMORY or any(isinstance(one, MemoryError) or _says(one, NO_MEMORY) for one in chain):
+        remedy = "free some memory, or use fewer workers,"
+    else:
+        remedy = "see to the machine, its disks and its network,"
+    words = os.strerror(number) if number is not None else " ".join(str(first).split()) or type(first).__name__
+    return MachineError(f"{doing}: {words}; {remedy} and run again: what is done is kept")
+
+
+def store_fault(error: BaseException) -> bool:
+    """Whether an error, or what it was raised from, is that a store could not be read or written."""
+    store = (StoreError, icechunk.IcechunkError, BaseZarrError)
+    return any(isinstance(one, store) or _says(one, DAMAGED) for one in _chain(error))
+
+
+@contextmanager
+def raising_machine_errors(doing: str) -> Iterator[None]:
+    """Raise a fault of the machine as MachineError, whatever it came as; other errors as they are."""
+    try:
+        yield
+    except FacadeError:
+        raise
+    except Exception as error:
+        if machine_fault(error):
+            raise machine_error(doing, error) from error
+        raise
+
+
+def _is_machines(error: BaseException) -> bool:
+    return isinstance(error, MACHINES) or _number(error) is not None or _says(error, NO_MEMORY + DAMAGED)
+
+
+def _says(error: BaseException, texts: Iterable[str]) -> bool:
+    return any(text in str(error) for text in texts)
+
+
+def _number(error: BaseException) -> int | None:
+    """The error number of a machine's fault: as the system gave it, or in the words in which a library passes it on."""
+    if isinstance(error, OSError) and error.errno is not None:
+        return error.errno if error.errno in SPACE | MEMORY | OTHERS else None
+    return next((number for number in sorted(SPACE | MEMORY | OTHERS) if _says(error, [os.strerror(number)])), None)
+
+
+def _chain(error: BaseException) -> Iterator[BaseException]:
+    """An error, what it was raised from or while, and what those were."""
+    seen: set[int] = set()
+    waiting: list[BaseException | None] = [error]
+    while waiting:
+        one = waiting.pop()
+        if one is None or id(one) in seen:
+            continue
+        seen.add(id(one))
+        yield one
+        waiting += [None if one.__suppress_context__ else one.__context__, one.__cause__]
+        if isinstance(one, BaseExceptionGroup):
+            waiting += one.exceptions

@@ -10,45 +10,21 @@ import icechunk
 import numpy as np
 import shapely
 
-from catalogs.block import Block
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, open_repository, open_table, text_column, write_table
 from facade_core.facades import Facades
 from facade_core.geometry.charts import KINDS, Charts, Mesh
-from facade_core.geometry.packing import Placement, Places
+from facade_core.geometry.packing import Placement
 from facade_core.geometry.streets import Viewpoint
-from facade_core.ingest import Plan, Sightings, ingest
+from facade_core.plan import Plan, Sightings
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Pose, Street
-from tasks.roofs import under_aerial
 from tasks.run import Run
-from tasks.units.images import image_size
 
 if TYPE_CHECKING:
     import xarray as xr
 
 METRES = {"units": "m"}
-
-
-def plan_of(block: Block, last: Places | None = None) -> Plan:
-    """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas."""
-    texture = block.texture
-    plan = ingest(
-        block.buildings,
-        block.streets,
-        elevation=block.terrain,
-        poses=[panorama.pose for panorama in block.panoramas],
-        panorama_sizes=[image_size(panorama.path) for panorama in block.panoramas],
-        texels_per_metre=texture.texels_per_metre,
-        spacing=texture.viewpoint_spacing,
-        height=texture.viewpoint_height,
-        visibility_range=texture.visibility_range,
-        panorama_width=texture.panorama_width,
-        storey=block.storey,
-        walls=texture.walls,
-        last=last,
-    )
-    return plan if block.aerial is None else under_aerial(plan, block.aerial)
 
 
 def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:

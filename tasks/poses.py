@@ -23,7 +23,7 @@ def poses_due(run: Run, paths: Sequence[Path]) -> Stage:
     keys = [pose_key(run, plan, i, path) for i, path in enumerate(paths)]
     due = [i for i, key in enumerate(keys) if not is_done(held[i], key)]
     work = [Work({i: (paths[i].name, keys[i])}, (i, paths[i], keys[i]), pose_memory(paths[i])) for i in due]
-    return Stage("poses", pose_unit, work, skipped=len(paths) - len(due))
+    return Stage("poses", pose_unit, work, held=[r for i, r in enumerate(held) if r and i not in due])
 
 
 def refined(run: Run, given: Sequence[Sequence[tuple[int, Pose]]]) -> list[list[tuple[int, Pose]]]:

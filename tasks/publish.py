@@ -4,37 +4,47 @@ from __future__ import annotations
 
 import io
 import json
+import logging
 import os
 import shutil
 from collections import Counter
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
+from contextlib import nullcontext
 from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
+import icechunk
 import numpy as np
 import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
+from catalogs.held import alone
 from catalogs.items import write_items
 from catalogs.report import write_report
-from catalogs.stac import collections_in, write_stac
+from catalogs.stac import write_stac
 from catalogs.stac_catalog import write_catalog
 from facade_core.atlas.journal import STAGES, atlas_digest, read_journal
-from facade_core.atlas.store import BRANCH, expire, open_repository, open_table
+from facade_core.atlas.store import BRANCH, commit, expire, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
-from facade_core.ingest import Plan
+from facade_core.plan import Plan
 from facade_core.street.translate import Swatches
 from tasks.catalogue_facts import block_facts, models_used, run_facts, street_facts
 from tasks.facade_report import facade_sheets, item_rows, masked_regions, set_aside_rows
+from tasks.limit import over_limit
 from tasks.plan import read_plan
 from tasks.progress import advance, begin_stage
+from tasks.published_files import amiss, predecessor_of, write_files
 from tasks.roofs import roof_material, sampler
-from tasks.run import Run, code_version
-from tasks.standing import current_snapshot, page_path, published_summary
+from tasks.run import Run
+from tasks.stage_code import stage_code
+from tasks.standing import current_snapshot, made_by, page_path, published_summary
+from tasks.streets import standing_tags
+
+log = logging.getLogger(__name__)
 
 PICTURE_SIZE = (900, 1440)
 # A facade from a photo is so much more worth showing than one from an exemplar.
@@ -49,29 +59,64 @@ T = TypeVar("T")
 def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     """Write published/<snapshot>/ from the newest snapshot, unless `current` already points at it, whole.
 
+    Where too many units failed, `current` stays, and so does the snapshot that it names; the summary says so as `withheld`.
+
     block_file: what the block was read from: the catalogue names its sources. The snapshot published before is linked as the
     earlier version.
     """
+    _stand_by_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     snapshot = session.snapshot_id
     out = Path(run.out)
     final = out / "published" / snapshot
     begin_stage("publish", 1)
     last = current_snapshot(out)
-    if last != snapshot or not all(path.is_file() for _, path in collections_in(final)):
+    if last != snapshot or amiss(final):
+        predecessor = last if last != snapshot else predecessor_of(final)
         temporary = out / "published" / f".{snapshot}.tmp"
         shutil.rmtree(temporary, ignore_errors=True)
         temporary.mkdir(parents=True)
-        _write(run, session, temporary, block_file, last if last != snapshot else None)
-        shutil.rmtree(final, ignore_errors=True)
+        _write(run, session, temporary, block_file, predecessor)
+        write_files(temporary, predecessor, standing_tags(zarr.open_group(session.store, mode="r")))
+        damaged = out / "published" / f".{snapshot}.damaged.tmp"
+        shutil.rmtree(damaged, ignore_errors=True)
+        if final.exists():
+            os.replace(final, damaged)
         os.replace(temporary, final)
+        shutil.rmtree(damaged, ignore_errors=True)
+        withheld = over_limit(run, zarr.open_group(session.store, mode="r"))
+        if withheld:
+            advance("publish", 1)
+            return published_summary(out, snapshot) | {
+                "withheld": f"{withheld}; look at {final / 'report' / 'index.html'}"
+            }
         pointer = out / ".current.tmp"
         pointer.write_text(snapshot + "\n")
         os.replace(pointer, out / "current")
-        expire(open_repository(run.store))  # no unit is under way; street ends are tagged and stay
+        _forget_history(run, last)
     write_catalog(out)  # also where a run ended between the two
     advance("publish", 1)
     return published_summary(out, snapshot)
+
+
+def _stand_by_code(run: Run) -> None:
+    """Have the store say which code publishes it: by another the same texels are another snapshot, in a folder of its own."""
+    session = open_repository(run.store).writable_session(BRANCH)
+    root: StoreGroup = zarr.open_group(session.store)
+    if root.attrs.get("published_by") != stage_code("publish"):
+        root.attrs["published_by"] = stage_code("publish")
+        commit(session, "published by other code")
+
+
+def _forget_history(run: Run, last: str | None) -> None:
+    """Expire what no unit needs any more: none is under way, and street ends are tagged. Where somebody still reads what was
+    published last, it is left to the next run."""
+    try:
+        with alone(Path(run.out) / "published" / last) if last else nullcontext(True) as nobody:
+            if nobody:
+                expire(open_repository(run.store))
+    except icechunk.IcechunkError as error:  # an earlier snapshot is damaged: what is published does not depend on it
+        log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
 
 
 def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predecessor: str | None) -> None:
@@ -125,8 +170,8 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
         (images / f"panorama-{viewpoint}.jpg").write_bytes(_jpeg(group["panoramas/rgb"][viewpoint], 88))
     facade_sheets(group, plan, records, images)
 
-    ingested = datetime.fromtimestamp(group.attrs["ingested"], UTC)
-    rows = item_rows(run, plan, buildings, records, code_version(), ingested)
+    ingested, version = datetime.fromtimestamp(group.attrs["ingested"], UTC), made_by(group)
+    rows = item_rows(run, plan, buildings, records, version, ingested)
     kinds = {"poses": "panorama", "exemplars": "exemplar", "textures": "building"}
     broken = [
         *map(tuple, group.attrs["set_aside"]),
@@ -142,7 +187,7 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
         for record in read_journal(group, "streets")
         if record and record["status"] in ("stale", "failed")
     ]
-    aside = set_aside_rows(run, broken, code_version(), ingested)
+    aside = set_aside_rows(run, broken, version, ingested)
     write_items(folder / "items.parquet", rows + aside, run.crs)
     done = sum(r["status"] == "done" for r in rows)
     summary = {
@@ -156,7 +201,7 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
     (folder / "summary.json").write_text(json.dumps(summary, indent=1))
     write_report(
         folder / "report",
-        summary=summary | {"crs": run.crs, "code_version": code_version(), "notes": group.attrs.get("notes", [])},
+        summary=summary | {"crs": run.crs, "code_version": version, "notes": group.attrs.get("notes", [])},
         rows=rows,
         set_aside=aside,
         records={r["unit"]: r for r in records if r},

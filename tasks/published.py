@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, cast
 import numpy as np
 
 from facade_core.errors import InputError, StoreError
-from facade_core.ingest import Plan
+from facade_core.plan import Plan
 from facade_core.types import Element
 
 if TYPE_CHECKING:
@@ -129,4 +129,4 @@ def published(out: Path) -> Published:
 
 def publishes_again(out: Path) -> str:
     """The remedy where a published folder is damaged."""
-    return f"remove {out / 'current'}, and `streetloom run BLOCK.yaml --out {out}` publishes again"
+    return f"`streetloom run BLOCK.yaml --out {out}` publishes again"

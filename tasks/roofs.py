@@ -8,12 +8,12 @@ import numpy as np
 
 from catalogs.readers.aerial import Aerial
 from facade_core.errors import InputError
-from facade_core.ingest import Plan
+from facade_core.plan import Plan
 from facade_core.street.overhead import Aerial as Sampler
 from facade_core.street.overhead import shown_from_above
 from facade_core.street.tiled import Material
 from tasks.run import Run
-from tasks.units.images import read_image
+from tasks.units.images import read_whole
 
 # Places along either side of a roof that are looked for on the picture.
 LOOKED_AT = 8
@@ -24,9 +24,7 @@ def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
     scene, charts = plan.scene, plan.scene.charts
     roofs = np.flatnonzero(shown_from_above(scene))
     share = (np.stack(np.meshgrid(*[np.arange(LOOKED_AT)] * 2), axis=-1).reshape(-1, 2) + 0.5) / LOOKED_AT
-    place = share[None] * charts.size[roofs][:, None]
-    points = charts.origin[roofs][:, None] + place[..., :1] * charts.axis_u[roofs][:, None]
-    points = points + place[..., 1:] * charts.axis_v[roofs][:, None]
+    points = charts.at_shares(roofs, share)
     inside = aerial.covers(points.reshape(-1, 3)[:, :2]).reshape(len(roofs), len(share))
     textured = plan.textured.copy()
     textured[roofs[inside.any(axis=1)]] = True
@@ -45,6 +43,7 @@ def roof_material(run: Run) -> Material | None:
         return None
     path, metres_per_pixel = run.roof_material
     try:
-        return Material.of(read_image(path)[0], metres_per_pixel, run.texels_per_metre)
+        picture = read_whole(path)
+        return Material.of(picture.rgb, metres_per_pixel / picture.scale, run.texels_per_metre)
     except InputError as error:
         raise InputError(f"texture.roof_material: {path}: {error}") from error

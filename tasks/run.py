@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-from catalogs.block import Block, Material
-from catalogs.readers.aerial import Aerial
+from tasks.stage_code import stage_code
+
+if TYPE_CHECKING:
+    from catalogs.block import Block, Material
+    from catalogs.readers.aerial import Aerial
 
 VERSION = "0.1.0"
 
@@ -17,8 +20,8 @@ VERSION = "0.1.0"
 class Run:
     """One run of a block into the absolute folder `out`.
 
-    `key` is the ingest key: digest of the block's inputs and settings and of the code. ingested is when the store's plan was
-    written, 0 before: a process that serves many runs keeps what it read of one plan from the next.
+    `key` is the ingest key: digest of the block's inputs and settings and of the code that ingests them. ingested is when the
+    store's plan was written, 0 before: a process that serves many runs keeps what it read of one plan from the next.
     """
 
     out: str
@@ -34,6 +37,7 @@ class Run:
     aerial: Aerial | None = None
     roof_material: Material | None = None
     translator: str = "exemplar"
+    failed_limit: float = 0.2
     ingested: float = 0.0
 
     @property
@@ -41,22 +45,9 @@ class Run:
         return Path(self.out) / "store"
 
 
-@cache
-def code_version() -> str:
-    """The version and a digest of the code and models that make results: a change of either makes every unit due again."""
-    root = Path(__file__).resolve().parent.parent
-    digest = hashlib.blake2b(digest_size=6)
-    for folder in ("facade_core", "tasks"):
-        for path in sorted((root / folder).rglob("*")):
-            if path.suffix in (".py", ".onnx") and path.is_file():
-                digest.update(path.relative_to(root).as_posix().encode())
-                digest.update(path.read_bytes())
-    return f"{VERSION}+{digest.hexdigest()}"
-
-
 def run_of(block: Block, out: Path) -> Run:
     """The run that textures `block` into folder `out`."""
-    key = hashlib.sha256(f"{block.digest}/{code_version()}".encode()).hexdigest()
+    key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
     texture = block.texture
     return Run(
         out=str(out.resolve()),  # workers may have been started elsewhere
@@ -67,6 +58,7 @@ def run_of(block: Block, out: Path) -> Run:
         texels_per_metre=texture.texels_per_metre,
         panorama_width=texture.panorama_width,
         storey=block.storey,
+        failed_limit=block.failed_limit,
         walls=texture.walls,
         levelling=texture.levelling,
         aerial=block.aerial,

@@ -12,12 +12,16 @@ import numpy as np
 from catalogs.block_digest import file_digest
 from facade_core.atlas.journal import latest_digests, read_records, unit_key
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.ingest import Plan
+from facade_core.plan import Plan
 from tasks.keys import parts_key
-from tasks.run import Run, code_version
+from tasks.run import Run
+from tasks.stage_code import stage_code
 
 # Settings of a run that no street's texels depend on.
-NOT_OF_STREETS = ("out", "block", "key", "crs", "storey", "walls", "ingested", "aerial", "roof_material")
+NOT_OF_STREETS = (
+    *("out", "block", "key", "ingested", "failed_limit"),
+    *("crs", "storey", "walls", "aerial", "roof_material"),
+)
 
 
 @dataclass(frozen=True)
@@ -31,7 +35,7 @@ class StreetKeys:
 def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetKeys:
     """The keys of a street as the journal stands, when those of earlier waves and all that seed are done."""
     own = plan.of_street(street)
-    settings = _settings(run, plan)
+    code, settings = stage_code("streets", neural=run.translator == "neural"), _settings(run, plan)
     charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
     seeds = _seeds(plan, group, charts)
     known = latest_digests(seeds, [])
@@ -39,7 +43,7 @@ def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetK
     shown = [np.unique(plan.views[plan.views[:, 0] == v.id, 1]) for v in own]
     earlier, passed = _earlier(plan, group, street, charts)
 
-    key = unit_key(code_version(), settings)
+    key = unit_key(code, settings)
     chain: list[str] = []
     views, read, passes = [], [], []
     for viewpoint, seen in zip(own, shown, strict=True):
@@ -51,6 +55,7 @@ def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetK
         chain.append(key)
     return StreetKeys(
         parts_key(
+            code,
             settings=settings,
             views=views,
             seeds=read,

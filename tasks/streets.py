@@ -5,9 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass
-from difflib import get_close_matches
 from threading import Lock
+from typing import Any
 
 import icechunk
 import numpy as np
@@ -16,27 +15,20 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.features import file_stem
-from facade_core.atlas.journal import (
-    forget_record,
-    read_journal,
-    read_records,
-    unit_key,
-    write_record,
-)
-from facade_core.atlas.store import BRANCH, commit, open_repository
+from facade_core.atlas.journal import read_journal, read_records, unit_key
+from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import InputError, StoreError
-from facade_core.ingest import Plan
+from facade_core.errors import StoreError
 from tasks.carry import forget_units
-from tasks.cluster import ClusterGone
 from tasks.commits import begin, finish
 from tasks.compute import Compute
-from tasks.outcome import Outcome, failure, is_done
+from tasks.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault
 from tasks.plan import plan_of_run
 from tasks.progress import advance
+from tasks.redo import street_chunks
 from tasks.run import Run
 from tasks.street_keys import street_keys
-from tasks.units.viewpoint import street_unit, viewpoint_unit
+from tasks.units.viewpoint import forget_street, street_unit, viewpoint_unit
 
 
 @task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)
@@ -45,11 +37,6 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
 
     One worker keeps the street's state of `memory` bytes; where it is lost, another rebuilds that from the panoramas.
     """
-    with compute.lease(memory) as worker:
-        return _texture(run, street, compute, worker)
-
-
-def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
     plan = plan_of_run(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     group: StoreGroup = zarr.open_group(session.store, mode="r")
@@ -67,11 +54,15 @@ def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
     forget_units(run, plan, "viewpoints", {own[k]: [] for k in range(first, len(own)) if held[k]})
     outcome = Outcome(skipped=first)
     advance("viewpoints", first)
-    step = first
+    at = ""
     commits: list[float] = []
     try:
-        with _claimed(run, name, reads, writes):
+        with (
+            compute.lease(memory, (forget_street, run, street, street_key)) as worker,
+            _claimed(run, name, reads, writes),
+        ):
             for step in range(first, len(own)):
+                at = f"viewpoint {step}"
                 session, fork = begin(run.store)
                 fork, record = compute.submit(
                     viewpoint_unit, run, fork, street, step, street_key, worker=worker
@@ -80,92 +71,39 @@ def _texture(run: Run, street: int, compute: Compute, worker: str) -> Outcome:
                 started = time.perf_counter()
                 finish(session, fork, "viewpoints", {own[step]: record}, f"viewpoint {name}/{step}")
                 commits.append(round(time.perf_counter() - started, 4))
+                log_units("viewpoints", [record])
                 outcome = outcome.add([record])
                 advance("viewpoints", 1)
+            at = "end of the street"
             session, fork = begin(run.store)
             fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
             record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
+            record["chain"] = unit_key(
+                list(keys)
+            )  # what it is made of: a viewpoint that is another later is told by it
             snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
-    except ClusterGone:
-        raise
     except Exception as error:
+        if machine_fault(error):
+            raise machine_error(f"street {name}", error) from error
         session, fork = begin(run.store)
         record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
-        record["reason"] = f"viewpoint {step}: {record['reason']}"
+        record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
         finish(session, fork, "streets", {street: record}, f"street {name} failed")
+        log_units("streets", [record])
         return outcome.add([record])
-    _tag(run, f"street-{file_stem(name)}-{unit_key(street_key)[:12]}", snapshot)
+    log_units("streets", [record])
+    _tag(run, tag_of(record), snapshot)
     return outcome.add([record])
 
 
-@dataclass(frozen=True)
-class Redo:
-    """Streets to do again, and those of later waves that read what they write, by index, in the order of their waves."""
-
-    streets: tuple[int, ...]
-    dependants: tuple[int, ...]
+def tag_of(record: dict[str, Any]) -> str:
+    """The tag of the snapshot in which a street ended, by the street's record."""
+    return f"street-{file_stem(record['unit'])}-{unit_key(record['key'])[:12]}"
 
 
-def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[str]]:
-    """Forget what the journal holds of a street, given by id or name, and of its dependants; with `only` these keep their
-    texels and are marked stale, which the next run mends. Returns the ids of both.
-
-    Raises InputError for an unknown street, and where everything is due anyway.
-    """
-    session = open_repository(run.store).writable_session(BRANCH)
-    group: StoreGroup = zarr.open_group(session.store)
-    if group.attrs.get("key") != run.key:
-        raise InputError(f"{run.out}: its inputs or the code changed since it was made; run it without --redo first")
-    plan = plan_of_run(run)
-    found = find_redo(plan, street)
-    names = [[plan.streets[index].id for index in indices] for indices in (found.streets, found.dependants)]
-    records = read_journal(group, "streets")
-    for index in (*found.streets, *found.dependants):
-        record = records[index]
-        if index in found.streets or not only:
-            forget_record(group, "streets", index)
-            for viewpoint in plan.of_street(index):
-                forget_record(group, "viewpoints", viewpoint.id)
-        elif record and record["status"] == "done":
-            reason = f"street {' and '.join(names[0])} was done again without it; run the block to bring it up to date"
-            write_record(group, "streets", index, record | {"status": "stale", "reason": reason})
-    commit(session, f"redo {', '.join(names[0])}")
-    return names[0], names[1]
-
-
-def find_redo(plan: Plan, street: str) -> Redo:
-    """The streets of an id or name, and whoever reads what they write. Raises InputError where there is none."""
-    chosen = [i for i, one in enumerate(plan.streets) if street in (one.id, one.name)]
-    if not chosen:
-        known = sorted({one.name or one.id for one in plan.streets})
-        near = get_close_matches(street, known, n=1, cutoff=0.4) or known[:1]
-        raise InputError(f"no street has the id or name {street!r}; there is {near[0]!r} among {len(known)}")
-    reads, writes = zip(*(street_chunks(plan, i) for i in range(len(plan.streets))), strict=True)
-    changed = frozenset().union(*(writes[i] for i in chosen))
-    dependants = []
-    for index in sorted(range(len(plan.streets)), key=lambda i: (int(plan.wave[i]), i)):
-        if index not in chosen and plan.wave[index] > min(plan.wave[chosen]) and reads[index] & changed:
-            dependants.append(index)
-            changed |= writes[index]
-    return Redo(tuple(sorted(chosen, key=lambda i: int(plan.wave[i]))), tuple(dependants))
-
-
-def chosen_streets(run: Run, only: str | None) -> frozenset[int] | None:
-    """The streets to texture where only some are wanted; None for all."""
-    return None if only is None else frozenset(find_redo(plan_of_run(run), only).streets)
-
-
-def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[str]]:
-    """The chunks that a street reads, and those of them that it writes, as "page/row/column"."""
-    charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
-    spec, placement = plan.scene.spec, plan.scene.placement
-    reads, writes = set(), set()
-    for chart in charts.tolist():
-        cells = {"/".join(map(str, cell)) for cell in placement.chunks(chart, spec.chunk, spec.gutter).tolist()}
-        reads |= cells
-        if plan.writable[chart]:
-            writes |= cells
-    return frozenset(reads), frozenset(writes)
+def standing_tags(group: StoreGroup) -> set[str]:
+    """The tags of the streets that a snapshot holds as done."""
+    return {tag_of(record) for record in read_journal(group, "streets") if record and record["status"] == "done"}
 
 
 # Chunks that the streets under way in this process read and write, by store and street.

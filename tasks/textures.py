@@ -35,4 +35,4 @@ def textures_due(run: Run, buildings: Sequence[Textured], textures: Sequence[Pat
         )
         for i in due
     ]
-    return Stage("textures", texture_unit, work, skipped=len(buildings) - len(due))
+    return Stage("textures", texture_unit, work, held=[r for i, r in enumerate(held) if r and i not in due])

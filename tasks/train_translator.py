@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from catalogs.block import Block, read_block
+from catalogs.pictures import opened
 from facade_core.errors import InputError
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint
@@ -21,7 +22,7 @@ from facade_core.street.translator_views import WIDTHS, Rendering, sequence
 from facade_core.synth.furniture import street_furniture
 from facade_core.synth.relief import relief
 from facade_core.synth.street_truth import synthetic_street
-from tasks.plan import plan_of
+from tasks.planning import plan_of
 from tasks.progress import advance, begin_stage
 from tasks.train import told
 
@@ -80,7 +81,7 @@ def panoramas(folders: Sequence[Path], places: Places) -> tuple[list[np.ndarray]
     learnt, judged, names = [], [], []
     for folder in folders:
         for path in sorted(p for p in folder.rglob("*") if p.suffix.lower() in (".jpg", ".jpeg", ".png")):
-            with Image.open(path) as picture:
+            with opened(path) as picture:
                 if picture.width != 2 * picture.height or path.name.startswith(places.left_out or ("\0",)):
                     continue
                 small = picture.convert("RGB").resize((max(WIDTHS), max(WIDTHS) // 2), Image.Resampling.BOX)

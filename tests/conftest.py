@@ -2,15 +2,36 @@
 
 from __future__ import annotations
 
+import fcntl
+import json
 import os
 from pathlib import Path
 from typing import Any
 
 import pytest
 
+from tests.pipeline import stages
 from tests.pipeline.runs import run, write_block
 
 ROOT = Path(__file__).resolve().parent.parent
+# Files of whole runs, the longest first. Files are handed to the suite's processes in the order of collection: what takes
+# long and begins last would have one process wait for the other. The second of them needs no run that the first makes.
+LONG = (
+    "pipeline/test_whole_run.py",
+    "faults/test_killed_at_random.py",
+    "pipeline/test_deployments.py",
+    "pipeline/test_cluster.py",
+    "faults",
+    "pipeline",
+)
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    def place(item: pytest.Item) -> int:
+        path = item.path.relative_to(ROOT / "tests").as_posix()
+        return next((i for i, start in enumerate(LONG) if path.startswith(start)), len(LONG))
+
+    items.sort(key=place)
 
 
 @pytest.fixture(scope="session")
@@ -23,12 +44,43 @@ def data() -> Path:
 
 
 @pytest.fixture(scope="session")
-def block(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return write_block(tmp_path_factory.mktemp("block"))
+def common(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequest) -> Path:
+    """A folder that all processes of the suite see, and none else."""
+    base = tmp_path_factory.getbasetemp()
+    folder = (base.parent if hasattr(request.config, "workerinput") else base) / "common"
+    folder.mkdir(exist_ok=True)
+    return folder
+
+
+@pytest.fixture(scope="session", autouse=True)
+def _cache(common: Path) -> None:
+    """Runs keep an empty database of Prefect's server in the user's cache: that of the suite, made by its first run."""
+    os.environ["XDG_CACHE_HOME"] = str(common / "cache")
 
 
 @pytest.fixture(scope="session")
-def undisturbed(block: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any]]:
-    """One whole run with two workers that nothing disturbs."""
-    out = tmp_path_factory.mktemp("undisturbed") / "out"
-    return out, run(block, out, workers=2)
+def block(common: Path) -> Path:
+    with (common / "block.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        return write_block(common / "block")  # what is there stays
+
+
+@pytest.fixture(scope="session")
+def smallest(common: Path) -> Path:
+    """A block of five boxes and three streets, for whole runs of which only their course matters."""
+    with (common / "smallest.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        file = common / "smallest" / "block.yaml"
+        return file if file.is_file() else stages.write_block(file.parent)
+
+
+@pytest.fixture(scope="session")
+def undisturbed(block: Path, common: Path) -> tuple[Path, dict[str, Any]]:
+    """One whole run with two workers that nothing disturbs: made by whichever process of the suite asks first."""
+    out, told = common / "undisturbed" / "out", common / "undisturbed.json"
+    with (common / "undisturbed.lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        if not told.is_file():
+            out.parent.mkdir()
+            told.write_text(json.dumps(run(block, out, workers=2)))
+    return out, json.loads(told.read_text())

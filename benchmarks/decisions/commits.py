@@ -89,10 +89,10 @@ def _page(page: int, chunk: int, repeats: int, rng: Any) -> dict[str, Any]:
     for view in range(VIEWS):
         distance = rng.integers(0, 7500, texels)
         rgb = rng.integers(0, 256, (texels, 3), dtype=np.uint8)
-        add_views(state.arrays(), np.arange(texels), distance, np.ones(texels, bool), np.full(texels, view), rgb)
+        add_views(state, np.arange(texels), distance, np.ones(texels, bool), np.full(texels, view), rgb)
     result = [rng.integers(0, 256, (texels, 3), dtype=np.uint8), rng.integers(0, 5, texels, dtype=np.uint8)]
     figured = {}
-    for name, arrays in {"colour_provenance": result, "with_blend_state": [*result, *state.arrays()]}.items():
+    for name, arrays in {"colour_provenance": result, "with_blend_state": [*result, *state]}.items():
         flat = [a.reshape(page, page, *a.shape[1:]) for a in arrays]
         with tempfile.TemporaryDirectory() as folder:
             times = [_write_page(Path(folder) / str(i), flat, chunk) for i in range(repeats)]

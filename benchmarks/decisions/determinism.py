@@ -41,7 +41,7 @@ def _orders(texels: int, views: int) -> dict[str, Any]:
         mean, weights = np.zeros((texels, 3), np.float32), np.zeros((texels, 1), np.float32)
         for view in order:
             everything = (np.arange(texels), distance[view], np.ones(texels, bool), np.full(texels, view), rgb[view])
-            add_views(state.arrays(), *everything)
+            add_views(state, *everything)
             weight = (1 - distance[view] / np.float32(7500)).astype(np.float32)[:, None]
             weights += weight
             mean += (rgb[view] - mean) * (weight / np.maximum(weights, np.float32(1e-9)))

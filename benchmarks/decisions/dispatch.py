@@ -18,8 +18,8 @@ WORKERS = 2
 def measure(quick: bool, data: Path | None) -> dict[str, Any]:
     """Milliseconds per unit of work that does nothing, through each way to hand it out; 2 workers, Prefect's server local."""
     units, repeats = (8, 1) if quick else (200, 5)
-    with tempfile.TemporaryDirectory() as folder, server(Path(folder) / "prefect") as ready:
-        ready()
+    with tempfile.TemporaryDirectory() as folder, server(Path(folder) / "prefect") as prefect:
+        prefect.require()
         import dask
         from distributed import Client, LocalCluster
 

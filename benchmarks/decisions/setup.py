@@ -11,7 +11,7 @@ from typing import Any
 from benchmarks.decisions.timing import figures, once
 
 HEAVY = ("prefect", "distributed", "geopandas", "rasterio", "trimesh", "cv2", "numba", "xarray", "icechunk", "zarr")
-OPEN3D = "from facade_core.geometry.raycast import _open3d; _open3d()"
+OPEN3D = "from facade_core.geometry.raycast import ray_library; ray_library()"
 
 
 def measure(quick: bool, data: Path | None) -> dict[str, Any]:

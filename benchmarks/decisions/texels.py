@@ -77,9 +77,8 @@ def street_scene(houses: int) -> tuple[Scene, Viewpoint]:
 
 def _points(charts: Charts, chart: int, shape: tuple[int, int]) -> np.ndarray:
     """World points of the first rows and columns of a chart's texels: origin + x u + y v, (rows, columns, 3)."""
-    y, x = (np.arange(n)[:, None] + 0.5 for n in shape)
-    across, down = x / DENSITY * charts.axis_u[chart], y / DENSITY * charts.axis_v[chart]
-    return charts.origin[chart] + across[None] + down[:, None]
+    y, x = ((np.arange(n) + 0.5) / DENSITY for n in shape)
+    return charts.points(chart, x[None], y[:, None])
 
 
 def _one_by_one(

@@ -38,11 +38,12 @@ from catalogs.layouts import LayoutRecord, read_layouts
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases, load
 from facade_core.layout.completion import start_of
+from facade_core.layout.densities import TERMS
 from facade_core.layout.extension import Extension
 from facade_core.layout.model import SHIPPED, LayoutModel
 from facade_core.layout.optimisation import search
 from facade_core.layout.proposals import frame
-from facade_core.layout.scores import TERMS, terms
+from facade_core.layout.scores import terms
 
 
 def held_out(path: Path, model: LayoutModel) -> list[LayoutRecord]:

@@ -68,7 +68,8 @@ def _server(server: Callable[..., AbstractContextManager[Any]]) -> Callable[...,
     def with_clocks(*args: Any, **kwargs: Any) -> Iterator[Any]:
         with timed(*args, **kwargs) as value:
             _timed("imports", _install)()
-            yield _timed("ready", value)
+            type(value).require = _timed("ready", type(value).require)
+            yield value
 
     return with_clocks
 

@@ -190,7 +190,7 @@ def _behind(
         flags = fresh[window.rasters.slice(placement, chart)]
         row, column = np.divmod(np.flatnonzero(flags), int(placement.width[chart]))
         place = (np.column_stack([column, row]) + 0.5) / scene.spec.texels_per_metre
-        points = charts.origin[chart] + place[:, :1] * charts.axis_u[chart] + place[:, 1:] * charts.axis_v[chart]
+        points = charts.points(chart, *place.T)
         distance = scene.caster.cast(viewpoint.position, points - viewpoint.position)[0]
         hidden += int((distance < 0.999).sum())
         taken += len(points)

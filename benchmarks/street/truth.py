@@ -9,7 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.street import Viewpoint, Weighting, Window, blend, propagate
+from benchmarks.street.readings import Reading, View, blended, view_of
+from facade_core.street import Viewpoint, Window, blend, propagate
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 from facade_core.types import Pose
 
@@ -21,13 +22,13 @@ BUILDINGS = 8
 # Standard deviations of a pose's error: metres on each axis, degrees of heading, pitch and roll.
 POSE_ERRORS = {"exact poses": (0.0, 0.0), "5 cm, 0.2 deg": (0.05, 0.2), "15 cm, 0.5 deg": (0.15, 0.5)}
 READINGS = {
-    "average": Weighting(gated=False, clamp="none"),
-    "weighted, all views, divided by the sum": Weighting(gated=False, clamp="sum"),
-    "weighted, all views": Weighting(gated=False),
-    "weighted, gated": Weighting(),
-    "weighted, gated, divided by the sum": Weighting(clamp="sum"),
-    "weighted, all views, by resolution": Weighting(gated=False, resolution=True),
-    "weighted, gated, by resolution": Weighting(resolution=True),
+    "average": Reading(gated=False, clamp="none"),
+    "weighted, all views, divided by the sum": Reading(gated=False, clamp="sum"),
+    "weighted, all views": Reading(gated=False),
+    "weighted, gated": Reading(),
+    "weighted, gated, divided by the sum": Reading(clamp="sum"),
+    "weighted, all views, by resolution": Reading(gated=False, resolution=True),
+    "weighted, gated, by resolution": Reading(resolution=True),
 }
 PINNED = "weighted, gated"
 
@@ -71,7 +72,7 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
 
     scene, fronts = street.scene, list(street.charts)
     rng = np.random.default_rng(seed)
-    windows = {name: _window(street, reading) for name, reading in READINGS.items()}
+    window, views = _window(street), list[View]()
     latest = [np.zeros((facade.image.shape[0], facade.image.shape[1], 3), np.uint8) for facade in street.painted]
     forward = street.axis
     heading = float(np.degrees(np.arctan2(forward[0], forward[1])))
@@ -83,33 +84,38 @@ def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) 
         rgb = cv2.resize(fine, (WIDTH, WIDTH // 2), interpolation=cv2.INTER_AREA)
         viewpoint = Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), forward)
         seen = scene.look(viewpoint, WIDTH)[2]
-        for window in windows.values():
-            propagate(scene, window, viewpoint, rgb, seen=seen)
-        alone = _window(street, READINGS["average"])
-        propagate(scene, alone, viewpoint, rgb, seen=seen)
+        propagate(scene, window, viewpoint, rgb, seen=seen)
+        alone = _window(street)
+        views.append(view_of(scene, alone, viewpoint, rgb, seen=seen))
         for front, image in zip(fronts, latest, strict=True):
-            colour, views = _facade(street, alone, front)
-            image[views > 0] = colour[views > 0]
+            colour, count = _facade(street, alone, blend(alone.state), front)
+            image[count > 0] = colour[count > 0]
+    by_reading = {
+        name: blend(window.state) if name == PINNED else blended(views, len(window.state.views), reading)
+        for name, reading in READINGS.items()
+    }
     found: dict[str, list[float]] = {"no blending, the latest view": []}
     for index, front in enumerate(fronts):
         truth = street.painted[index].image
-        seen_at = _facade(street, windows[PINNED], front)[1] > 0
+        seen_at = _facade(street, window, by_reading[PINNED], front)[1] > 0
         found["no blending, the latest view"].append(psnr(latest[index], truth, seen_at))
-        for name, window in windows.items():
-            found.setdefault(name, []).append(psnr(_facade(street, window, front)[0], truth, seen_at))
+        for name, result in by_reading.items():
+            found.setdefault(name, []).append(psnr(_facade(street, window, result, front)[0], truth, seen_at))
     return found
 
 
-def _window(street: SyntheticStreet, weighting: Weighting) -> Window:
+def _window(street: SyntheticStreet) -> Window:
     rasters, write = Window.layout(street.scene.placement, street.charts, street.charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return Window.of(street.scene.placement, rasters, write, seed, evidence, weighting=weighting)
+    return Window.of(street.scene.placement, rasters, write, seed, evidence)
 
 
-def _facade(street: SyntheticStreet, window: Window, chart: int) -> tuple[np.ndarray, np.ndarray]:
-    """A facade's colour (h, w, 3) and views (h, w)."""
+def _facade(
+    street: SyntheticStreet, window: Window, result: tuple[np.ndarray, np.ndarray], chart: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """A facade's colour (h, w, 3) and views (h, w), of those of the window's texels."""
     placement = street.scene.placement
-    colour, views = blend(window.state, window.rasters.slice(placement, chart), window.weighting)
+    colour, views = (values[window.rasters.slice(placement, chart)] for values in result)
     shape = (int(placement.height[chart]), int(placement.width[chart]))
     return colour.reshape(*shape, 3), views.reshape(shape)
 

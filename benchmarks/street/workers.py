@@ -149,7 +149,7 @@ def _ceiling(block: Path, processes: int) -> float:
 def _walk(block: Path, streets: Sequence[int], ready: Any, results: Any) -> None:
     """Render, translate and propagate every viewpoint of some streets."""
     from catalogs.block import read_block
-    from tasks.plan import plan_of
+    from tasks.planning import plan_of
     from tasks.workers import limit_threads
 
     limit_threads()

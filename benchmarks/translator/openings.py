@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.street.truth import interval
-from facade_core.geometry.charts import WALL, WINDOW
+from facade_core.geometry.charts import CORNERS, WALL, WINDOW
 from facade_core.geometry.equirectangular import project
 from facade_core.geometry.streets import Viewpoint
 from facade_core.labels import WINDOW as PARSED_WINDOW
@@ -52,15 +52,7 @@ def _planes(scene: Scene) -> list[tuple[np.ndarray, np.ndarray, np.ndarray, np.n
         own = wall[(key == group).all(1)]
         largest = own[np.argmax(charts.size[own].prod(1))]
         right, down = charts.axis_u[largest], charts.axis_v[largest]
-        corners = np.concatenate(
-            [
-                charts.origin[own]
-                + a * charts.size[own, :1] * charts.axis_u[own]
-                + b * charts.size[own, 1:] * charts.axis_v[own]
-                for a in (0, 1)
-                for b in (0, 1)
-            ]
-        )
+        corners = charts.at_shares(own, CORNERS).reshape(-1, 3)
         x, y = corners @ right, corners @ down
         size = np.array([np.ptp(x), np.ptp(y)])
         if size.prod() < LEAST_M2 or size.min() < 3:

@@ -15,7 +15,7 @@ from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.equirectangular import project
 from facade_core.geometry.streets import Viewpoint, viewpoints
-from facade_core.street import Panorama, Scene, Weighting, Window, blend, propagate, render
+from facade_core.street import Panorama, Scene, Window, propagate, render
 from facade_core.types import Street
 
 WIDTH = 512
@@ -66,22 +66,25 @@ def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
 
 def walk(scene: Scene, own: Sequence[Viewpoint], translate: Translate, blending: Blending = "weighted") -> Walk:
     """Texture a street from nothing."""
-    weighting = Weighting() if blending == "weighted" else Weighting(gated=False, clamp="none")
     charts = np.unique(np.concatenate([scene.seen(viewpoint, WIDTH) for viewpoint in own]))
-    window, empty = _window(scene, charts, weighting), _window(scene, charts, weighting)
+    window, empty = _window(scene, charts), _window(scene, charts)
+    total, count = np.zeros((len(window.colour), 3), np.int64), np.zeros(len(window.colour), np.int64)
     differences = []
     before: tuple[Panorama, np.ndarray] | None = None
     for viewpoint in own:
         panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
         rgb = translate(panorama, render(scene, empty, viewpoint, (WIDTH // 2, WIDTH)))
-        if blending == "no blend":
-            latest = _window(scene, charts, weighting)
-            propagate(scene, latest, viewpoint, rgb, seen=panorama.chart)
-            fresh = blend(latest.state)[1] > 0
-            taken = np.flatnonzero(fresh)
-            window.colour[taken], window.provenance[taken] = latest.colour[taken], TRANSLATED
-        else:
+        if blending == "weighted":
             propagate(scene, window, viewpoint, rgb, seen=panorama.chart)
+        else:
+            latest = _window(scene, charts)
+            propagate(scene, latest, viewpoint, rgb, seen=panorama.chart)
+            taken = np.flatnonzero(latest.provenance)
+            total[taken] += latest.colour[taken]
+            count[taken] += 1
+            mean = np.floor(total[taken] / count[taken, None] + 0.5).astype(np.uint8)
+            window.colour[taken] = mean if blending == "average" else latest.colour[taken]
+            window.provenance[taken] = TRANSLATED
         if before is not None:
             differences.append(_difference(*before, panorama, rgb))
         before = (panorama, rgb)
@@ -96,10 +99,10 @@ def between(own: Sequence[Viewpoint]) -> list[Viewpoint]:
     ]
 
 
-def _window(scene: Scene, charts: np.ndarray, weighting: Weighting) -> Window:
+def _window(scene: Scene, charts: np.ndarray) -> Window:
     rasters, write = Window.layout(scene.placement, charts, charts)
     seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-    return Window.of(scene.placement, rasters, write, seed, evidence, weighting=weighting)
+    return Window.of(scene.placement, rasters, write, seed, evidence)
 
 
 def _difference(earlier: Panorama, old: np.ndarray, later: Panorama, new: np.ndarray) -> float:

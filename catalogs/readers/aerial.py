@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
+import hashlib
 import threading
-import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,35 +13,33 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.block_digest import file_digest
 from catalogs.frames import to_lonlat
+from catalogs.readers.rasters import PICTURES, check_place, driver_of, frame_of
+from catalogs.readers.rasters import raster as opened_raster
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
     from pyproj import CRS, Transformer
 
-# Of GDAL's formats those whose files hold their pixels themselves, by their first bytes: no other file, and no address, is ever
-# opened for one.
-FORMATS = {
-    b"II*\0": "GTiff",
-    b"MM\0*": "GTiff",
-    b"II+\0": "GTiff",
-    b"MM\0+": "GTiff",
-    b"\x89PNG": "PNG",
-    b"\xff\xd8\xff": "JPEG",
-    b"\0\0\0\x0cjP": "JP2OpenJPEG",
-}
+# Beside them, where their pixels lie.
+WORLD_FILES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
 REMEDY = "give a GeoTIFF, or a PNG or JPEG with its world file beside it"
 # Pixels that are read at once at most; a larger part is read coarser.
 MOST_PIXELS = 4_000_000
+# Pixels of which such a part is made: 150 m at 1 cm.
+MOST_READ = 225_000_000
 
 
 @dataclass(frozen=True)
 class Aerial:
-    """An orthophoto on this machine: `crs` its frame, `frame` the block's, both as WKT."""
+    """An orthophoto on this machine: `crs` its frame, `frame` the block's, both as WKT; content, a digest of its pixels and
+    of where they lie."""
 
     path: Path
     crs: str
     frame: str
+    content: str
 
     def covers(self, points: np.ndarray) -> np.ndarray:
         """Whether places (n, 2) of the block's frame lie on the picture, transparent or not: (n,) bool."""
@@ -80,23 +78,15 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
     crs is the picture's frame, for a file that states none or a wrong one. Raises InputError, one line with the remedy, where
     it cannot be read, is not placed on the ground, is of another depth than 8 bits, or shows none of the places.
     """
-    from pyproj import CRS
-
     with _opened(path) as raster:
-        if raster.transform.is_identity:
-            held = (
-                "control points only; warp it with gdalwarp" if raster.gcps[0] else f"no place on the ground; {REMEDY}"
-            )
-            raise InputError(f"{path} states {held}")
-        stated = raster.crs.to_wkt() if raster.crs else crs
-        if crs is None and raster.crs is None:
+        check_place(raster, path, REMEDY)
+        own = frame_of(raster, path, crs)
+        if own is None:
             raise InputError(f"{path} states no frame; write imagery.aerial.crs: EPSG:...")
         if set(raster.dtypes) != {"uint8"}:
             raise InputError(
                 f"{path} has pixels of {raster.dtypes[0]}; convert it to 8 bits with gdal_translate -ot Byte -scale"
             )
-        own = CRS.from_user_input(crs or stated)
-        own = own.sub_crs_list[0] if own.is_compound else own
         x, y = _pixels(raster, _transformer(frame.to_wkt(), own.to_wkt()), places)
         inside = _inside(raster, x, y)
         if not inside.any():
@@ -105,27 +95,27 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
         blocks = np.unique(np.column_stack([y[inside] // rows, x[inside] // columns]).astype(np.int64), axis=0)
         for row, column in blocks.tolist():  # what is broken is told now, not when a roof comes to it
             _read(raster, (column * columns, row * rows, columns, rows), (1, 1))
-    return Aerial(path.absolute(), own.to_wkt(), frame.to_wkt())
+        content = _content(raster)
+    return Aerial(path.absolute(), own.to_wkt(), frame.to_wkt(), content)
+
+
+def _content(raster: Any) -> str:
+    """Of the bytes of all files that hold pixels or say what they mean (overviews, masks), and of the transform, wherever that
+    is written: decoding every pixel of a city would take minutes."""
+    digest = hashlib.sha256(repr(tuple(raster.transform)[:6]).encode())
+    for path in map(Path, raster.files):
+        if path.suffix.lower() not in WORLD_FILES:
+            digest.update(f"{path.name.removeprefix(Path(raster.name).name)} {file_digest(path)}".encode())
+    return digest.hexdigest()
 
 
 @contextmanager
 def _opened(path: Path) -> Iterator[Any]:
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
-
-    with path.open("rb") as file:
-        start = file.read(8)
-    driver = next((name for magic, name in FORMATS.items() if start.startswith(magic)), None)
+    driver = driver_of(path, PICTURES)
     if driver is None:
         raise InputError(f"{path} is no orthophoto; {REMEDY}")
-    try:
-        with warnings.catch_warnings():
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with a remedy
-            with rasterio.open(path.absolute(), driver=driver, sharing=False) as raster:
-                yield raster
-    except RasterioError as error:
-        reason = " ".join(str(error.__cause__ or error).split())[:160]
-        raise InputError(f"{path} cannot be read as an orthophoto ({reason}); {REMEDY}") from error
+    with opened_raster(path, driver, "an orthophoto", REMEDY) as raster:
+        yield raster
 
 
 def _transformer(frame: str, crs: str) -> Transformer:
@@ -157,6 +147,10 @@ def _part(
     """The pixels around places in pixels (n,): colour, alpha, and their left and upper edge and size in the raster's pixels."""
     left, top = max(int(x.min()) - coarser, 0), max(int(y.min()) - coarser, 0)
     right, bottom = min(int(x.max()) + coarser + 1, raster.width), min(int(y.max()) + coarser + 1, raster.height)
+    if (right - left) * (bottom - top) > MOST_READ:
+        raise InputError(
+            f"{raster.name} has {right - left} x {bottom - top} pixels where one surface lies; resample it to 1 cm, or coarser"
+        )
     coarser = max(coarser, int(np.ceil(np.sqrt((right - left) * (bottom - top) / MOST_PIXELS))))
     size = (max(1, (bottom - top) // coarser), max(1, (right - left) // coarser))
     rgb, alpha = _read(raster, (left, top, right - left, bottom - top), size if coarser > 1 else None)

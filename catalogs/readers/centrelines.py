@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import shapely
 
+from catalogs.broken import reason_of
 from catalogs.features import Centreline, Centrelines, Fault
+from catalogs.readers.faces import FARTHEST
 
 _SAME = 1e-7  # lines that differ by less, in degrees or metres, are one
 
@@ -26,11 +28,15 @@ def centrelines_of(crs: str | None, features: Iterable[tuple[str, Any, str | Non
             faults.append(Fault(id, "street", f"centreline {id} has no geometry; draw it, or remove it"))
         for index, part in enumerate(parts):
             part_id = id if len(parts) == 1 else f"{id}-{index}"
-            if reason := _broken(part):
+            try:
+                reason = _broken(part)
+                line = shapely.force_2d(part)
+                key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _SAME))).wkb
+            except Exception as error:  # what GEOS makes of it is no other line's fault
+                reason = reason_of(error)
+            if reason:
                 faults.append(Fault(part_id, "street", f"centreline {part_id} {reason}", place_of(part)))
                 continue
-            line = shapely.force_2d(part)
-            key = shapely.normalize(shapely.transform(line, lambda xy: np.round(xy / _SAME))).wkb
             if key not in known:
                 known.add(key)
                 items.append(Centreline(part_id, line, name))
@@ -40,8 +46,8 @@ def centrelines_of(crs: str | None, features: Iterable[tuple[str, Any, str | Non
 def _broken(part: Any) -> str | None:
     if part.geom_type not in ("LineString", "LinearRing"):
         return f"is a {part.geom_type}, no line; draw it as a line, or remove it"
-    if not np.isfinite(shapely.get_coordinates(part)).all():
-        return "has a coordinate that is no finite number; mend or remove it"
+    if not (np.abs(shapely.get_coordinates(part)) < FARTHEST).all():
+        return "has a coordinate that is no finite number, or absurdly far away; mend or remove it"
     if not part.length > 0:
         return "has no length; draw it longer, or remove it"
     return None

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
+from catalogs.broken import reason_of
 from catalogs.features import Fault, Model, Models, Remark, numbered
 from catalogs.readers.axes import Axes, axes_of
 from catalogs.readers.citygml_appearance import Appearance, add_texture, remarks_on, texture_of
@@ -65,6 +66,10 @@ def read_citygml(path: Path, lod: str | None = None) -> Models:
             models.append(model)
         except GeometryError as reason:
             faults.append(Fault(id, "building", f"{path.name}: {reason}", _place(building, reading)))
+        except InputError:
+            raise
+        except Exception as error:  # whatever it holds, the others are read
+            faults.append(Fault(id, "building", f"{path.name}: {reason_of(error)}"))
     crs = frame.crs if frame else _axes(None, np.empty((0, 3)), reading).crs
     return Models(crs, tuple(models), tuple(reading.appearance.used), tuple(reading.remarks), tuple(faults))
 

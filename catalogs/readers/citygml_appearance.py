@@ -6,11 +6,11 @@ from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
-from urllib.parse import unquote
 
 import numpy as np
 
 from catalogs.features import Remark
+from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
 from catalogs.readers.citygml_xml import numbers_of
 
 if TYPE_CHECKING:
@@ -37,8 +37,7 @@ def add_texture(texture: Element, appearance: Appearance) -> None:
     appearance.matrices += sum(1 for _ in texture.iter("{*}TexCoordGen"))
     uri = (texture.findtext("{*}imageURI") or "").strip()
     if uri not in appearance.pictures:
-        names = [appearance.path.parent / name.replace("\\", "/") for name in (uri, unquote(uri))]
-        appearance.pictures[uri] = next((name for name in names if uri and name.is_file()), None)
+        appearance.pictures[uri] = beside(appearance.path, *spellings(uri))
     picture = appearance.pictures[uri]
     if picture is None:
         return
@@ -80,6 +79,7 @@ def remarks_on(appearance: Appearance) -> list[Remark]:
     if missing:
         text = f"{len(missing)} of {len(appearance.pictures)} of {file}, the first {missing[0]}"
         remarks.append(Remark(text, "texture pictures that are not there, surfaces left untextured", None))
+    remarks += [Remark(uri, OUTSIDE, None) for uri in missing if outside(appearance.path, *spellings(uri))]
     if appearance.matrices:
         text = f"{appearance.matrices} of {file}"
         remarks.append(Remark(text, "textures placed by a matrix instead of coordinates ignored", None))

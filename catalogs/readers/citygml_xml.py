@@ -17,7 +17,11 @@ if TYPE_CHECKING:
     from lxml.etree import _Element as Element
 
 _ID = ("{http://www.opengis.net/gml}id", "{http://www.opengis.net/gml/3.2}id")
-_MEMBERS = ("Building", "cityObjectMember", "featureMember", "appearanceMember")
+_MEMBERS = ("Building", "cityObjectMember", "featureMember", "appearanceMember", "surfaceDataMember")
+# What is held in memory at a time, in bytes and in tags: a building, or one picture's coordinates.
+_MOST_BYTES, _MOST_TAGS = 256 * 2**20, 4_000_000
+# A file may unpack to this, or to so many times its size: texts of numbers pack to a tenth.
+_UNPACKED, _PACKED = 32 * 2**20, 40
 
 
 def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
@@ -29,7 +33,8 @@ def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
     from lxml import etree
 
     try:
-        with _opened(path) as stream:
+        with _opened(path) as file:
+            stream = _Bounded(file, path)
             events = etree.iterparse(
                 stream,
                 events=("end",),
@@ -43,6 +48,7 @@ def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
                 if local_name(element) in names:
                     yield element
                 if local_name(element) in _MEMBERS:
+                    stream.begin()
                     element.clear()
                     parent = element.getparent()
                     while parent is not None and parent[0] is not element:
@@ -53,6 +59,32 @@ def elements(path: Path, names: Collection[str]) -> Iterator[Element]:
         raise InputError(f"{path} declares a DTD, which CityGML has no use for; delete its <!DOCTYPE ...>")
     for flaw in events.error_log.filter_from_fatals():
         raise InputError(f"{path} is no well-formed XML (line {flaw.line}: {flaw.message.strip()}); export it again")
+
+
+class _Bounded:
+    """A file, gzipped or not, that refuses to be read where it is meant to fill the memory."""
+
+    def __init__(self, file: IO[bytes], path: Path) -> None:
+        self._file, self._path = file, path
+        self._total = self._bytes = self._tags = 0
+        self._most = max(_UNPACKED, _PACKED * path.stat().st_size)
+
+    def begin(self) -> None:
+        """What was read so far is not held any more."""
+        self._bytes = self._tags = 0
+
+    def read(self, size: int) -> bytes:
+        part = self._file.read(size)
+        self._total += len(part)
+        self._bytes += len(part)
+        self._tags += part.count(b"<")
+        if self._total > self._most:
+            raise InputError(f"{self._path} unpacks to over {_PACKED} times its size; export it again")
+        if self._bytes > _MOST_BYTES or self._tags > _MOST_TAGS:
+            raise InputError(
+                f"{self._path} holds a member of over {_MOST_BYTES // 2**20} MB or {_MOST_TAGS} tags; cut the file up"
+            )
+        return part
 
 
 def local_name(element: Element) -> str:

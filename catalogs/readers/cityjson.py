@@ -9,13 +9,14 @@ from dataclasses import dataclass, field, replace
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 import shapely
 
+from catalogs.broken import reason_of
 from catalogs.features import Fault, Model, Models, Remark, numbered
 from catalogs.readers.axes import Axes, axes_of
+from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
 from catalogs.readers.cityjson_parts import Lod, families, lod_name, lod_of, pieces_of
 from catalogs.readers.cityjson_surfaces import Appearance, faces_of, instance_points
 from catalogs.readers.cityjson_values import list_of, mapping_of, number_of, points_of, transformed
@@ -151,6 +152,9 @@ def _read(document: Mapping[str, Any], reading: _Reading) -> None:
             place = _place([objects[i] for i in ids], points)
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
             continue
+        except Exception as error:  # whatever it holds, the others are read
+            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason_of(error)}"))
+            continue
         reading.models.append(model)
         if other is not None and reading.asked is not None:
             asked = lod_name(reading.asked)
@@ -240,15 +244,18 @@ def _finished(reading: _Reading) -> Models:
     used = {int(number) for numbers in shown for number in numbers if number >= 0}
     found: dict[Path, int] = {}
     numbers = np.full(len(reading.pictures) + 1, -1, np.int32)  # the last one stands for -1
-    missing = 0
+    missing, refused = 0, []
     for image, number in reading.pictures.items():
         if number in used:
-            path = _picture(reading.path.parent, image)
+            path = beside(reading.path, *spellings(image))
+            if path is None and outside(reading.path, *spellings(image)):
+                refused.append(image)
             missing += path is None
             numbers[number] = -1 if path is None else found.setdefault(path, len(found))
     if missing:
         reason = f"files with textures that are missing ({missing} of {len(used)}): their surfaces are read without"
         reading.remarks.append(Remark(reading.path.name, reason, None))
+    reading.remarks += [Remark(image, OUTSIDE, None) for image in refused]
     models = []
     for model in reading.models:
         texture = numbers[model.shell.texture]
@@ -256,16 +263,6 @@ def _finished(reading: _Reading) -> Models:
         models.append(replace(model, shell=replace(model.shell, texture=texture, uv=uv)))
     axes = reading.axes or axes_of(_frame_name(reading), None, reading.path)[0]
     return Models(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
-
-
-def _picture(folder: Path, image: str) -> Path | None:
-    for name in (image, unquote(image), image.replace("\\", "/")):
-        try:
-            if (folder / name).is_file():
-                return folder / name
-        except OSError:  # a name that no file can have
-            continue
-    return None
 
 
 def _place(things: Sequence[Mapping[str, Any]], points: np.ndarray) -> shapely.Polygon | None:

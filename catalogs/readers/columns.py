@@ -7,6 +7,8 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any
 
+import numpy as np
+
 _NAMES = {
     "height": "height height_m building_height bldg_height height_ft hoehe höhe gebaeudehoehe gebäudehöhe measuredheight "
     "measured_height hauteur hoogte h_building h_bldg h_eaves h_mean h_median h_avg h_max relh2 relhmax h h_m",
@@ -52,6 +54,7 @@ IDS = tuple(_IDS.split())
 # A column of ids in which so many rows have one of their own is believed.
 NEARLY_ALL = 0.6
 _MORE = ("other_tags", "tags")  # tags without a column of their own, as GDAL and pyrosm keep them
+_LONGEST = 10_000  # letters of a cell that are looked at
 _KINDS = ("element", "element_type", "osm_type")
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
 _OSM_ID = re.compile(r"(node|way|relation)/(\d+)")
@@ -96,14 +99,21 @@ def tags_of(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) ->
 
 
 def text_of(value: Any) -> str:
-    """What a cell states, empty where it states nothing: null, NaN, blanks. Whole numbers are written without a point."""
+    """What a cell states, empty where it states nothing: null, NaN, blanks. Whole numbers are written without a point.
+
+    A list of one value is that value: GDAL makes lists of a whole column where one cell of it is one.
+    """
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, list) and len(value) == 1:
+        value = value[0]
     if isinstance(value, bool):
         return "yes" if value else "no"
     if isinstance(value, dict):  # Overture: {"primary": name, ...}
         return text_of(value.get("primary"))
     if isinstance(value, float):
         return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < 1e15 else str(value)
-    text = "" if value is None else str(value).strip()
+    text = "" if value is None else str(value[:_LONGEST] if isinstance(value, str) else value).strip()
     return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
 
 
@@ -169,7 +179,7 @@ def _parsed(value: Any) -> dict[str, str]:
     if isinstance(value, str) and value.startswith("{"):
         try:
             value = json.loads(value)
-        except ValueError:
+        except (ValueError, RecursionError):
             return {}
     if isinstance(value, dict):
         return {str(key): text for key, stated in value.items() if (text := text_of(stated))}
@@ -181,6 +191,6 @@ def _plain_name(text: str) -> str:
     if text.startswith("{"):
         try:
             return str(json.loads(text).get("primary") or text)
-        except ValueError:
+        except (ValueError, RecursionError):
             return text
     return text

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import math
-import warnings
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.readers.rasters import PICTURES, check_place, driver_of, frame_of
+from catalogs.readers.rasters import raster as opened_raster
+from catalogs.readers.virtual_rasters import check_virtual
 from facade_core.errors import InputError
 from facade_core.types import Elevation
 
@@ -20,83 +22,72 @@ MOST_CELLS = 4_000_000
 _MARGIN = 2  # cells around the block, so that heights are interpolated up to its border
 _ON_EARTH = (-1000.0, 10_000.0)  # m; what lies outside marks unknown heights, declared or not
 _METRES = {"ft": 0.3048, "foot": 0.3048, "feet": 0.3048, "us survey foot": 0.3048006096, "cm": 0.01, "dm": 0.1}
-# Formats of GDAL can name addresses. Nothing answers at this proxy, so none is reached whatever a file asks for.
-_OFFLINE = {
-    "GDAL_HTTP_PROXY": "http://127.0.0.1:9",
-    "GDAL_HTTP_MAX_RETRY": "0",
-    "GDAL_HTTP_CONNECTTIMEOUT": "1",
-    "CPL_VSIL_CURL_ALLOWED_EXTENSIONS": ".none",
+# Cells that are read, to be averaged, at most: 3.5 km at a quarter of a metre.
+MOST_READ = 200_000_000
+DEEPEST = 4  # virtual rasters of virtual rasters
+REMEDY = "convert it to GeoTIFF"
+_FORMATS = {magic: name for magic, name in PICTURES.items() if name != "JPEG"} | {
+    b"EHFA_HEADER_TAG": "HFA",
+    b"ncols": "AAIGrid",
+    b"NCOLS": "AAIGrid",
+    b"nrows": "AAIGrid",
+    b"NROWS": "AAIGrid",
+    b"UHL1": "DTED",
 }
+_NAMED = {".hgt": "SRTMHGT"}  # which begins with its heights
 
 
 def read_elevation(path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
     """Ground heights of a raster's first band around (xmin, ymin, xmax, ymax) in the frame `crs`, in metres, NaN where unknown.
 
-    path: any raster file that GDAL reads; only the part around the bounds is read. It is warped (bilinear) to square cells of
-    the raster's own size, or larger ones where those would be finer than FINEST or more than MOST_CELLS. Raises InputError
-    where the file is no raster, states no frame, or has no height inside the bounds.
+    path: a GeoTIFF, ESRI grid (.asc), Imagine (.img), JPEG 2000, PNG, DTED or SRTM .hgt, or a VRT that puts such files of its
+    own folder together; only the part around the bounds is read. It is warped (bilinear) to square cells of the raster's own
+    size, or larger ones where those would be finer than FINEST or more than MOST_CELLS. Raises InputError where the file is no
+    raster, states no frame, has more than MOST_READ cells there or no height inside the bounds.
     """
-    import rasterio
-    from rasterio.errors import NotGeoreferencedWarning, RasterioError
-
     path = Path(path)
     if not (np.isfinite(bounds).all() and bounds[0] <= bounds[2] and bounds[1] <= bounds[3]):
         raise InputError(f"{path}: the block's bounds {bounds} are no box; repair its buildings' coordinates")
-    _refuse_addresses(path)
-    try:
-        with warnings.catch_warnings(), rasterio.Env(**_OFFLINE):
-            warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with a remedy below
-            with rasterio.open(path.absolute(), sharing=False) as raster:
-                return _around(raster, path, crs, bounds)
-    except RasterioError as error:
-        reason = " ".join(str(error.__cause__ or error).split())[:160]
-        raise InputError(f"{path} cannot be read as a raster ({reason}); convert it to GeoTIFF") from error
+    with opened_raster(path, _driver(path), "a raster", REMEDY) as found:
+        return _around(found, path, crs, bounds)
 
 
-def _refuse_addresses(path: Path, depth: int = 0) -> None:
-    """InputError unless the file is on this machine, and so is every file that it is put together from (VRT)."""
-    from defusedxml import ElementTree
-    from defusedxml.common import DefusedXmlException
-
+def _driver(path: Path, depth: int = 0) -> str:
     if not path.is_file():
         raise InputError(f"{path} is no file; give an elevation raster on this machine, such as a GeoTIFF")
+    if driver := driver_of(path, _FORMATS) or _NAMED.get(path.suffix.lower()):
+        return driver
     with path.open("rb") as file:
         start = file.read(256).lstrip(b"\xef\xbb\xbf \t\r\n")
     if start[:1] in (b"{", b"["):
         raise InputError(f"{path} is JSON, no raster; give e.g. a GeoTIFF")
+    if start[:5].lower() in (b"ncols", b"nrows"):
+        return "AAIGrid"
     if start[:1] != b"<":
-        return
-    try:
-        root = ElementTree.parse(path, forbid_dtd=True).getroot()
-    except (ElementTree.ParseError, DefusedXmlException) as error:
-        raise InputError(f"{path} is no raster, nor XML of one ({error}); give e.g. a GeoTIFF") from error
-    if root.tag != "VRTDataset" or depth > 4:
-        raise InputError(f"{path} is XML ({root.tag}), no raster; give e.g. a GeoTIFF")
-    for element in root.iter():
-        if element.tag in ("SourceFilename", "SourceDataset"):
-            named = Path((element.text or "").strip())
-            source = path.parent / named if element.get("relativeToVRT") == "1" else named
-            if not source.is_file():
-                raise InputError(f"{path} is put together from {named}, which is no file here; give one GeoTIFF")
-            _refuse_addresses(source, depth + 1)
+        known = ", ".join(sorted({*_FORMATS.values(), *_NAMED.values()}))
+        raise InputError(f"{path} cannot be read as a raster (it is none of {known}); {REMEDY}")
+    if depth > DEEPEST:
+        raise InputError(f"{path} is a virtual raster of virtual rasters {depth} times over; give one GeoTIFF")
+    check_virtual(path, lambda source: _driver(source, depth + 1))
+    return "VRT"
 
 
 def _around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float, float]) -> Elevation:
-    from pyproj import CRS, Transformer
+    from pyproj import Transformer
     from rasterio import Affine
     from rasterio.enums import Resampling
     from rasterio.transform import from_origin, rowcol, xy
     from rasterio.warp import reproject
     from rasterio.windows import Window
 
-    if raster.crs is None:
+    check_place(raster, path, "put its world file beside it, or give a GeoTIFF")
+    own = frame_of(raster, path)
+    if own is None:
         raise InputError(
             f"{path} states no frame; put its .prj beside it, or write it in with gdal_translate -a_srs EPSG:n"
         )
-    if raster.transform.is_identity:
-        raise InputError(f"{path} states no place on the ground; put its world file beside it, or give a GeoTIFF")
-    own = CRS.from_wkt(raster.crs.to_wkt())
-    own = own.sub_crs_list[0] if own.is_compound else own
+    if raster.dtypes[0].startswith("complex"):
+        raise InputError(f"{path} has complex numbers for heights; give their real part as a GeoTIFF")
     to_own = Transformer.from_crs(crs, own, always_xy=True)
 
     x, y = np.meshgrid(np.linspace(bounds[0], bounds[2], 21), np.linspace(bounds[1], bounds[3], 21))
@@ -107,6 +98,8 @@ def _around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float
     across, along = xy(raster.transform, [row, row, row + 1], [column, column + 1, column])
     cells = np.column_stack(to_own.transform(across, along, direction="INVERSE"))
     native = float(np.linalg.norm(cells[1:] - cells[0], axis=1).min())
+    if not 1e-4 <= native < math.inf:
+        raise InputError(f"{path} has cells of {native:g} m; resample it to {FINEST:g} m with gdalwarp -tr")
     step = max(FINEST, round(native, 6))
     while True:
         # Cell centres on the raster's own where the frames agree: heights are then taken over as they are.
@@ -122,6 +115,12 @@ def _around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float
     top, bottom = np.clip([rows.min() - spare, rows.max() + spare], 0, raster.height)
     window = Window(int(left), int(top), math.ceil(right) - int(left), math.ceil(bottom) - int(top))
     coarser = max(1.0, step / native)
+    overview = max((factor for factor in raster.overviews(1) if factor <= coarser), default=1)
+    if window.width * window.height / overview**2 > MOST_READ:
+        raise InputError(
+            f"{path} has {window.width} x {window.height} cells of {native:.3g} m around the block; resample it with "
+            f"gdalwarp -tr {FINEST:g} {FINEST:g}"
+        )
     shape = max(1, round(window.height / coarser)), max(1, round(window.width / coarser))
     found = raster.read(1, window=window, out_shape=shape, masked=True, resampling=Resampling.average)
     source = np.ma.filled(found.astype(np.float32), np.nan)

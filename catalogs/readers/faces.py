@@ -8,10 +8,12 @@ from dataclasses import dataclass
 import mapbox_earcut
 import numpy as np
 
+from facade_core.errors import GeometryError
 from facade_core.types import SEMANTICS, Shell
 
 _SMALLEST = 1e-6  # m2; twice the area that a face encloses at least
 FARTHEST = 1e9  # no coordinate of a real frame is larger
+MOST_CORNERS = 10_000  # of a face or an outline; cutting one into triangles takes time by its square
 _SLIVER = 1e-9  # m2; twice the area of a triangle at least
 
 
@@ -47,12 +49,16 @@ def shell_of(faces: Sequence[Face], scale: tuple[float, float] = (1.0, 1.0)) -> 
     """The shell of a building's faces; None where no face encloses an area.
 
     Equal vertices are shared. `scale` is the length of a unit of x and of y in metres, so that faces in degrees are cut in a
-    plane of metres too. Faces with a vertex that is not finite, or absurdly far away, are left out.
+    plane of metres too. Faces with a vertex that is not finite, or absurdly far away, are left out. Raises GeometryError for
+    one of more than MOST_CORNERS.
     """
     faces = [face for face in faces if face.rings and len(face.rings[0]) >= 3]
     rings = [[np.asarray(ring, np.float64) for ring in face.rings if len(ring) >= 3] for face in faces]
     if not faces:
         return None
+    most = max(sum(map(len, group)) for group in rings)
+    if most > MOST_CORNERS:
+        raise GeometryError(f"a face of it has {most} corners, more than {MOST_CORNERS}; cut it up, or simplify it")
     points = np.concatenate([ring for group in rings for ring in group])
     cut, owner = _triangles(points, [[len(ring) for ring in group] for group in rings], scale)
     if len(cut) == 0:

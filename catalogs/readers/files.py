@@ -7,7 +7,9 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
+from catalogs.broken import refusing
 from catalogs.features import Centrelines, Footprints, Models
+from catalogs.readers.limits import within_limits
 from facade_core.errors import InputError
 
 # Suffix -> module and function; modules are imported when a file of theirs is read.
@@ -46,14 +48,21 @@ CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
 def read_buildings(path: Path, lod: str | None = None) -> Footprints | Models:
     """Read buildings; the suffix picks the reader, `lod` the level of detail of a model that has several.
 
-    Raises InputError for an unknown suffix or a broken file.
+    What is broken or beyond the limits of a block is set aside. Raises InputError for an unknown suffix or a broken file.
     """
-    return _reader(path, BUILDING_READERS)(path, lod)
+    reader = _reader(path, BUILDING_READERS)
+    with refusing(path, f"{path.suffix} file", "export it again"):
+        return within_limits(reader(path, lod), path)
 
 
 def read_centrelines(path: Path) -> Centrelines:
-    """Read street centrelines; the suffix picks the reader. Raises InputError for an unknown suffix or a broken file."""
-    return _reader(path, CENTRELINE_READERS)(path)
+    """Read street centrelines; the suffix picks the reader. What is broken or beyond the limits of a block is set aside.
+
+    Raises InputError for an unknown suffix or a broken file.
+    """
+    reader = _reader(path, CENTRELINE_READERS)
+    with refusing(path, f"{path.suffix} file", "export it again"):
+        return within_limits(reader(path), path)
 
 
 def _reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> Callable[..., Any]:

@@ -7,16 +7,20 @@ import json
 import struct
 from pathlib import Path
 from typing import Any
-from urllib.parse import unquote
 
 import numpy as np
 
+from catalogs.broken import is_machines
 from catalogs.features import Remark
+from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
+from catalogs.readers.limits import MOST_TRIANGLES
 from catalogs.readers.surfaces import Surface, is_inside, is_surface_name, semantic_of
 from facade_core.errors import InputError
 
 _Z_UP = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
 _COMPRESSED = frozenset(("KHR_draco_mesh_compression", "EXT_meshopt_compression"))
+MOST_NODES = 50_000
+_MADE_UP = 1000  # numbers of an accessor without a bufferView
 _NAMELESS = frozenset(("", "world", "scene", "root", "rootnode"))
 
 
@@ -34,6 +38,8 @@ def read_gltf(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark]
     except InputError:
         raise
     except Exception as error:  # whatever a broken header makes of trimesh
+        if is_machines(error):
+            raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path} cannot be read as glTF 2 ({reason}); export it again") from error
 
@@ -41,11 +47,12 @@ def read_gltf(path: Path) -> tuple[list[Surface], tuple[Path, ...], list[Remark]
 def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface], tuple[Path, ...], list[Remark]]:
     import trimesh
 
+    _check_counts(path, header)
     numbered, primitives = _numbered(header)
     scene: Any = trimesh.load(
         io.BytesIO(_glb(numbered, rest) if path.suffix.lower() == ".glb" else json.dumps(numbered).encode()),
         file_type=path.suffix.lower()[1:],
-        resolver=trimesh.resolvers.FilePathResolver(str(path)),
+        resolver=_buffers(path, header),
         force="scene",
         process=False,
     )
@@ -55,7 +62,7 @@ def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface
     parents = {child: index for index, node in enumerate(header["nodes"]) for child in node.get("children", [])}
     surfaces: list[Surface] = []
     pictures: list[Path] = []
-    embedded = set()
+    embedded, refused = set(), set()
     for node in sorted(scene.graph.nodes_geometry, key=int):
         transform, geometry = scene.graph[node]
         mesh = scene.geometry[geometry]
@@ -67,8 +74,11 @@ def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface
         if any(is_inside(name.partition("|")[2] or name) for name in names[:1]):
             continue
         building = _building(names)
-        stated, picture = _picture(header, material, path.parent)
-        if stated and picture is None:
+        uri = _picture(header, material)
+        picture = beside(path, *spellings(uri)) if uri else None
+        if uri and picture is None and outside(path, *spellings(uri)):
+            refused.add(uri)
+        elif uri is not None and picture is None:
             embedded.add(building or path.stem)
         if picture is not None and picture not in pictures:
             pictures.append(picture)
@@ -87,7 +97,27 @@ def _read(path: Path, header: dict[str, Any], rest: bytes) -> tuple[list[Surface
     reason = (
         "models whose pictures are inside the glTF file or absent: read without; save the pictures as files beside it"
     )
-    return surfaces, tuple(pictures), [Remark(name, reason, None) for name in sorted(embedded)]
+    remarks = [Remark(name, reason, None) for name in sorted(embedded)]
+    return surfaces, tuple(pictures), [*remarks, *(Remark(uri, OUTSIDE, None) for uri in sorted(refused))]
+
+
+def _check_counts(path: Path, header: dict[str, Any]) -> None:
+    """InputError where nodes draw more than a file of buildings holds, or numbers are made up of nothing."""
+    accessors, meshes, nodes = header.get("accessors", []), header.get("meshes", []), header.get("nodes", [])
+    if any("bufferView" not in accessor and accessor.get("count", 0) > _MADE_UP for accessor in accessors):
+        raise InputError(f"{path} has accessors of zeros without a bufferView; export it again")
+    corners = [
+        sum(
+            accessors[primitive.get("indices", primitive["attributes"]["POSITION"])]["count"]
+            for primitive in mesh["primitives"]
+        )
+        for mesh in meshes
+    ]
+    drawn = sum(corners[node["mesh"]] for node in nodes if "mesh" in node)
+    if drawn > 3 * MOST_TRIANGLES or len(nodes) > MOST_NODES:
+        raise InputError(
+            f"{path} draws {drawn // 3} triangles in {len(nodes)} nodes, more than {MOST_TRIANGLES} or {MOST_NODES}; cut it up"
+        )
 
 
 def _parts(path: Path) -> tuple[dict[str, Any], bytes]:
@@ -171,9 +201,24 @@ def _item(header: dict[str, Any], kind: str, index: int | None) -> dict[str, Any
     return items[index] if index is not None and 0 <= index < len(items) else {}
 
 
-def _picture(header: dict[str, Any], material: dict[str, Any], folder: Path) -> tuple[bool, Path | None]:
-    """Whether a material states a picture, and its file, where it is one."""
+def _picture(header: dict[str, Any], material: dict[str, Any]) -> str | None:
+    """The file's URI of the picture that a material states, empty where it is inside the model; None where it states none."""
     index = material.get("pbrMetallicRoughness", {}).get("baseColorTexture", {}).get("index")
-    uri = _item(header, "images", _item(header, "textures", index).get("source")).get("uri", "data:")
-    file = folder / unquote(uri)
-    return index is not None, None if uri.startswith("data:") or not file.is_file() else file
+    if index is None:
+        return None
+    uri = str(_item(header, "images", _item(header, "textures", index).get("source")).get("uri", ""))
+    return "" if uri.startswith("data:") else uri
+
+
+def _buffers(path: Path, header: dict[str, Any]) -> dict[str, bytes]:
+    """The contents of the files that hold the geometry of a .gltf, by their URIs. Raises InputError where one is not there."""
+    found = {}
+    for buffer in header.get("buffers", []):
+        uri = buffer.get("uri")
+        if isinstance(uri, str) and not uri.startswith("data:"):
+            file = beside(path, *spellings(uri))
+            if file is None:
+                where = "lies outside its folder" if outside(path, *spellings(uri)) else "is not there"
+                raise InputError(f"{path}: its buffer {uri} {where}; copy it beside the model")
+            found[uri] = file.read_bytes()
+    return found

@@ -12,6 +12,7 @@ from typing import Any
 import shapely
 from shapely import LineString
 
+from catalogs.broken import is_machines
 from catalogs.features import Centrelines, Fault
 from catalogs.readers.centrelines import centrelines_of
 from catalogs.readers.osm import is_street, listed
@@ -63,6 +64,8 @@ def _graph(path: Path) -> Any:
             f"{path} declares XML entities or a document type; write it with osmnx.save_graphml"
         ) from error
     except Exception as error:  # networkx lets the errors of its conversions through
+        if is_machines(error):
+            raise
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{path} cannot be read as GraphML ({reason}); write it with osmnx.save_graphml") from error
 

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import mmap
 from pathlib import Path
 
+from catalogs.broken import one_line
 from catalogs.features import Fault
+from catalogs.pictures import LEAST_SIDE, REMEDY, opened
 from facade_core.errors import InputError
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
@@ -13,40 +16,45 @@ _END_OF_IMAGE = b"\xff\xd9"
 
 
 def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
-    """The pictures of a folder by name, and a fault of `kind` by file name for each that cannot be opened or is cut off.
+    """The pictures of a folder by name, and a fault of `kind` by file name for each that cannot be used: cannot be opened, is
+    cut off, too large or too small.
 
     Raises InputError where no picture is left.
     """
     found = _pictures(folder)
-    damage = {path: _damage(path) for path in found}
+    damage = {path: _unnamed(path) or _absent(path) or _damage(path, LEAST_SIDE) for path in found}
     usable = tuple(path for path, problem in damage.items() if problem is None)
     if not usable:
-        raise InputError(f"{found[0]} {damage[found[0]]}, and so are all pictures of that folder; replace them")
+        raise InputError(f"{folder} holds no picture that can be used: {damage[found[0]]}")
     return usable, tuple(
-        Fault(path.name, kind, f"{path.name} {problem}; replace or remove it")
-        for path, problem in damage.items()
-        if problem is not None
+        Fault(one_line(path.name), kind, problem) for path, problem in damage.items() if problem is not None
     )
 
 
 def whole_picture(path: Path) -> None:
     """Raise InputError where a picture cannot be opened or is cut off."""
-    if problem := _damage(path):
-        raise InputError(f"{path} {problem}; replace it")
+    if problem := _damage(path, 1):
+        raise InputError(f"{path.parent}: {problem}")
 
 
-def photos_by_facade(folder: Path) -> dict[str, Path]:
-    """Facade id -> photo; the id is the file's name without suffix.
+def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
+    """Facade id -> photo; the id is the file's name without suffix. And a fault for each name behind which there is no file.
 
-    A photo that is cut off is among them: it is its facade that fails when it comes to it. Raises InputError where two files
-    name one facade, or there is no picture.
+    A photo that is cut off is among the first: it is its facade that fails when it comes to it. Raises InputError where two
+    files name one facade, or there is no picture.
     """
     photos: dict[str, Path] = {}
+    faults = []
     for path in _pictures(folder):
+        if problem := _unnamed(path):
+            raise InputError(f"{folder}: {problem}")
         if path.stem in photos:
             raise InputError(f"{photos[path.stem]} and {path.name} both name facade {path.stem}; remove one")
-        photos[path.stem] = path
-    return photos
+        if problem := _absent(path):
+            faults.append(Fault(path.name, "photo", problem))
+        else:
+            photos[path.stem] = path
+    return photos, tuple(faults)
 
 
 def _pictures(folder: Path) -> list[Path]:
@@ -60,25 +68,42 @@ def _pictures(folder: Path) -> list[Path]:
     return found
 
 
+def _unnamed(path: Path) -> str | None:
+    """Why a picture cannot be named in a report or a catalogue; None where it can."""
+    name = one_line(path.name)
+    return None if name == path.name else f"{name}: its name holds what is no letter, such as a line break; rename it"
+
+
+def _absent(path: Path) -> str | None:
+    """Why a name leads to no file, such as a link into a folder that is not mounted; None where it does."""
+    if path.is_file():
+        return None
+    return f"{path.name} leads to no file; mend what it links to, or remove it"
+
+
 def _is_image(path: Path) -> bool:
-    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and path.is_file()
+    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and not path.is_dir()
 
 
-def _damage(path: Path) -> str | None:
+def _damage(path: Path, least: int) -> str | None:
     """What keeps a picture from being used, told without decoding it: that would take longer than the rest of reading."""
-    from PIL import Image
-
     try:
-        with Image.open(path) as image:
-            layout = image.format
-        content = path.read_bytes()
-    except (OSError, SyntaxError, ValueError, Image.DecompressionBombError):
-        return "cannot be opened as a picture"
-    whole = {"JPEG": _whole_jpeg, "MPO": _whole_jpeg, "PNG": lambda data: b"IEND" in data[-4096:]}
-    return None if whole.get(str(layout), lambda data: True)(content) else "is cut off"
+        with opened(path) as image:
+            layout, (width, height) = image.format, image.size
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            whole = {"JPEG": _whole_jpeg, "MPO": _whole_jpeg, "PNG": _whole_png}.get(str(layout), bool)(content)
+    except InputError as error:
+        return str(error)
+    if min(width, height) < least:
+        return f"{path.name} is {width} x {height} pixels, and {least} a side are the least; give a larger picture"
+    return None if whole else f"{path.name} is cut off; {REMEDY}"
 
 
-def _whole_jpeg(content: bytes) -> bool:
+def _whole_png(content: mmap.mmap) -> bool:
+    return content.find(b"IEND", max(0, len(content) - 4096)) >= 0
+
+
+def _whole_jpeg(content: mmap.mmap) -> bool:
     """Whether an end marker follows the first scan; the segments before it may hold a thumbnail with one of its own."""
     position = 2
     while position + 4 <= len(content) and content[position] == 0xFF:

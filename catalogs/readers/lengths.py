@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 
 _LENGTH = re.compile(r"(\d+(?:[.,]\d+)?)\s*(m|metres?|meters?|ft|feet|')?", re.IGNORECASE)
@@ -13,11 +14,15 @@ def parse_length(text: str) -> float | None:
     """Metres from an OSM length: "12", "12.5 m", "40 ft", 7'4"; None where it is not understood."""
     text = text.strip()
     if match := _FEET_INCHES.fullmatch(text):
-        return int(match[1]) * _FOOT + float(match[2].replace(",", ".")) * _INCH
+        return _finite(float(match[1]) * _FOOT + float(match[2].replace(",", ".")) * _INCH)
     if match := _LENGTH.fullmatch(text):
         value = float(match[1].replace(",", "."))
-        return value * _FOOT if (match[2] or "").lower() in ("ft", "feet", "'") else value
+        return _finite(value * _FOOT if (match[2] or "").lower() in ("ft", "feet", "'") else value)
     return None
+
+
+def _finite(value: float) -> float | None:
+    return value if math.isfinite(value) else None
 
 
 def parse_levels(text: str) -> float | None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import zipfile
 from dataclasses import replace
 from pathlib import Path
@@ -9,8 +10,11 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.broken import is_machines
 from catalogs.features import Fault, Models, Remark
 from catalogs.readers.gltf import read_gltf
+from catalogs.readers.limits import MOST_TRIANGLES
+from catalogs.readers.npz import check_arrays
 from catalogs.readers.obj import read_obj
 from catalogs.readers.surfaces import Surface, models_of
 from facade_core.errors import InputError
@@ -38,7 +42,7 @@ def read_meshes(path: Path, lod: str | None = None) -> Models:
         surfaces, textures, remarks = read_gltf(path)
     else:
         surfaces = _read_mesh(path)
-    if not any(len(surface.corners) for surface in surfaces):
+    if not any(len(surface.corners) for surface in surfaces) and not faults:
         raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
     models, broken = models_of(surfaces, path.stem)
     used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
@@ -55,8 +59,12 @@ def _read_mesh(path: Path) -> list[Surface]:
     import trimesh
 
     try:
-        scene: Any = trimesh.load(str(path), force="scene", process=False)
+        # not by its path: trimesh would open the pictures that it names, wherever they are
+        content, kind = io.BytesIO(path.read_bytes()), path.suffix.lower()[1:]
+        scene: Any = trimesh.load(content, file_type=kind, force="scene", process=False)
     except Exception as error:  # trimesh lets the errors of its parsers through
+        if is_machines(error):
+            raise
         reason = " ".join(str(error).split())[:120] or type(error).__name__
         raise InputError(f"{path} cannot be read as a mesh ({reason}); export it again") from error
     meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
@@ -66,9 +74,11 @@ def _read_mesh(path: Path) -> list[Surface]:
 def _read_npz(path: Path) -> tuple[list[Surface], str | None]:
     """triangles (n, 3, 3) and feature (n,), the number of each one's building; optional origin (3,) and epsg ()."""
     wanted = "triangles (n, 3, 3), feature (n,) of integers and, if needed, origin (3,) and epsg"
+    names = ("triangles", "feature", "origin", "epsg")
+    check_arrays(path, names)
     try:
         with np.load(path, allow_pickle=False) as file:
-            arrays = {name: file[name] for name in ("triangles", "feature", "origin", "epsg") if name in file}
+            arrays = {name: file[name] for name in names if name in file}
         triangles = np.asarray(arrays["triangles"])
         feature = np.asarray(arrays["feature"])
         origin = np.asarray(arrays.get("origin", np.zeros(3)), np.float64)
@@ -76,6 +86,8 @@ def _read_npz(path: Path) -> tuple[list[Surface], str | None]:
     except (OSError, EOFError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{path} cannot be read as arrays of triangles ({reason}); give {wanted}") from error
+    if triangles.size > 9 * MOST_TRIANGLES:
+        raise InputError(f"{path} holds over {MOST_TRIANGLES} triangles; cut out the block that is meant")
     fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"
     if not (fits and feature.shape == triangles.shape[:1] and feature.dtype.kind in "iu" and origin.shape == (3,)):
         raise InputError(
@@ -84,4 +96,6 @@ def _read_npz(path: Path) -> tuple[list[Surface], str | None]:
     order = np.argsort(feature, kind="stable")
     ends = np.flatnonzero(np.diff(feature[order])) + 1
     parts = np.split(order, ends) if len(order) else []
-    return [Surface(str(feature[part[0]]), "unknown", triangles[part] + origin) for part in parts], crs
+    return [
+        Surface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin) for part in parts
+    ], crs

@@ -10,11 +10,13 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.features import Fault, Remark
-from catalogs.readers.faces import Face, shell_of
+from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
+from catalogs.readers.faces import MOST_CORNERS, Face, shell_of
 from catalogs.readers.surfaces import Surface, is_inside, is_surface_name, semantic_of
 from facade_core.errors import InputError
 
 _NAMELESS = ("", "default", "(null)", "off")
+_FARTHEST_INDEX = 2**62
 
 Label = tuple[str | None, str | None, str | None]  # object, group, material
 Kind = tuple[str | None, str, int]  # building, semantic, texture
@@ -140,6 +142,8 @@ def _index(word: str, count: int) -> int:
         index = int(word)
     except ValueError:
         return -1
+    if abs(index) > _FARTHEST_INDEX:
+        return -1
     return index - 1 if index > 0 else max(count + index, -1) if index < 0 else -1
 
 
@@ -154,7 +158,7 @@ def _surfaces(text: _Text, kinds: list[Kind | None]) -> Iterator[Surface]:
     vertex = np.where(vertex < len(vertices) - 1, vertex, -1)
     coordinate = np.frombuffer(text.coordinate, np.int64)
     coordinate = np.where(coordinate < len(coordinates) - 1, coordinate, -1)
-    sound = np.logical_and.reduceat(np.isfinite(vertices).all(axis=1)[vertex], starts)
+    sound = np.logical_and.reduceat(np.isfinite(vertices).all(axis=1)[vertex], starts) & (sizes <= MOST_CORNERS)
 
     label = np.frombuffer(text.label, np.int32)
     order = np.argsort(label, kind="stable")
@@ -184,10 +188,11 @@ def _pictures(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[R
     pictures: dict[str, Path] = {}
     remarks = []
     for library in libraries:
-        whole = path.parent / library
-        for file in [whole] if whole.is_file() else [path.parent / name for name in library.split()]:
-            if not file.is_file():
-                remarks.append(Remark(file.name, "material files named by the model but absent", None))
+        for name in [library] if beside(path, *spellings(library)) else library.split():
+            file = beside(path, *spellings(name))
+            if file is None:
+                where = "outside the model's folder: not read" if outside(path, *spellings(name)) else "but absent"
+                remarks.append(Remark(Path(name).name, f"material files named by the model {where}", None))
                 continue
             material = ""
             for line in _lines(file):
@@ -195,19 +200,14 @@ def _pictures(path: Path, libraries: list[str]) -> tuple[dict[str, Path], list[R
                 if key.lower() == "newmtl":
                     material = value.strip()
                 elif key.lower() == "map_kd":
-                    picture = _beside(file.parent, value.strip())
-                    if picture is None:
-                        remarks.append(Remark(value.strip(), "pictures named by materials but absent", None))
-                    else:
+                    # options may stand before the name; many exporters write a folder that was theirs
+                    stated = value.strip().replace("\\", "/")
+                    names = [stated, *stated.split()[-1:]]
+                    found = [name for whole in names for name in (whole, Path(whole).name)]
+                    if picture := beside(path, *found, folder=file.parent):
                         pictures[material] = picture
+                    elif outside(path, *names, folder=file.parent):
+                        remarks.append(Remark(stated, OUTSIDE, None))
+                    else:
+                        remarks.append(Remark(stated, "pictures named by materials but absent", None))
     return pictures, remarks
-
-
-def _beside(folder: Path, stated: str) -> Path | None:
-    """The picture that map_Kd states, options before its name or not, or one of that name in the folder itself."""
-    stated = stated.replace("\\", "/")
-    for name in (stated, stated.split()[-1] if stated else ""):
-        for file in (folder / name, folder / Path(name).name):
-            if name and file.is_file():
-                return file
-    return None

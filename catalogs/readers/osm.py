@@ -12,8 +12,9 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.features import Centrelines, Footprint, Footprints, Remark
-from catalogs.readers.centrelines import centrelines_of
+from catalogs.broken import is_machines, reason_of
+from catalogs.features import Centrelines, Fault, Footprint, Footprints, Remark
+from catalogs.readers.centrelines import centrelines_of, place_of
 from catalogs.readers.lengths import parse_length, parse_levels
 from catalogs.readers.roofs import roof_of, tagged_rise
 from facade_core.errors import InputError
@@ -37,6 +38,7 @@ STREETS = frozenset(
 WITHOUT_WALLS = frozenset(("roof", "carport"))
 TALLEST = 1000.0  # m; what is tagged as higher is a slip
 LOWEST = 2.0  # m; walls
+_LONGEST_LIST = 10_000  # letters
 
 
 def read_footprints(path: Path, lod: str | None = None) -> Footprints:
@@ -48,12 +50,18 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
     """
     remarks: list[Remark] = []
     items = []
+    faults = []
     for feature, geometry, tags in _features(path, lambda osm: osm.get_buildings()):
         if tags.get("building") == "no":
             continue
-        if (footprint := footprint_of(feature, geometry, tags, remarks, degrees=True)) is not None:
+        try:
+            footprint = footprint_of(feature, geometry, tags, remarks, degrees=True)
+        except Exception as error:  # what GEOS or a tag makes of it is no other building's fault
+            faults.append(Fault(feature, "building", reason_of(error), place_of(geometry)))
+            continue
+        if footprint is not None:
             items.append(footprint)
-    return Footprints("EPSG:4326", tuple(items), tuple(remarks))
+    return Footprints("EPSG:4326", tuple(items), tuple(remarks), tuple(faults))
 
 
 def footprint_of(
@@ -115,10 +123,10 @@ def is_street(line: Any, tags: Mapping[str, str]) -> bool:
 
 def listed(text: str) -> list[str]:
     """The values of an attribute of a merged street, which OSMnx writes as "['a', 'b']"; of a plain one the value itself."""
-    if text.startswith("["):
+    if text.startswith("[") and len(text) < _LONGEST_LIST:
         try:
-            return [str(value) for value in ast.literal_eval(text)]
-        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):
+            return [str(value) for value in ast.literal_eval(text)] or [""]
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # MemoryError: too deeply nested
             pass
     return [text]
 
@@ -133,6 +141,8 @@ def _features(path: Path, layer: Callable[[Any], Any]) -> Iterator[tuple[str, An
     try:
         frame = layer(OSM(str(path)))
     except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
+        if is_machines(error):
+            raise
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{path} cannot be read as OSM .pbf ({reason}); download it again") from error
     if frame is None:

@@ -8,9 +8,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from catalogs.broken import one_line, reason_of
 from catalogs.features import Fault, Remark
+from catalogs.pictures import opened
 from catalogs.readers.images import image_files
-from catalogs.readers.poses import LONLAT, SourcePose, dms_degrees, read_poses
+from catalogs.readers.poses import LONLAT, SourcePose, dms_degrees, implausible, read_poses
 from facade_core.errors import InputError
 from facade_core.types import Pose
 
@@ -22,7 +24,9 @@ if TYPE_CHECKING:
 FAR_M = 1000.0
 # A full panorama is twice as wide as high; stitchers round sides to multiples of up to 32 pixels.
 ASPECT_TOLERANCE = 0.02
-_GPS_IFD = 0x8825
+_GPS_IFD, _ORIENTATION = 0x8825, 0x0112
+# Pixels of a full panorama: no more are told apart.
+_WIDEST = 1e6
 _FULL = (0.0, 0.0, 1.0, 1.0)
 
 
@@ -74,7 +78,10 @@ def read_panoramas(
                 raise ValueError(_unposed(source, poses))
             pose = _in_frame(source, view, crs, frames)
         except ValueError as error:
-            faults.append(Fault(path.name, "panorama", str(error)))
+            faults.append(Fault(path.name, "panorama", one_line(str(error))))
+            continue
+        except Exception as error:  # what a header or a pose can hold, libraries meet with errors of every kind
+            faults.append(Fault(path.name, "panorama", reason_of(error, "mend its pose, or remove it")))
             continue
         posed += 1
         if not math.isfinite(pose.x + pose.y) or (bounds and _outside(pose, bounds) > FAR_M):
@@ -121,6 +128,8 @@ def _in_frame(
     """A pose in the block's frame: its north, true or of its grid, turns with the frame."""
     from pyproj import CRS, Transformer
 
+    if problem := implausible(source):
+        raise ValueError(f"{problem}; mend its pose")
     origin = CRS.from_user_input(source.crs) if source.crs else crs
     if source.crs not in frames:
         frames[source.crs] = Transformer.from_crs(origin, crs, always_xy=True)
@@ -142,16 +151,16 @@ def _metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose
 
     ValueError where it is not an equirectangular panorama, with the remedy.
     """
-    from PIL import Image
-
-    with Image.open(path) as image:
-        pano = _gpano(image)
-        view = _view(pano)
-        gps = _gps(image)
+    with opened(path) as image:
+        pano, gps = _gpano(image), _gps(image)
         width, height = image.size
+        turned = _turned(image)
+    view = _view(pano)
     projection = str(pano.get("ProjectionType", "equirectangular"))
     if projection.lower() != "equirectangular":
         raise ValueError(f"is a {projection} panorama; give equirectangular ones, or remove it")
+    if turned:
+        raise ValueError("is turned by its EXIF, and a panorama's sky is its first row; save it upright, or remove it")
     full_width, full_height = width / view[2], height / view[3]
     if abs(full_width / full_height / 2 - 1) > ASPECT_TOLERANCE:
         whole = "" if view == _FULL else f", {full_width:.0f} x {full_height:.0f} uncropped"
@@ -166,7 +175,7 @@ def _own_pose(pano: Mapping[str, str], gps: Mapping[str, Any]) -> tuple[SourcePo
     try:
         lon = dms_degrees(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
         lat = dms_degrees(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
-    except (KeyError, TypeError, ValueError, ZeroDivisionError):
+    except (KeyError, TypeError, ValueError, ArithmeticError):
         return None, False
     if not math.isfinite(lon + lat):
         return None, False
@@ -182,20 +191,40 @@ def _own_pose(pano: Mapping[str, str], gps: Mapping[str, Any]) -> tuple[SourcePo
 def _finite(value: Any) -> float | None:
     try:
         number = float(value)
-    except (TypeError, ValueError, ZeroDivisionError):
+    except (TypeError, ValueError, ArithmeticError):
         return None
     return number if math.isfinite(number) else None
 
 
 def _view(pano: Mapping[str, str]) -> tuple[float, float, float, float]:
-    """The picture's part of the full panorama, (left, top, width, height) as shares; all of it where GPano does not say."""
+    """The picture's part of the full panorama, (left, top, width, height) as shares; all of it where GPano does not say.
+
+    ValueError where what it says is no part of a panorama.
+    """
     full = [_finite(pano.get(f"FullPano{side}Pixels")) for side in ("Width", "Height")]
     part = [_finite(pano.get(f"CroppedAreaImage{side}Pixels")) for side in ("Width", "Height")]
-    left, top = (_finite(pano.get(f"CroppedArea{side}Pixels")) or 0.0 for side in ("Left", "Top"))
-    if not all(value and value > 0 for value in (*full, *part)):
+    corner = [_finite(pano.get(f"CroppedArea{side}Pixels")) or 0.0 for side in ("Left", "Top")]
+    if any(value is None or value == 0 for value in (*full, *part)):
         return _FULL
-    (full_width, full_height), (width, height) = ([float(v or 0.0) for v in pair] for pair in (full, part))
-    return (left / full_width, top / full_height, min(width / full_width, 1.0), min(height / full_height, 1.0))
+    shares = []
+    for whole, length, start in zip(full, part, corner, strict=True):
+        assert whole
+        assert length
+        # writers round, and some let the picture begin at any column of the full circle
+        if not (1 <= length <= 1.01 * whole <= _WIDEST and -whole <= start <= whole):
+            raise ValueError(
+                f"states by GPano a part of {length:g} pixels at {start:g} of {whole:g}, which is none; mend or remove its XMP"
+            )
+        shares.append((start / whole, min(length / whole, 1.0)))
+    (left, width), (top, height) = shares
+    return (left, top, width, height)
+
+
+def _turned(image: Image) -> bool:
+    try:
+        return image.getexif().get(_ORIENTATION, 1) in range(2, 9)
+    except Exception:  # an EXIF block that is damaged turns nothing
+        return False
 
 
 def _gps(image: Image) -> dict[str, Any]:
@@ -204,18 +233,16 @@ def _gps(image: Image) -> dict[str, Any]:
 
     try:
         tags = image.getexif().get_ifd(_GPS_IFD)
-    except (OSError, ValueError, SyntaxError, KeyError, TypeError, AttributeError):
+        return {GPSTAGS.get(number, str(number)): value for number, value in tags.items()}
+    except Exception:  # damaged in any way
         return {}
-    return {GPSTAGS.get(number, str(number)): value for number, value in tags.items()}
 
 
 def _gpano(image: Image) -> dict[str, str]:
     """The GPano fields of the picture's XMP, as text by name; none where the XMP is damaged."""
-    from defusedxml import DefusedXmlException
-
     try:
         waiting: list[Any] = [image.getxmp()]
-    except (SyntaxError, ValueError, TypeError, DefusedXmlException):  # ElementTree's ParseError is a SyntaxError
+    except Exception:  # damaged in any way
         return {}
     fields: dict[str, str] = {}
     while waiting:

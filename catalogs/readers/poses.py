@@ -13,9 +13,16 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.block_keys import shown
+from catalogs.broken import is_machines, one_line, said
+from catalogs.frames import known_frame, points_east_and_north
 from facade_core.errors import InputError
 
 LONLAT = "EPSG:4326"
+# Bytes of a file: read, a small one of lists in lists takes twenty times its size.
+LARGEST = 40_000_000
+# Metres of a place in a frame and above the sea, and degrees of a heading (cameras count on after a turn) and of the others.
+MOST = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
 _NAMES = {
     "file": ("file", "filename", "image", "picture", "name", "id"),
     "x": ("x", "easting"),
@@ -63,6 +70,10 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
     x is east or longitude, y north or latitude. Raises InputError for a file that is none of these.
     """
     try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(
+                f"{path} has more than {LARGEST // 1_000_000} MB; keep the poses alone, without points and tracks"
+            )
         text = path.read_text(encoding="utf-8-sig")
     except OSError as error:
         raise InputError(
@@ -72,21 +83,26 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
         raise InputError(f"{path} is not UTF-8 text; give {_FORMATS}") from error
     try:
         if text.lstrip().startswith(("{", "[")):
-            crs, records = _json_records(json.loads(text))
+            crs, records = _json_records(json.loads(text, object_pairs_hook=_without_twins))
         else:
             crs, records = None, list(_csv_records(text))
-    except (ValueError, TypeError, AttributeError, KeyError, RecursionError, csv.Error) as error:
-        raise InputError(f"{path} is not a poses file ({error}); give {_FORMATS}") from error
-    _check_frame(path, crs)
+    except Exception as error:  # what a file can hold in a place, libraries meet with errors of every kind
+        if is_machines(error):
+            raise
+        raise InputError(f"{path} is not a poses file ({said(error)}); give {_FORMATS}") from error
+    crs = _frame_of(path, crs)
     poses: dict[str, SourcePose | str] = {}
     for name, record in records:
         if name in poses:
             poses[name] = f"{path.name} gives {name} twice; remove one"
             continue
         try:
-            poses[name] = record if isinstance(record, SourcePose) else _pose(record, crs)
-        except (ValueError, TypeError, AttributeError) as error:
-            poses[name] = f"{path.name}: {name}: {error}; mend that entry"
+            if isinstance(record, Exception):
+                raise record
+            poses[name] = _pose(record, crs)
+        except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
+            problem = f"{error}" if type(error) is ValueError else f"no pose ({type(error).__name__}: {error})"
+            poses[name] = f"{path.name}: {one_line(name[:80])}: {one_line(problem)[:160]}; mend that entry"
     if not poses:
         raise InputError(f"{path} holds no poses; give {_FORMATS}")
     return poses
@@ -175,12 +191,21 @@ def _number(value: Any, key: str) -> float | None:
     if value is None:
         return None
     try:
-        number = float(value)
-    except (ValueError, TypeError):
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (ValueError, TypeError, ArithmeticError):
         number = math.nan
     if not math.isfinite(number):
-        raise ValueError(f"{key} is {value!r}, not a finite number")
+        raise ValueError(f"{key} is {shown(value)}, not a finite number")
     return number
+
+
+def implausible(pose: SourcePose) -> str | None:
+    """What of a pose no camera can have; None where all of it may be."""
+    for key, most in MOST.items():
+        value = getattr(pose, key)
+        if value is not None and not abs(value) <= most:
+            return f"{key} is {value:g}, and at most {most:g} either way can be"
+    return None
 
 
 def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
@@ -188,29 +213,45 @@ def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
     from pyproj import Transformer
 
     reference = reconstruction["reference_lla"]
+    found = [_number(reference.get(key), key) for key in ("longitude", "latitude")]
+    if None in found:
+        raise ValueError("its reference_lla states no longitude or no latitude")
+    place = [value or 0.0 for value in (*found, _number(reference.get("altitude"), "altitude"))]
+    if not (abs(place[0]) <= 360.0 and abs(place[1]) <= 90.0 and abs(place[2]) <= MOST["z"]):
+        raise ValueError(f"its reference_lla {shown(place)} is no place on earth")
     to_lonlat = Transformer.from_pipeline(
         "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84"
-        f" +lon_0={float(reference['longitude'])} +lat_0={float(reference['latitude'])}"
-        f" +h_0={float(reference.get('altitude') or 0.0)}"
+        f" +lon_0={place[0]} +lat_0={place[1]} +h_0={place[2]}"
         " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
     )
     for name, shot in reconstruction["shots"].items():
-        camera = reconstruction["cameras"][shot["camera"]]
-        if camera.get("projection_type") not in ("equirectangular", "spherical"):
-            continue
-        rotation = _rotation(shot["rotation"])
-        east, north, up = -rotation.T @ np.asarray(shot["translation"], np.float64)
-        lon, lat, _ = to_lonlat.transform(east, north, up)
-        heading, pitch, roll = _angles(rotation)
-        # heights are left out: they are above the GPS's datum, not the block's
-        yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)
+        try:
+            camera = reconstruction["cameras"][shot["camera"]]
+            if camera.get("projection_type") not in ("equirectangular", "spherical"):
+                continue
+            rotation = _rotation(shot["rotation"])
+            centre = -rotation.T @ _three(shot["translation"])
+            lon, lat, _ = to_lonlat.transform(*centre)
+            heading, pitch, roll = _angles(rotation)
+        except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
+            yield Path(name).name, error
+        else:
+            # heights are left out: they are above the GPS's datum, not the block's
+            yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)
+
+
+def _three(values: Iterable[float]) -> np.ndarray:
+    found = np.array([_number(value, "a rotation or translation") for value in values], np.float64)
+    if found.shape != (3,) or not (np.abs(found) <= MOST["x"]).all():
+        raise ValueError(f"{shown(found.tolist())} is no rotation or translation; three numbers are")
+    return found
 
 
 def _rotation(axis_angle: Iterable[float]) -> np.ndarray:
     """The rotation (3, 3), camera_from_world, of an axis-angle vector in radians."""
     import cv2
 
-    return cv2.Rodrigues(np.asarray(list(axis_angle), np.float64).reshape(3, 1))[0]
+    return cv2.Rodrigues(_three(axis_angle).reshape(3, 1))[0]
 
 
 def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
@@ -223,13 +264,30 @@ def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
     return math.degrees(heading) % 360.0, math.degrees(pitch), math.degrees(roll)
 
 
-def _check_frame(path: Path, crs: Any) -> None:
-    from pyproj import CRS
-    from pyproj.exceptions import CRSError
-
+def _frame_of(path: Path, crs: Any) -> str | None:
+    """The frame that a file names, as text; InputError where none of the Earth is of that name."""
     if crs is None:
-        return
+        return None
+    text = str(crs) if isinstance(crs, int) and not isinstance(crs, bool) else crs
+    if not isinstance(text, str):
+        raise InputError(f"{path}: crs is {shown(crs)}, which is no name of a frame; give e.g. EPSG:4326")
+    name = f"EPSG:{text}" if text.isdigit() else text
     try:
-        CRS.from_user_input(crs)
-    except CRSError as error:
-        raise InputError(f"{path}: crs {crs!r} is not known; give e.g. EPSG:4326") from error
+        found = known_frame(name)
+    except InputError as error:
+        raise InputError(f"{path}: crs {error}") from error
+    if not points_east_and_north(found):
+        raise InputError(
+            f"{path}: crs {name} ({found.name}) has axes other than east and north; give one that has these"
+        )
+    return name
+
+
+def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """JSON lets the last of two equal names win in silence."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twin = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"{shown(twin)} is given twice; remove one")
+    return found

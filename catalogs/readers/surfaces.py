@@ -5,12 +5,13 @@ from __future__ import annotations
 import re
 from collections import defaultdict
 from collections.abc import Iterable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
 
 from catalogs.features import Fault, Model
+from catalogs.readers.faces import FARTHEST, MOST_CORNERS
 from facade_core.types import SEMANTICS, Shell
 
 # A word in a surface's name and what it says; the first that occurs counts, so that a roof window is a window.
@@ -65,7 +66,7 @@ def models_of(surfaces: Sequence[Surface], stem: str) -> tuple[tuple[Model, ...]
     Components whose plans lie over one another are one building; they are numbered from west to east. A model with a vertex
     that is not a finite number is a fault.
     """
-    surfaces = [surface for surface in surfaces if len(surface.corners)]
+    surfaces = [_sane(surface) for surface in surfaces if len(surface.corners)]
     by_name: dict[str, list[Surface]] = defaultdict(list)
     for surface in surfaces:
         by_name[surface.building or stem].append(surface)
@@ -82,7 +83,8 @@ def models_of(surfaces: Sequence[Surface], stem: str) -> tuple[tuple[Model, ...]
             faults.append(Fault(name, "building", reason))
         elif not np.isfinite(shell.vertices).all():
             reason = (
-                f"model {name} has a vertex that is missing or no finite number; mend it and export the model again"
+                f"model {name} has a vertex that is missing, no finite number or absurdly far away, or a face of over "
+                f"{MOST_CORNERS} corners; mend it and export the model again"
             )
             known = shell.vertices[np.isfinite(shell.vertices).all(axis=1)]
             place = shapely.box(*known[:, :2].min(axis=0), *known[:, :2].max(axis=0)) if len(known) else None
@@ -90,6 +92,13 @@ def models_of(surfaces: Sequence[Surface], stem: str) -> tuple[tuple[Model, ...]
         else:
             models.append(Model(name, shell))
     return tuple(models), tuple(faults)
+
+
+def _sane(surface: Surface) -> Surface:
+    """A surface with NaN for coordinates so large that no frame has them; such texture coordinates are zero."""
+    corners = np.where(np.abs(surface.corners) < FARTHEST, surface.corners, np.nan)
+    uv = None if surface.uv is None else np.where(np.abs(surface.uv) < FARTHEST, surface.uv, 0.0)
+    return replace(surface, corners=corners, uv=uv)
 
 
 def _names_are_of_surfaces(surfaces: Sequence[Surface]) -> bool:

@@ -12,13 +12,19 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
+from catalogs.broken import is_machines
 from catalogs.readers.columns import columns_of, identifiers, tags_of
+from catalogs.readers.limits import MOST_FEATURES
+from catalogs.readers.shapefile_tables import check_table
+from catalogs.readers.tables import check_tables
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
     from geopandas import GeoDataFrame
 
 _LONLAT = "EPSG:4326"
+# GeoParquet may unpack to the first, a larger file to so many times its size. It is looked at by so many rows.
+_UNPACKED, _PACKED, _ROWS = 64 * 2**20, 50, 500
 _PARQUET = (".parquet", ".geoparquet")
 # What a file of each kind begins with: GDAL goes by the content, and some of its formats fetch other files and addresses.
 _BEGINS = {
@@ -30,6 +36,7 @@ _BEGINS = {
     ".parquet": (b"PAR1",),
     ".geoparquet": (b"PAR1",),
 }
+_DRIVERS = ("GPKG", "FlatGeobuf", "ESRI Shapefile", "GeoJSON", "GeoJSONSeq", "ESRIJSON", "TopoJSON", "JSONFG")
 _KINDS = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "MultiCurve", "CompoundCurve")}
 
 
@@ -53,6 +60,10 @@ def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
     where it holds nothing of that kind.
     """
     _check_start(path)
+    if path.suffix.lower() == ".gpkg":
+        check_tables(path)
+    elif path.suffix.lower() == ".shp":
+        check_table(path)
     try:
         if path.suffix.lower() in _PARQUET:
             layer, others = path.stem, list[str]()
@@ -63,6 +74,8 @@ def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
     except InputError:
         raise
     except Exception as error:  # GDAL, Arrow and GEOS each have errors of their own
+        if is_machines(error):
+            raise
         reason = " ".join(str(error).split())[:160]
         raise InputError(f"{path} cannot be read ({reason}); export it again, e.g. as GeoPackage") from error
     geometries = frame.geometry.to_numpy()
@@ -102,10 +115,15 @@ def _layer(path: Path, kind: str, words: Sequence[str]) -> tuple[str, list[str]]
 def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
     import pyogrio
 
-    fields = pyogrio.read_info(path, layer=layer)["fields"]
-    columns = columns_of(fields, cut=path.suffix.lower() == ".shp")
+    info = pyogrio.read_info(path, layer=layer)
+    if (
+        info["driver"] not in _DRIVERS
+    ):  # GDAL goes by the content, and other formats of it read other files and addresses
+        raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
+    columns = columns_of(info["fields"], cut=path.suffix.lower() == ".shp")
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # on what is broken, which becomes a fault of its own
+        warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # which is read as the text that it is
         frame = pyogrio.read_dataframe(path, layer=layer, columns=sorted(set(columns.values())), on_invalid="ignore")
     return frame, columns
 
@@ -114,12 +132,23 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
     import geopandas
     from pyarrow import parquet
 
-    schema = parquet.read_schema(path)
+    file = parquet.ParquetFile(path)
+    if file.metadata.num_rows > MOST_FEATURES:
+        raise InputError(f"{path} holds {file.metadata.num_rows} rows; cut out the area that is meant")
+    schema = file.schema_arrow
     geo = (schema.metadata or {}).get(b"geo")
     if geo is None:
         raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
     columns = columns_of(schema.names, cut=False)
     wanted = {*columns.values(), json.loads(geo)["primary_column"]}
+    unpacked, most = 0, max(_UNPACKED, _PACKED * path.stat().st_size)
+    for batch in file.iter_batches(batch_size=_ROWS, columns=sorted(wanted.intersection(schema.names))):
+        # a dictionary's text is held once, until it is written out
+        unpacked += sum(
+            c.dictionary_decode().nbytes if hasattr(c, "dictionary_decode") else c.nbytes for c in batch.columns
+        )
+        if unpacked > most:
+            raise InputError(f"{path} unpacks to over {_PACKED} times its size; export it again")
     return geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted]), columns
 
 

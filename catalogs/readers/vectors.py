@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import shapely
 
+from catalogs.broken import reason_of
 from catalogs.features import Centrelines, Fault, Footprints, Remark
 from catalogs.readers.centrelines import centrelines_of, place_of
+from catalogs.readers.faces import FARTHEST
 from catalogs.readers.osm import footprint_of, is_street, listed
 from catalogs.readers.vector_files import Features, read_features
 
@@ -41,12 +43,17 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
         if tags.get("building") == "no" or (from_osm and "building" not in tags):
             remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
             continue
-        if not np.isfinite(shapely.get_coordinates(geometry)).all():
-            reason = f"footprint {id} has a coordinate that is no finite number; mend or remove it"
+        if not (np.abs(shapely.get_coordinates(geometry)) < FARTHEST).all():
+            reason = (
+                f"footprint {id} has a coordinate that is no finite number, or absurdly far away; mend or remove it"
+            )
             faults.append(Fault(id, "building", reason, place_of(geometry)))
             continue
-        outline = _outline(geometry)
-        footprint = footprint_of(id, outline, tags, remarks, degrees=degrees)
+        try:
+            footprint = footprint_of(id, _outline(geometry), tags, remarks, degrees=degrees)
+        except Exception as error:  # what GEOS or a tag makes of it is no other footprint's fault
+            faults.append(Fault(id, "building", f"footprint {id}: {reason_of(error)}", place_of(geometry)))
+            continue
         if footprint is not None:
             ground = tags.get("ground")
             items.append(replace(footprint, base=float(ground) if ground else base))

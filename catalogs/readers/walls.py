@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -11,7 +10,10 @@ import numpy as np
 import shapely
 from shapely import LineString, MultiPolygon, Polygon
 
+from catalogs.broken import reason_of
 from catalogs.features import Fault, Footprint, Footprints
+from catalogs.readers.faces import FARTHEST
+from catalogs.readers.json_text import load_json
 from facade_core.errors import InputError
 
 # How far a body reaches behind a wall of which no more is known.
@@ -28,11 +30,7 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
     or more that meet end to end are closed to a body; behind any other one a body of DEPTH_M stands. `lod` is not looked at:
     walls have none. Raises InputError where the file is no such JSON.
     """
-    try:
-        content = json.loads(path.read_bytes())
-    except (OSError, ValueError, RecursionError) as error:
-        reason = " ".join(str(error).split())[:120]
-        raise InputError(f"{path} cannot be read as JSON ({reason}); save it again") from error
+    content = load_json(path)
     walls = content.get("walls") if isinstance(content, dict) else None
     if not isinstance(walls, dict):
         raise InputError(f"{path} has no walls; give {_SHAPE}")
@@ -45,6 +43,8 @@ def read_walls(path: Path, lod: str | None = None) -> Footprints:
             items.append(_building(building, stated))
         except ValueError as reason:
             faults.append(Fault(building, "building", str(reason)))
+        except Exception as error:  # GEOS has errors of its own
+            faults.append(Fault(building, "building", reason_of(error)))
     return Footprints(crs, tuple(items), faults=tuple(faults))
 
 
@@ -66,9 +66,9 @@ def _ring(wall: str, corners: Any) -> np.ndarray:
     """The corners of a wall, (n, 3)."""
     try:
         ring = np.asarray(corners, np.float64)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, OverflowError):
         ring = np.empty(0)
-    if ring.ndim != 2 or ring.shape[1] != 3 or len(ring) < 3 or not np.isfinite(ring).all():
+    if ring.ndim != 2 or ring.shape[1] != 3 or len(ring) < 3 or not (np.abs(ring) < FARTHEST).all():
         raise ValueError(f"wall {wall} is no list of three or more [x, y, z] numbers; mend it")
     return ring
 

@@ -17,7 +17,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets")
 
 # Fields of a record that may differ between two runs of the same unit on the same input.
-VOLATILE = ("worker", "seconds", "started", "commits")
+VOLATILE = ("worker", "seconds", "started", "commits", "traceback")
 
 
 def read_journal(group: StoreGroup, stage: str) -> list[dict[str, Any] | None]:

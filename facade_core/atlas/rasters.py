@@ -113,6 +113,11 @@ def chart_digests(
     return digests
 
 
+def picture_digest(rgb: np.ndarray) -> str:
+    """Digest of a picture's pixels, hexadecimal."""
+    return hashlib.blake2b(np.ascontiguousarray(rgb).tobytes(), digest_size=8).hexdigest()
+
+
 def chunk_digests(
     colour: StoreArray, provenance: StoreArray, spec: AtlasSpec, placement: Placement, charts: Iterable[int]
 ) -> dict[str, str]:

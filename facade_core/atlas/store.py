@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
+from itertools import islice
 from pathlib import Path
-from typing import TYPE_CHECKING
+from threading import Lock
+from typing import TYPE_CHECKING, Any, cast
 
 import icechunk
 import numpy as np
@@ -13,7 +15,7 @@ import numpy as np
 from facade_core.atlas.journal import STAGES
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import StoreError
+from facade_core.errors import LostStoreError, StoreError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -21,7 +23,7 @@ if TYPE_CHECKING:
 BRANCH = "main"
 
 # It warns at every opening that local folders are unsafe for concurrent commits; one process commits, behind a lock.
-icechunk.set_logs_filter("error")
+icechunk.set_logs_filter("off")
 
 # name -> (dtype, trailing dimension, meaning)
 ATLAS_ARRAYS = {
@@ -40,15 +42,52 @@ FACADE_ARRAYS = {
 }
 
 
-def open_repository(path: Path, *, create: bool = False) -> icechunk.Repository:
+# The local file system has no compare-and-swap: of two threads that move a branch at once, one commit is lost without an error.
+_committing = Lock()
+
+
+class Repository(icechunk.Repository):
+    """Icechunk's in a folder. Its sessions know it, so that whoever commits one can look whether the commit arrived; and they
+    are of snapshots that can be read, where Icechunk's would hold nothing. Both raise StoreError."""
+
+    path: Path
+
+    def writable_session(self, branch: str) -> icechunk.Session:
+        session = self._readable(super().writable_session(branch))
+        session.repository = self  # type: ignore[attr-defined]
+        return session
+
+    def readonly_session(
+        self, branch: str | None = None, *, tag: str | None = None, snapshot_id: str | None = None, **of: Any
+    ) -> icechunk.Session:
+        return self._readable(super().readonly_session(branch, tag=tag, snapshot_id=snapshot_id, **of))
+
+    def _readable(self, session: icechunk.Session) -> icechunk.Session:
+        try:
+            self.lookup_snapshot(session.snapshot_id)
+        except icechunk.IcechunkError as error:
+            raise StoreError(
+                f"{self.path}: snapshot {session.snapshot_id} cannot be read ({str(error).splitlines()[0].strip(' x')}); "
+                f"`streetloom run BLOCK.yaml --out {self.path.parent}` goes on from one that can"
+            ) from error
+        return session
+
+
+def open_repository(path: Path, *, create: bool = False) -> Repository:
     """The repository in folder `path`. Raises StoreError when there is none (and `create` is False) or it is damaged."""
+    if not create and not path.is_dir():  # the storage would make one, which a run takes for a store that lost all
+        raise StoreError(f"{path}: there is no store; run the block first")
+    if (path.exists() or path.is_symlink()) and not path.is_dir():  # Icechunk panics
+        raise LostStoreError(f"{path}: is no folder; remove it, and run again")
     storage = icechunk.local_filesystem_storage(str(path))
     try:
-        return icechunk.Repository.open_or_create(storage) if create else icechunk.Repository.open(storage)
+        repository = cast(Repository, Repository.open_or_create(storage) if create else Repository.open(storage))
     except icechunk.IcechunkError as error:
         raise StoreError(
             f"{path}: no usable store ({str(error).splitlines()[0]}); run the block first, or remove it"
         ) from error
+    repository.path = path
+    return repository
 
 
 def create_arrays(
@@ -154,26 +193,41 @@ def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
 
 
 def commit(session: icechunk.Session, message: str) -> str:
-    """Commit a session on top of whatever else was committed since it began. Returns the snapshot id.
+    """Commit a session of `open_repository` on top of whatever else was committed since it began. Returns the snapshot id.
 
-    Raises StoreError when another commit wrote the same chunk in the meantime: one of the two writes would be lost.
+    One at a time in this process, whoever calls; one process at a time is for the run's lock. Raises StoreError when another
+    commit wrote the same chunk in the meantime, as one of the two writes would be lost, and when the branch is not where this
+    commit put it.
     """
-    try:
-        return session.commit(message, rebase_with=icechunk.ConflictDetector())
-    except icechunk.RebaseFailedError as error:
+    branch = session.branch or BRANCH  # a committed session has none
+    repository: Repository = session.repository  # type: ignore[attr-defined]
+    with _committing:
+        try:
+            # moves the branch if its tip is the session's base; else rebases the session onto the tip, and tries again
+            snapshot = session.commit(message, rebase_with=icechunk.ConflictDetector())
+        except icechunk.RebaseFailedError as error:
+            raise StoreError(
+                f"{message}: another unit wrote the same chunk ({error}); units of a wave must not share one"
+            ) from error
+        tip = repository.lookup_branch(branch)
+    if tip != snapshot:
         raise StoreError(
-            f"{message}: another unit wrote the same chunk ({error}); units of a wave must not share one"
-        ) from error
+            f"{message}: the commit {snapshot} is lost, {branch} is at {tip}: another process writes into this store; end it, "
+            "and run again"
+        )
+    return snapshot
 
 
 def expire(repository: icechunk.Repository) -> None:
-    """Forget every snapshot that is neither the newest nor tagged, and remove what only those held.
+    """Forget every snapshot that is neither the newest, nor the one before it, nor tagged, and remove what only those held.
 
-    For a moment at which nobody else writes: what an open session wrote would be taken for garbage.
+    The one before stays for the day on which the newest cannot be read. For a moment at which nobody else writes: what an open
+    session wrote would be taken for garbage.
     """
-    now = datetime.now(UTC)
-    repository.expire_snapshots(now)
-    repository.garbage_collect(now)
+    with _committing:
+        *_, before = islice(repository.ancestry(branch=BRANCH), 2)
+        repository.expire_snapshots(before.written_at)
+        repository.garbage_collect(datetime.now(UTC))
 
 
 def text_column(values: Sequence[str]) -> np.ndarray:

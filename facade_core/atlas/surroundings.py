@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.geometry.charts import Charts
+from facade_core.geometry.charts import CORNERS, Charts
 
 # Pieces of one surface are in one plane where their normals are closer than this (cosine), and they are no further apart.
 ALIKE, APART_M = 0.98, 0.5
@@ -21,14 +21,14 @@ def pieces_around(charts: Charts, chart: int, margin: float) -> np.ndarray:
     others = others[others != chart]
     if len(others) == 0:
         return others
-    normal = np.cross(charts.axis_v[chart], charts.axis_u[chart])
-    corners = _corners(charts, others) - charts.origin[chart]
+    normal = charts.normal()
+    corners = charts.at_shares(others, CORNERS) - charts.origin[chart]
     x, y = corners @ charts.axis_u[chart], corners @ charts.axis_v[chart]
     width, height = charts.size[chart]
     near = (x.max(axis=1) > -margin) & (x.min(axis=1) < width + margin)
     near &= (y.max(axis=1) > -margin) & (y.min(axis=1) < height + margin)
-    near &= np.abs(corners @ normal).min(axis=1) < APART_M
-    near &= np.cross(charts.axis_v[others], charts.axis_u[others]) @ normal > ALIKE
+    near &= np.abs(corners @ normal[chart]).min(axis=1) < APART_M
+    near &= normal[others] @ normal[chart] > ALIKE
     return others[near]
 
 
@@ -46,7 +46,7 @@ def surrounded(
         turn = axes @ np.stack([charts.axis_u[chart], charts.axis_v[chart]], axis=1)
         move = axes @ (charts.origin[chart] - charts.origin[other]) * density + turn @ np.full(2, 0.5 - margin) - 0.5
         extent = np.ceil(charts.size[other] * density - 1e-6).astype(np.int64).clip(1)
-        ends = np.array([[0, 0], [0, 1], [1, 0], [1, 1]]) * (extent - 1)
+        ends = CORNERS * (extent - 1)
         back = (ends - move) @ np.linalg.inv(turn).T
         x0, y0 = np.maximum(np.floor(back.min(axis=0)) - 1, 0).astype(int)
         x1, y1 = np.minimum(np.ceil(back.max(axis=0)) + 2, (columns, rows)).astype(int)
@@ -67,10 +67,3 @@ def surrounded(
     own = (slice(margin, margin + height), slice(margin, margin + width))
     colour[own], provenance[own] = read(chart, slice(0, height), slice(0, width))
     return colour, provenance
-
-
-def _corners(charts: Charts, chosen: np.ndarray) -> np.ndarray:
-    """World points (k, 4, 3) of the corners of charts (k,)."""
-    share = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])[None] * charts.size[chosen][:, None]
-    across = share[..., :1] * charts.axis_u[chosen][:, None]
-    return charts.origin[chosen][:, None] + across + share[..., 1:] * charts.axis_v[chosen][:, None]

@@ -39,9 +39,7 @@ def bake(
         y = (np.arange(height * SAMPLES) + 0.5) / SAMPLES / density
         # at its edges a shell may stand out, and the last texel does: there a ray would pass the building by
         x, y = (np.clip(v, EDGE_M, side - EDGE_M) for v, side in zip((x, y), charts.size[chart], strict=True))
-        points = (
-            charts.origin[chart] + x[None, :, None] * charts.axis_u[chart] + y[:, None, None] * charts.axis_v[chart]
-        )
+        points = charts.points(chart, x[None], y[:, None])
         wall = charts.kind[chart] == WALL
         before = BEFORE_M if wall else highest - charts.origin[chart, 2] + 1.0
         ahead = -normals[chart]
@@ -58,9 +56,7 @@ def bake(
 
 def _look_up(source: Textured, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
     """The colours (k, 3) of the texels that hold points (k, 3) on their charts (k,)."""
-    offset = points - source.charts.origin[chart]
-    axes = (source.charts.axis_u, source.charts.axis_v)
-    place = np.stack([np.einsum("ij,ij->i", offset, axis[chart]) for axis in axes], axis=1)
+    place = source.charts.coordinates(chart, points)
     texel = (place / source.extent[chart] * source.texels[chart]).astype(np.int64)
     column, row = np.clip(texel, 0, source.texels[chart] - 1).T
     colours = np.empty((len(chart), 3), np.uint8)

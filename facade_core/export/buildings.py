@@ -73,7 +73,7 @@ def _face(drawn: Drawn, chart: int, polygon: Polygon, semantic: int, known: Mapp
     rings, places = [], []
     for ring in (polygon.exterior, *polygon.interiors):
         flat = np.asarray(ring.coords)[:-1]
-        points = charts.origin[chart] + flat[:, :1] * charts.axis_u[chart] + flat[:, 1:] * charts.axis_v[chart]
+        points = charts.points(chart, *flat.T)
         for i, corner in enumerate(map(tuple, flat.tolist())):
             if corner in known:
                 points[i] = vertices[known[corner]]

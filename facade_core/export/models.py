@@ -78,8 +78,7 @@ class Textured:
     @cached_property
     def centres(self) -> np.ndarray:
         """The middle of every chart, (n, 3) metres."""
-        half = self.charts.size / 2
-        return self.charts.origin + half[:, :1] * self.charts.axis_u + half[:, 1:] * self.charts.axis_v
+        return self.charts.points(np.arange(len(self.charts)), *self.charts.size.T / 2)
 
     def chosen(self, buildings: np.ndarray) -> np.ndarray:
         """The charts of some buildings, -1 for the ground, that have triangles."""

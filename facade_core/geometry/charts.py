@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,15 +11,19 @@ KINDS = ("wall", "roof", "ground", "window", "door", "ceiling")
 WALL, ROOF, GROUND, WINDOW, DOOR, CEILING = range(6)
 # A surface that leans less than this from the horizontal (sine) has its chart's right to the east, as a flat one.
 LEVEL = 0.035
+# The corners of a chart as shares of its width and height.
+CORNERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 
 
 @dataclass(frozen=True)
 class Charts:
     """Planar charts as columns; row i is chart i.
 
-    kind (n,) uint8, an index into KINDS: "ground" is the terrain, "ceiling" what faces down; surface (n,) int32, the uncut
-    surface the chart is a piece of; building (n,) int32, -1 for ground; origin, axis_u, axis_v (n, 3) float64:
-    point(x, y) = origin + x axis_u + y axis_v; size (n, 2) float64, width and height in metres.
+    kind (n,) uint8: an index into KINDS, "ground" is the terrain, "ceiling" what faces down;
+    surface (n,) int32: the uncut surface the chart is a piece of;
+    building (n,) int32: -1 for ground;
+    origin, axis_u, axis_v (n, 3) float64: the frame, see `points`;
+    size (n, 2) float64: width and height in metres.
     """
 
     kind: np.ndarray
@@ -33,8 +38,29 @@ class Charts:
         return len(self.kind)
 
     def normal(self) -> np.ndarray:
-        """Outward unit normals, (n, 3): y runs down, so v x u points at whoever looks at the chart."""
-        return np.cross(self.axis_v, self.axis_u)
+        """Outward unit normals, (n, 3), not to be written to: y runs down, so v x u points at whoever looks at the chart."""
+        return self._normal
+
+    @cached_property
+    def _normal(self) -> np.ndarray:
+        normal = np.cross(self.axis_v, self.axis_u)
+        normal.flags.writeable = False
+        return normal
+
+    def points(self, chart: int | np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        """World points (..., 3) = origin + x axis_u + y axis_v of places in charts' frames, in metres; chart, x and y are
+        broadcast against each other to (...)."""
+        return self.origin[chart] + x[..., None] * self.axis_u[chart] + y[..., None] * self.axis_v[chart]
+
+    def at_shares(self, charts: np.ndarray, share: np.ndarray) -> np.ndarray:
+        """World points (k, s, 3) at shares (s, 2) of the width and height of charts (k,)."""
+        x, y = np.moveaxis(share * self.size[charts][:, None], -1, 0)
+        return self.points(charts[:, None], x, y)
+
+    def coordinates(self, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+        """World points (k, 3) in the frames of their charts (k,): (k, 2) metres, x right and y down."""
+        offset = points - self.origin[chart]
+        return np.stack([np.einsum("ij,ij->i", offset, axis[chart]) for axis in (self.axis_u, self.axis_v)], axis=1)
 
     def texels(self, texels_per_metre: float) -> np.ndarray:
         """Raster sizes (n, 2) int64, width and height: the last texel may reach past the edge."""
@@ -43,11 +69,16 @@ class Charts:
 
 @dataclass(frozen=True)
 class Mesh:
-    """Triangles of all charts: vertices (v, 3) float64, triangles (t, 3) int32, chart (t,) int32.
+    """Triangles of all charts.
 
-    Vertices are not shared between charts, so a vertex has one place in its chart; vertex_chart (v,) int32. A vertex lies where
-    the source has it, which may be centimetres off its chart's plane. texture (t,) int32 is the source's own picture, -1
-    without; uv (t, 3, 2) float32 its coordinates at the corners, u right and v up. Both may be left out: no pictures.
+    vertices (v, 3) float64: where the source has them, which may be centimetres off their chart's plane;
+    triangles (t, 3) int32;
+    chart (t,) int32;
+    vertex_chart (v,) int32: vertices are not shared between charts, so each has one place in its chart;
+    texture (t,) int32: the source's own picture, -1 without;
+    uv (t, 3, 2) float32: its coordinates at the corners, u right and v up.
+
+    texture and uv may be left out: no pictures.
     """
 
     vertices: np.ndarray
@@ -65,10 +96,7 @@ class Mesh:
 
     def chart_coordinates(self, charts: Charts) -> np.ndarray:
         """Each vertex in its chart's frame: (v, 2) metres, x right and y down."""
-        offset = self.vertices - charts.origin[self.vertex_chart]
-        x = np.einsum("ij,ij->i", offset, charts.axis_u[self.vertex_chart])
-        y = np.einsum("ij,ij->i", offset, charts.axis_v[self.vertex_chart])
-        return np.stack([x, y], axis=1)
+        return charts.coordinates(self.vertex_chart, self.vertices)
 
 
 def frames(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

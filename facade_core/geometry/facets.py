@@ -11,6 +11,7 @@ from shapely import MultiPolygon, Polygon
 
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import CEILING, DOOR, ROOF, WALL, WINDOW
+from facade_core.geometry.crossings import Crossings
 from facade_core.types import SEMANTICS, Shell
 
 WELD_M = 1e-3
@@ -26,10 +27,6 @@ UPRIGHT, LEANING = 0.2, 0.7
 ASIDE_M = 0.05
 # What faces down this near to the lowest point of a building is its underside.
 UNDERSIDE_M = 0.5
-# Rays are counted from this far on: a window may lie in front of its wall.
-RAY_START_M = 0.02
-# Rays are tilted a little, each by another vector, so that no edge of an upright world is met exactly.
-TILTS = np.array([[0.0123, 0.0071, 0.0047], [-0.0087, 0.0131, 0.0059], [0.0031, -0.0149, 0.0083]])
 
 _KIND = {"wall": WALL, "roof": ROOF, "window": WINDOW, "door": DOOR, "ceiling": CEILING}
 _GROUND, _ROOF, _CEILING, _UNKNOWN, _WALL = (
@@ -41,9 +38,12 @@ _GROUND, _ROOF, _CEILING, _UNKNOWN, _WALL = (
 class Facets:
     """Planar facets of a shell as columns, without its underside.
 
-    vertices (v, 3) float64, welded; triangles (t, 3) int64, counter-clockwise seen from outside, facet by facet; facet (t,);
-    texture (t,) int32 and uv (t, 3, 2) float32 as in Shell; kind (f,) uint8, an index into KINDS; normal (f, 3) outward unit
-    vectors.
+    vertices (v, 3) float64: welded;
+    triangles (t, 3) int64: counter-clockwise seen from outside, facet by facet;
+    facet (t,);
+    texture (t,) int32 and uv (t, 3, 2) float32: as in Shell;
+    kind (f,) uint8: an index into KINDS;
+    normal (f, 3): outward unit vectors.
     """
 
     vertices: np.ndarray
@@ -89,14 +89,15 @@ def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     # towards the top: the foot of a wall may stand in another part of the building
     top = np.arange(3) == np.argmax(corners[seed][..., 2], axis=1)[:, None]
     middle = np.einsum("fc,fcj->fj", np.where(top, 0.6, 0.2), corners[seed])
-    odd = np.stack([_odd(middle, s * normal, np.arange(count), corners, facet) for s in (1.0, -1.0)], axis=1)
+    crossings = Crossings(corners, facet)
+    odd = np.stack([crossings.odd(middle, s * normal, np.arange(count)) for s in (1.0, -1.0)], axis=1)
     leaning = (what != _ROOF) & (what != _CEILING) & (what != _UNKNOWN) & (what != _GROUND)
     upright = np.abs(normal[:, 2]) < np.where(leaning, LEANING, UPRIGHT)
     low = np.full(count, np.inf)
     np.minimum.at(low, facet, corners[..., 2].min(axis=1))
     low -= vertices[:, 2].min() if len(vertices) else 0.0
 
-    outward = _outward(normal, middle, odd, upright, what, low, size, footprint, closed, corners, facet)
+    outward = _outward(normal, middle, odd, upright, what, low, size, footprint, closed, crossings)
     kind = _kinds(what, outward, upright, low)
     keep = (kind >= 0) & (size / 2 >= SMALLEST_M2)
     number = np.cumsum(keep) - 1
@@ -150,7 +151,18 @@ def walled(found: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: fl
     return len(np.unique(walls.query(points, predicate="dwithin", distance=near)[0])) / max(1, len(points))
 
 
-def _outward(normal, middle, odd, upright, what, low, size, footprint, closed, corners, facet) -> np.ndarray:
+def _outward(
+    normal: np.ndarray,
+    middle: np.ndarray,
+    odd: np.ndarray,
+    upright: np.ndarray,
+    what: np.ndarray,
+    low: np.ndarray,
+    size: np.ndarray,
+    footprint: Polygon | MultiPolygon,
+    closed: bool,
+    crossings: Crossings,
+) -> np.ndarray:
     """Normals turned outward. odd (f, 2): whether an odd number of surfaces lies ahead of the facet and behind it."""
     ahead, behind = odd.T
     # upright: the footprint, then the number of surfaces on either side
@@ -162,7 +174,7 @@ def _outward(normal, middle, odd, upright, what, low, size, footprint, closed, c
     # a wall that stands above the roof behind it is the neighbour's: it faces this building's side of the outline
     within = middle + np.where(inside[0], 1, -1)[:, None] * aside
     nothing = np.full(len(normal), -1)
-    roofed = _odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing, corners, facet)
+    roofed = crossings.odd(within, np.tile([0.0, 0.0, 1.0], (len(normal), 1)), nothing)
     if (on_outline & roofed).any():
         told = np.where(on_outline, roofed, upright & (ahead != behind))
     else:
@@ -190,7 +202,14 @@ def _kinds(what: np.ndarray, outward: np.ndarray, upright: np.ndarray, low: np.n
 
 
 @njit(cache=True)
-def _grow(vertices, triangles, label, normal, area, order):
+def _grow(
+    vertices: np.ndarray,
+    triangles: np.ndarray,
+    label: np.ndarray,
+    normal: np.ndarray,
+    area: np.ndarray,
+    order: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, bool]:
     """Facet of each triangle (t,), the seed of each facet, and whether every edge has an even number of triangles.
 
     Seeds are taken in `order`; area (t,) is twice the triangles' area.
@@ -261,53 +280,3 @@ def _grow(vertices, triangles, label, normal, area, order):
                         depth += 1
         count += 1
     return facet, seeds[:count], closed
-
-
-@njit(cache=True)
-def _odd(points, directions, own, corners, facet):
-    """Whether most of three rays from each point (n, 3) along `directions` meet an odd number of triangles (t, 3, 3) of facets
-    other than `own` (n,)."""
-    out = np.empty(len(points), np.bool_)
-    low, high = np.empty((len(corners), 3)), np.empty((len(corners), 3))
-    for t in range(len(corners)):
-        for m in range(3):
-            low[t, m] = min(corners[t, 0, m], corners[t, 1, m], corners[t, 2, m])
-            high[t, m] = max(corners[t, 0, m], corners[t, 1, m], corners[t, 2, m])
-    reach = 0.0
-    for m in range(3):
-        if len(corners):
-            reach += high[:, m].max() - low[:, m].min()
-    for i in range(len(points)):
-        px, py, pz = points[i, 0], points[i, 1], points[i, 2]
-        votes = 0
-        for r in range(len(TILTS)):
-            if votes == 2 or (r == 2 and votes == 0):
-                break
-            dx, dy, dz = directions[i, 0] + TILTS[r, 0], directions[i, 1] + TILTS[r, 1], directions[i, 2] + TILTS[r, 2]
-            qx, qy, qz = px + reach * dx, py + reach * dy, pz + reach * dz
-            hits = 0
-            for t in range(len(corners)):
-                if high[t, 2] < min(pz, qz) or low[t, 2] > max(pz, qz):
-                    continue
-                if high[t, 0] < min(px, qx) or low[t, 0] > max(px, qx):
-                    continue
-                if high[t, 1] < min(py, qy) or low[t, 1] > max(py, qy) or facet[t] == own[i]:
-                    continue
-                ax, ay, az = corners[t, 0, 0], corners[t, 0, 1], corners[t, 0, 2]
-                ex, ey, ez = corners[t, 1, 0] - ax, corners[t, 1, 1] - ay, corners[t, 1, 2] - az
-                fx, fy, fz = corners[t, 2, 0] - ax, corners[t, 2, 1] - ay, corners[t, 2, 2] - az
-                hx, hy, hz = dy * fz - dz * fy, dz * fx - dx * fz, dx * fy - dy * fx
-                det = ex * hx + ey * hy + ez * hz
-                if abs(det) < 1e-12:
-                    continue
-                sx, sy, sz = px - ax, py - ay, pz - az
-                u = (sx * hx + sy * hy + sz * hz) / det
-                if u < 0 or u > 1:
-                    continue
-                gx, gy, gz = sy * ez - sz * ey, sz * ex - sx * ez, sx * ey - sy * ex
-                v = (dx * gx + dy * gy + dz * gz) / det
-                if v >= 0 and u + v <= 1 and (fx * gx + fy * gy + fz * gz) / det > RAY_START_M:
-                    hits += 1
-            votes += hits % 2
-        out[i] = votes >= 2
-    return out

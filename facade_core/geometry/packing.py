@@ -116,7 +116,7 @@ def _stayed(
 
 
 @njit(cache=True)
-def _share_chunks(outer, owner, chunk):
+def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
     """Each chart's block of whole chunks and its place in it; small charts of one owner go on shelves of one chunk."""
     n = len(outer)
     block = np.empty(n, np.int64)
@@ -142,7 +142,7 @@ def _share_chunks(outer, owner, chunk):
 
 
 @njit(cache=True)
-def _first_fit(place, size, side, open_pages):
+def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) -> None:
     """Blocks of chunks on pages of side x side chunks, in place: those without a page take the first free place on the last
     open_pages pages."""
     pages = 0

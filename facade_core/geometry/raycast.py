@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -14,7 +15,9 @@ MISS = -1
 ORIGIN_M = 1024.0
 
 
-def _open3d() -> Any:
+@cache
+def ray_library() -> Any:
+    """open3d, loaded."""
     # open3d links against libusb, which many machines lack; the package brings one, loaded before it is looked for.
     import libusb_package
 
@@ -28,7 +31,7 @@ class RayCaster:
     """Nearest hits of rays with a mesh; not picklable, built once per process and block."""
 
     def __init__(self, mesh: Mesh) -> None:
-        open3d = _open3d()
+        open3d = ray_library()
         # Embree works in float32: a local origin keeps millimetres for coordinates of millions of metres.
         self.centre = np.round(mesh.vertices.mean(axis=0) / ORIGIN_M) * ORIGIN_M
         self._chart = mesh.chart

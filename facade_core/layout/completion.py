@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -13,6 +12,7 @@ from facade_core.layout.checks import check_domain, check_elements, checked_regi
 from facade_core.layout.descriptors import describe
 from facade_core.layout.evidence import weighed
 from facade_core.layout.grids import boxes, grids
+from facade_core.layout.model import LayoutModel, shipped
 from facade_core.layout.optimisation import search
 from facade_core.layout.picking import aligned, pick
 from facade_core.layout.placement import Start, spacings
@@ -23,9 +23,6 @@ from facade_core.layout.rectangles import DOOR
 from facade_core.layout.scores import arrays, score
 from facade_core.layout.styles import sample_layouts
 from facade_core.types import Completion, Element, Parsing
-
-if TYPE_CHECKING:
-    from facade_core.layout.model import LayoutModel
 
 # The policy search: generations of ten policies, completions a policy; the best few are proposed.
 GENERATIONS, TRIES, BEST = 5, 4, 4
@@ -70,8 +67,6 @@ def complete(
     Raises LayoutError for an element without area, of an unknown label, centred outside the domain or outside the observed
     region, and for a box without area or outside the domain.
     """
-    from facade_core.layout.model import LayoutModel, shipped
-
     if model is not None and not isinstance(model, LayoutModel):
         raise ModelError("layout.complete: model must be a LayoutModel; read one with facade_core.layout.load")
     if n < 1:

@@ -6,8 +6,12 @@ A mixture is a (COMPONENTS, 5) float64 array: weight, mean and standard deviatio
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
+
+from facade_core.layout.statistics import LABELS
 
 COMPONENTS = 4
 # Log-densities are never below this: a term can speak against a layout, not forbid it (Eq. 8 is ln 0 for a single type).
@@ -15,6 +19,33 @@ FLOOR = float(np.log(1e-3))
 # Narrower components are spikes at values such as "complete", whose density says more of rounding than of facades.
 _LEAST_DEVIATION = 0.03
 _CONSTANT = float(np.log(2 * np.pi))
+
+# The weighted terms: aspect ratio, spacing, regularity, completeness; patterns, alignment; compatibility, coverage, border,
+# symmetry.
+TERMS = ("as", "ed", "gr", "completeness", "gp", "ga", "ec", "coverage", "fb", "fs")
+
+# Rows of Densities.mixtures after one aspect ratio per label.
+WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, ALIGN_X, ALIGN_Y, COVERAGE, SIDES, TOP, BOTTOM = range(
+    LABELS, LABELS + 11
+)
+MIXTURES = LABELS + 11
+# Bins of the symmetric share and of the doors' place; the first door bin is "no door".
+SYMMETRY_BINS, DOOR_BINS = 10, 6
+
+
+class Densities(NamedTuple):
+    """What is learned of the terms.
+
+    mixtures (MIXTURES, COMPONENTS, 5);
+    patterns (PATTERNS,): their log-probabilities;
+    symmetry (DOOR_BINS, SYMMETRY_BINS): log-probabilities of the symmetric share by door place;
+    compatibility (2**LABELS,): of each set of types.
+    """
+
+    mixtures: np.ndarray
+    patterns: np.ndarray
+    symmetry: np.ndarray
+    compatibility: np.ndarray
 
 
 def fit_mixture(values: np.ndarray, seed: int) -> np.ndarray:

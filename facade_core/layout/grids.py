@@ -21,7 +21,8 @@ _ALIGNMENT_TOLERANCE = 0.35
 class Grid:
     """Elements of one label on common rows and columns (Fan et al. 2014, section 3.2); cells may be missing.
 
-    rows, columns: centre positions, ascending, in the elements' unit; width, height: the elements' median size;
+    rows, columns: centre positions, ascending, in the elements' unit;
+    width, height: the elements' median size;
     cells (rows, columns) int32: index into the sequence given to `grids`, -1 where the grid has no element.
     """
 

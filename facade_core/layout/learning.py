@@ -13,22 +13,15 @@ from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases
 from facade_core.layout import statistics as st
 from facade_core.layout.completion import start_of
-from facade_core.layout.densities import COMPONENTS, FLOOR, fit_mixture
-from facade_core.layout.descriptors import describe
-from facade_core.layout.grids import boxes, grids
-from facade_core.layout.model import LayoutModel
-from facade_core.layout.optimisation import POPULATION, random_policies, search
-from facade_core.layout.policy import LENGTH, roll_out
-from facade_core.layout.proposals import Box, Sizes, frame, propose
-from facade_core.layout.ranking import Trees, train_trees
-from facade_core.layout.rectangles import iou
-from facade_core.layout.scores import (
+from facade_core.layout.densities import (
     ALIGN_X,
     ALIGN_Y,
     BOTTOM,
     COMPLETE,
+    COMPONENTS,
     COVERAGE,
     DOOR_BINS,
+    FLOOR,
     HEIGHT_RATIO,
     MIXTURES,
     REGULAR_X,
@@ -39,10 +32,17 @@ from facade_core.layout.scores import (
     TOP,
     WIDTH_RATIO,
     Densities,
-    door_bin,
-    measured,
-    terms,
+    fit_mixture,
 )
+from facade_core.layout.descriptors import describe
+from facade_core.layout.grids import boxes, grids
+from facade_core.layout.model import LayoutModel
+from facade_core.layout.optimisation import POPULATION, random_policies, search
+from facade_core.layout.policy import LENGTH, roll_out
+from facade_core.layout.proposals import Box, Sizes, frame, propose
+from facade_core.layout.ranking import Trees, train_trees
+from facade_core.layout.rectangles import iou
+from facade_core.layout.scores import door_bin, measured, terms
 from facade_core.layout.statistics import LABELS, PATTERNS
 from facade_core.layout.styles import style_of
 from facade_core.types import Element

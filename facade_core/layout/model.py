@@ -15,11 +15,10 @@ import numpy as np
 from facade_core.errors import ModelError
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import descriptors
-from facade_core.layout.densities import COMPONENTS
+from facade_core.layout.densities import COMPONENTS, DOOR_BINS, MIXTURES, SYMMETRY_BINS, TERMS, Densities
 from facade_core.layout.policy import LENGTH
 from facade_core.layout.proposals import Sizes
 from facade_core.layout.ranking import Trees
-from facade_core.layout.scores import DOOR_BINS, MIXTURES, SYMMETRY_BINS, TERMS, Densities
 from facade_core.layout.statistics import LABELS, PATTERNS
 
 SHIPPED = Path(__file__).parent / "models" / "layouts.json"
@@ -31,10 +30,16 @@ _REMEDY = "fetch it again or run `streetloom train layout`"
 class LayoutModel:
     """What is learned from a database of layouts.
 
-    weights (10,) of scores.TERMS; mean: a term is the mean over its grids, else their sum as in the paper; policies (10, 15),
-    the most different of the optimal ones; labels (LABELS,) shares of the labels; sizes: doors and shops where none is seen;
-    ratios (K, 2): size to spacing, horizontal and vertical; styles (S, STYLE): see `styles`; metric: medians in metres;
-    trees: the ranking of proposed elements; training_set: names of what it learned from.
+    weights (10,): of densities.TERMS;
+    mean: a term is the mean over its grids, else their sum as in the paper;
+    policies (10, 15): the most different of the optimal ones;
+    labels (LABELS,): shares of the labels;
+    sizes: doors and shops where none is seen;
+    ratios (K, 2): size to spacing, horizontal and vertical;
+    styles (S, STYLE): see `styles`;
+    metric: medians in metres;
+    trees: the ranking of proposed elements;
+    training_set: names of what it learned from.
     """
 
     densities: Densities

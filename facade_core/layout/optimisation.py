@@ -7,6 +7,7 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from facade_core.layout.densities import Densities
 from facade_core.layout.policy import (
     COPY_SPACING,
     DATABASE_LABEL,
@@ -16,7 +17,7 @@ from facade_core.layout.policy import (
     Start,
     roll_out,
 )
-from facade_core.layout.scores import Densities, log_scores
+from facade_core.layout.scores import log_scores
 from facade_core.layout.statistics import measure
 
 POPULATION = 10

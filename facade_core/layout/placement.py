@@ -20,9 +20,15 @@ _SNAPPED = 0.4
 class Start(NamedTuple):
     """The observed layout as `roll_out` takes it.
 
-    box (N, 4), label (N,), grid (N,); spacing (N, 2), see `spacings`; grids: how many; domain (4,); region (M, 4), what is
-    visible; size (LABELS, 2), of an element where its label has no grid; ratios (K, 2): size to spacing in the database,
-    horizontal and vertical; labels (LABELS,): shares of the labels in the database; ground: where doors and shops stand.
+    box (N, 4), label (N,), grid (N,);
+    spacing (N, 2): see `spacings`;
+    grids: how many;
+    domain (4,);
+    region (M, 4): what is visible;
+    size (LABELS, 2): of an element where its label has no grid;
+    ratios (K, 2): size to spacing in the database, horizontal and vertical;
+    labels (LABELS,): shares of the labels in the database;
+    ground: where doors and shops stand.
     """
 
     box: np.ndarray

@@ -3,42 +3,35 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 from numba import njit
 
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import statistics as st
-from facade_core.layout.densities import FLOOR, log_conditional, log_density
-from facade_core.layout.grids import boxes, grids
-from facade_core.layout.statistics import LABELS, measure
-from facade_core.types import Element
-
-if TYPE_CHECKING:
-    from facade_core.layout.model import LayoutModel
-
-# The weighted terms: aspect ratio, spacing, regularity, completeness; patterns, alignment; compatibility, coverage, border,
-# symmetry.
-TERMS = ("as", "ed", "gr", "completeness", "gp", "ga", "ec", "coverage", "fb", "fs")
-
-# Rows of Densities.mixtures after one aspect ratio per label.
-WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, ALIGN_X, ALIGN_Y, COVERAGE, SIDES, TOP, BOTTOM = range(
-    LABELS, LABELS + 11
+from facade_core.layout.checks import check_domain, check_elements
+from facade_core.layout.densities import (
+    ALIGN_X,
+    ALIGN_Y,
+    BOTTOM,
+    COMPLETE,
+    COVERAGE,
+    DOOR_BINS,
+    FLOOR,
+    HEIGHT_RATIO,
+    REGULAR_X,
+    REGULAR_Y,
+    SIDES,
+    SYMMETRY_BINS,
+    TOP,
+    WIDTH_RATIO,
+    log_conditional,
+    log_density,
 )
-MIXTURES = LABELS + 11
-# Bins of the symmetric share and of the doors' place; the first door bin is "no door".
-SYMMETRY_BINS, DOOR_BINS = 10, 6
-
-
-class Densities(NamedTuple):
-    """What is learned of the terms: mixtures (MIXTURES, COMPONENTS, 5); log-probabilities of patterns (PATTERNS,) and of
-    the symmetric share by door place (DOOR_BINS, SYMMETRY_BINS); compatibility (2**LABELS,) of each set of types."""
-
-    mixtures: np.ndarray
-    patterns: np.ndarray
-    symmetry: np.ndarray
-    compatibility: np.ndarray
+from facade_core.layout.grids import boxes, grids
+from facade_core.layout.model import LayoutModel, shipped
+from facade_core.layout.statistics import measure
+from facade_core.types import Element
 
 
 def score(
@@ -50,9 +43,6 @@ def score(
     count, exact duplicates count once. The result does not depend on their order. Every log-density is at least ln 1e-3.
     Raises LayoutError for elements or a domain that cannot be used.
     """
-    from facade_core.layout.checks import check_domain, check_elements
-    from facade_core.layout.model import shipped
-
     check_domain(domain)
     check_elements(elements, domain)
     chosen = model or shipped()

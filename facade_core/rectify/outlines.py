@@ -188,7 +188,16 @@ def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: 
 
 
 @njit(cache=True, nogil=True)
-def _respond(point, along, group, place, camera, geometry, slope, groups):
+def _respond(
+    point: np.ndarray,
+    along: np.ndarray,
+    group: np.ndarray,
+    place: np.ndarray,
+    camera: np.ndarray,
+    geometry: tuple[float, float, float],
+    slope: np.ndarray,
+    groups: int,
+) -> np.ndarray:
     """Mean over each group's samples of the gradient across the edge, its channels' absolute values averaged: (groups,)."""
     rows, columns = slope.shape[:2]
     turn, left, top = geometry

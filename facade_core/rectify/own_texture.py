@@ -59,7 +59,15 @@ def _part(image: np.ndarray, uv: np.ndarray) -> tuple[np.ndarray, np.ndarray, bo
 
 
 @njit(cache=True, nogil=True)
-def _paint(pixels, levels, corners, source, repeat, rgb, covered):
+def _paint(
+    pixels: np.ndarray,
+    levels: np.ndarray,
+    corners: np.ndarray,
+    source: np.ndarray,
+    repeat: bool,
+    rgb: np.ndarray,
+    covered: np.ndarray,
+) -> None:
     """Fill the texels whose centres lie in triangles; corners, source (t, 3, 2): in texels and in the texture's pixels."""
     rows, columns = covered.shape
     for t in range(len(corners)):

@@ -10,7 +10,7 @@ import numpy as np
 from facade_core.errors import ImageError
 from facade_core.rectify.camera import camera_from_world, in_view, position, shares
 from facade_core.rectify.fusion import View
-from facade_core.rectify.resampling import footprints_of, resample
+from facade_core.rectify.resampling import Lens, Raster, footprints_of, resample
 from facade_core.street.scene import Scene
 from facade_core.types import Pose
 
@@ -104,14 +104,9 @@ def rectify_view(scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: 
     seen = np.empty((rows, columns), np.bool_)
     quality = np.empty((rows, columns), np.float32)
     footprints_of(
-        corner,
-        right,
-        down,
-        camera_from_world(pose),
-        charts.normal()[chart],
+        Raster(corner, right, down, charts.normal()[chart]),
+        Lens(camera_from_world(pose), turn, half, left * turn, top * half, *image.shape[:2]),
         np.sin(np.radians(GRAZING_DEG)),
-        (turn, half, left * turn, top * half),
-        image.shape[:2],
         footprints,
         seen,
         quality,
@@ -121,7 +116,15 @@ def rectify_view(scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: 
     return View(rgb, seen, quality * seen)
 
 
-def _hide(scene: Scene, chart: int, place, corner, right, down, seen: np.ndarray) -> None:
+def _hide(
+    scene: Scene,
+    chart: int,
+    place: np.ndarray,
+    corner: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+    seen: np.ndarray,
+) -> None:
     """Clear the seen texels that something stands before: all rays where coarse ones disagree with their neighbours."""
     import cv2
 
@@ -144,7 +147,16 @@ def _hide(scene: Scene, chart: int, place, corner, right, down, seen: np.ndarray
         seen[row[part], column[part]] = _shown(scene, chart, place, corner, right, down, row[part], column[part])
 
 
-def _shown(scene: Scene, chart: int, place, corner, right, down, row: np.ndarray, column: np.ndarray) -> np.ndarray:
+def _shown(
+    scene: Scene,
+    chart: int,
+    place: np.ndarray,
+    corner: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+    row: np.ndarray,
+    column: np.ndarray,
+) -> np.ndarray:
     """Whether the texels at rows and columns (k,) are in sight: (k,) bool."""
     rays = corner + (row[:, None] + 0.5) * down + (column[:, None] + 0.5) * right
     return _visible(scene, chart, place, rays)

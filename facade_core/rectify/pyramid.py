@@ -33,7 +33,18 @@ def pyramid(image: np.ndarray) -> Pyramid:
 
 
 @njit(cache=True, nogil=True)
-def area_mean(pixels, levels, x, y, ax, ay, bx, by, repeat, out):
+def area_mean(
+    pixels: np.ndarray,
+    levels: np.ndarray,
+    x: float,
+    y: float,
+    ax: float,
+    ay: float,
+    bx: float,
+    by: float,
+    repeat: bool,
+    out: np.ndarray,
+) -> None:
     """Mean colour, into out (3,), of the parallelogram with centre (x, y) and sides a and b, in pixels of the largest level.
 
     Beyond the image it repeats, or its border does. Magnified pixels are interpolated by a cubic (Catmull-Rom).
@@ -73,12 +84,12 @@ def area_mean(pixels, levels, x, y, ax, ay, bx, by, repeat, out):
 
 
 @njit(cache=True, nogil=True)
-def _inside(index, size, repeat):
+def _inside(index: int, size: int, repeat: bool) -> int:
     return index % size if repeat else min(max(index, 0), size - 1)
 
 
 @njit(cache=True, nogil=True)
-def _weight(offset, cubic):
+def _weight(offset: float, cubic: bool) -> float:
     d = abs(offset)
     if not cubic:
         return 1.0 - d

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -13,6 +15,33 @@ FLAT = 12
 MASK_RIM = 4
 # Share of the full panorama's height above which a flat bottom is ground, not a mask.
 MASK_HIGHEST = 2 / 3
+
+
+class Raster(NamedTuple):
+    """A chart's texels from the camera: corner (3,) the upper left one's, right and down (3,) from one to the next, normal."""
+
+    corner: np.ndarray
+    right: np.ndarray
+    down: np.ndarray
+    normal: np.ndarray
+
+
+class Lens(NamedTuple):
+    """How a picture shows the world.
+
+    camera (3, 3): rotation;
+    turn, half: pixels per turn and per half turn;
+    left, top: pixels of the full panorama left of and above the picture;
+    height, width: of the picture.
+    """
+
+    camera: np.ndarray
+    turn: float
+    half: float
+    left: float
+    top: float
+    height: int
+    width: int
 
 
 def resample(
@@ -72,14 +101,14 @@ def _mask_top(image: np.ndarray, columns: np.ndarray, highest: int, lower: int) 
 
 
 @njit(cache=True, nogil=True)
-def footprints_of(corner, right, down, camera, normal, grazing, scale, shape, footprints, seen, quality):
+def footprints_of(
+    raster: Raster, lens: Lens, grazing: float, footprints: np.ndarray, seen: np.ndarray, quality: np.ndarray
+) -> None:
     """Per texel its centre in the picture and the two sides of the parallelogram it covers there; whether it may be seen, and
-    the picture's pixels per texel along a side, at most 1, times the sine of the angle of sight.
-
-    scale: pixels per turn and per half turn, and the full panorama's pixels left of and above the picture.
-    """
+    the picture's pixels per texel along a side, at most 1, times the sine of the angle of sight."""
     rows, columns = seen.shape
-    turn, half, left, top = scale
+    corner, right, down, normal = raster
+    camera, turn, half, left, top = lens.camera, lens.turn, lens.half, lens.left, lens.top
     # corners of the row of texels at hand: above and below
     x = np.empty((2, columns + 1))
     y = np.empty((2, columns + 1))
@@ -115,18 +144,28 @@ def footprints_of(corner, right, down, camera, normal, grazing, scale, shape, fo
             sine = facing / np.sqrt(square)
             area = footprints[r - 1, c, 2] * footprints[r - 1, c, 5] - footprints[r - 1, c, 3] * footprints[r - 1, c, 4]
             quality[r - 1, c] = min(1.0, np.sqrt(abs(area))) * max(sine, 0.0)
-            inside = mx < shape[1] and my >= 0 and my < shape[0]
+            inside = mx < lens.width and my >= 0 and my < lens.height
             seen[r - 1, c] = inside and sine >= grazing
 
 
 @njit(cache=True, nogil=True)
-def _across(difference, turn):
+def _across(difference: float, turn: float) -> float:
     """A difference of columns the short way round."""
     return difference - turn * np.round(difference / turn)
 
 
 @njit(cache=True, nogil=True)
-def _resample(pixels, levels, footprints, first, turn, upper, mask, rgb, seen):
+def _resample(
+    pixels: np.ndarray,
+    levels: np.ndarray,
+    footprints: np.ndarray,
+    first: float,
+    turn: float,
+    upper: float,
+    mask: np.ndarray,
+    rgb: np.ndarray,
+    seen: np.ndarray,
+) -> None:
     """Fill the seen texels from a part of the picture that starts at column `first` and row `upper`; unsee the masked."""
     rows, columns = seen.shape
     for r in range(rows):

@@ -1,7 +1,7 @@
 """The street stage: render a partially textured panorama, translate it, propagate it into the atlas."""
 
 from facade_core.geometry.streets import Viewpoint, viewpoints
-from facade_core.street.blend import BlendState, Weighting, add_views, blend
+from facade_core.street.blend import BlendState, add_views, blend
 from facade_core.street.propagate import propagate
 from facade_core.street.render import Panorama, render
 from facade_core.street.scene import Scene
@@ -15,7 +15,6 @@ __all__ = [
     "Swatches",
     "Translator",
     "Viewpoint",
-    "Weighting",
     "Window",
     "add_views",
     "blend",

@@ -48,8 +48,7 @@ class Daylight:
         across = (column + 0.5) / self.columns[own] * charts.size[own, 0]
         down = (row + 0.5) / self.rows[own] * charts.size[own, 1]
         normal = charts.normal()[own]
-        points = charts.origin[own] + across[:, None] * charts.axis_u[own] + down[:, None] * charts.axis_v[own]
-        points += LIFT_M * normal
+        points = charts.points(own, across, down) + LIFT_M * normal
         frame = np.stack([charts.axis_u[own], charts.axis_v[own], normal], axis=1)
         clear = np.zeros(len(own), np.float64)
         for direction in _hemisphere():

@@ -47,7 +47,7 @@ def gather(image: np.ndarray, rows: tuple[int, int], columns: tuple[int, int] | 
 
 
 @njit(cache=True, nogil=True)
-def _gather(image, rows, columns, left, out):
+def _gather(image: np.ndarray, rows: np.ndarray, columns: np.ndarray, left: int, out: np.ndarray) -> None:
     bands, height, width = image.shape
     count = out.shape[2]
     line = np.empty(count + 1, np.float32)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -11,15 +13,46 @@ TILE = 16
 MARGIN = 1.0
 
 
+class Facing(NamedTuple):
+    """Charts as a viewpoint has them before it, k of them.
+
+    origin (k, 3): from the camera;
+    axis_u, axis_v, normal (k, 3);
+    farthest (k,): metres at which a texel counts;
+    step: metres from texel to texel;
+    width, height (k,): texels;
+    surface (k,): what each is a piece of;
+    offset (k,): where its texels begin in the window.
+    """
+
+    origin: np.ndarray
+    axis_u: np.ndarray
+    axis_v: np.ndarray
+    normal: np.ndarray
+    farthest: np.ndarray
+    step: float
+    width: np.ndarray
+    height: np.ndarray
+    surface: np.ndarray
+    offset: np.ndarray
+
+
 @njit(cache=True, nogil=True)
-def mark_tiles(seen, surface, place, camera, origin, axis_u, axis_v, normal, farthest, step, tiles_wide, tiles_high):
+def mark_tiles(
+    seen: np.ndarray, surface: np.ndarray, place: np.ndarray, camera: np.ndarray, charts: Facing
+) -> np.ndarray:
     """Tiles that lie under a pixel that shows their chart, or that is beside one that does and shows the same surface.
 
-    seen, surface (h, w) chart and surface of each pixel; place (charts,) position of a chart among the held ones, -1 where it
-    is not; camera (3, 3) rotation; of the held charts: origin (k, 3) from the camera, axes, normal, farthest (k,) metres at
-    which a texel counts, tiles_wide, tiles_high (k,). Returns one flag per tile, charts one after another, row-major.
+    seen, surface (h, w): chart and surface of each pixel;
+    place (charts,): position of a chart among `charts`, which are Facing, -1 where it is not;
+    camera (3, 3): rotation.
+
+    Returns one flag per tile, charts one after another, row-major.
     """
     rows, columns = seen.shape
+    origin, axis_u, axis_v, normal = charts.origin, charts.axis_u, charts.axis_v, charts.normal
+    farthest, step = charts.farthest, charts.step
+    tiles_wide, tiles_high = (charts.width + (TILE - 1)) // TILE, (charts.height + (TILE - 1)) // TILE
     first = np.zeros(len(origin) + 1, np.int64)
     for k in range(len(origin)):
         first[k + 1] = first[k] + tiles_wide[k] * tiles_high[k]

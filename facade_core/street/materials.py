@@ -30,7 +30,7 @@ _LOW32 = np.uint64(0xFFFFFFFF)
 
 
 @njit(cache=True)
-def _hash(x, y, seed):
+def _hash(x: int, y: int, seed: int) -> float:
     # numba widens uint32 products to 64 bits, so the wrap to 32 is explicit
     h = (np.uint64(x) & _LOW32) * np.uint64(0x8DA6B343) ^ (np.uint64(y) & _LOW32) * np.uint64(0xD8163841)
     h = (h ^ np.uint64(seed) * np.uint64(0xCB1AB31F)) & _LOW32
@@ -40,7 +40,7 @@ def _hash(x, y, seed):
 
 
 @njit(cache=True)
-def value_noise(x, y, seed):
+def value_noise(x: np.ndarray, y: np.ndarray, seed: int) -> np.ndarray:
     """Smooth lattice noise in 0..1 at points x, y (n,), one cell per unit."""
     out = np.empty(len(x))
     for i in range(len(x)):
@@ -56,7 +56,7 @@ def value_noise(x, y, seed):
 
 def _mottle(x: np.ndarray, y: np.ndarray, seed: int, scales: tuple[float, ...]) -> np.ndarray:
     """Noise of several scales (metres) around 0, (n,), in about -1..1."""
-    total = sum(value_noise(x / s, y / s, seed + k) - 0.5 for k, s in enumerate(scales))
+    total = sum((value_noise(x / s, y / s, seed + k) - 0.5 for k, s in enumerate(scales)), np.zeros(len(x)))
     return 2 * total / len(scales)
 
 

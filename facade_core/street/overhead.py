@@ -44,9 +44,8 @@ def from_above(scene: Scene, chart: int, aerial: Aerial) -> tuple[np.ndarray, np
 
 def raster_points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """World points (h, w, 3) of rows (h,) and columns (w,) of a chart's raster, in texels from its upper left corner."""
-    charts, step = scene.charts, 1 / scene.spec.texels_per_metre
-    across = step * columns[None, :, None] * charts.axis_u[chart]
-    return charts.origin[chart] + across + step * rows[:, None, None] * charts.axis_v[chart]
+    step = 1 / scene.spec.texels_per_metre
+    return scene.charts.points(chart, step * columns[None], step * rows[:, None])
 
 
 def free_above(caster: RayCaster, points: np.ndarray) -> np.ndarray:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from concurrent.futures import ThreadPoolExecutor
+from typing import NamedTuple
 
 import numpy as np
 from numba import njit
@@ -11,8 +12,8 @@ from facade_core.atlas.provenance import TRANSLATED
 from facade_core.errors import GeometryError
 from facade_core.geometry.equirectangular import basis
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.blend import add_view, blend_texel, clamps, stands_in
-from facade_core.street.footprints import TILE, mark_tiles
+from facade_core.street.blend import BlendState, add_view, blend_texel, stands_in
+from facade_core.street.footprints import TILE, Facing, mark_tiles
 from facade_core.street.scene import Scene
 from facade_core.street.window import Window
 
@@ -20,6 +21,23 @@ from facade_core.street.window import Window
 GRAZING = 0.02
 # A view is proper within this many viewpoint spacings along the street (ADR 0010).
 GATE_SPACINGS = 1.5
+
+
+class View(NamedTuple):
+    """A translated panorama.
+
+    id: of its viewpoint;
+    gate: mm along the street within which it is proper;
+    camera (3, 3): rotation;
+    rgb (h, w, 3) uint8;
+    surface (h, w): what each pixel shows, -1 nothing.
+    """
+
+    id: int
+    gate: int
+    camera: np.ndarray
+    rgb: np.ndarray
+    surface: np.ndarray
 
 
 def propagate(
@@ -49,25 +67,30 @@ def propagate(
             f"the window holds views to 65 m and the scene's reach {scene.visibility_range} m; "
             "give Window.of the scene's visibility_range"
         )
-    charts, placement, weighting = scene.charts, scene.placement, atlas.weighting
-    gate = GATE_SPACINGS * scene.spacing if weighting.gated else scene.visibility_range
+    charts, placement = scene.charts, scene.placement
     place = np.full(len(charts), -1, np.int64)
     place[held] = np.arange(len(held))
     origin, normal = charts.origin[held] - viewpoint.position, charts.normal()[held]
     # texels farther than this are out of range, or seen too flat or from behind
     farthest = np.clip(-np.einsum("ij,ij->i", normal, origin) / GRAZING, 0, scene.visibility_range)
-    width, height = (placement.width[held].astype(np.int64), placement.height[held].astype(np.int64))
-    tiles = (-(-width // TILE), -(-height // TILE))
-    step, camera = 1.0 / scene.spec.texels_per_metre, basis(viewpoint.forward)
-    surface = np.where(seen >= 0, charts.surface[seen], -1)
-    frame = (origin, charts.axis_u[held], charts.axis_v[held], normal, farthest)
-    marked = mark_tiles(seen, surface, place, camera, *frame, step, *tiles)
-    window = (atlas.state.arrays(), atlas.state.qualities(), atlas.colour, atlas.provenance)
-    rasters = (width, height, charts.surface[held], atlas.rasters.offset[held])
-    view = (round(1000 * gate), viewpoint.id, clamps(weighting))
+    facing = Facing(
+        origin,
+        charts.axis_u[held],
+        charts.axis_v[held],
+        normal,
+        farthest,
+        1.0 / scene.spec.texels_per_metre,
+        placement.width[held].astype(np.int64),
+        placement.height[held].astype(np.int64),
+        charts.surface[held],
+        atlas.rasters.offset[held],
+    )
+    gate, surface = round(1000 * (GATE_SPACINGS * scene.spacing)), np.where(seen >= 0, charts.surface[seen], -1)
+    view = View(viewpoint.id, gate, basis(viewpoint.forward), rgb, surface)
+    marked = mark_tiles(seen, surface, place, view.camera, facing)
 
     def walk(first: int) -> None:
-        _propagate(window, frame, rasters, marked, (first, threads), step, camera, rgb, surface, *view)
+        _propagate(atlas.state, atlas.colour, atlas.provenance, facing, view, marked, first, threads)
 
     if threads == 1:
         walk(0)
@@ -77,7 +100,7 @@ def propagate(
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _turn(right, ahead):
+def _turn(right: float, ahead: float) -> float:
     """atan2(right, ahead) to 3e-10 rad, without a branch: rows of it are worked out side by side."""
     a, b = abs(right), abs(ahead)
     small, large = min(a, b), max(a, b)
@@ -99,7 +122,16 @@ def _turn(right, ahead):
 
 
 @njit(cache=True, inline="always", error_model="numpy")
-def _aim(origin, step, columns, rows, column_at, row_at, depth, level):
+def _aim(
+    origin: np.ndarray,
+    step: np.ndarray,
+    columns: int,
+    rows: int,
+    column_at: np.ndarray,
+    row_at: np.ndarray,
+    depth: np.ndarray,
+    level: np.ndarray,
+) -> None:
     """Where in the panorama (columns, rows) the texels of a piece of a row lie, (n,) each, in pixels; their depth along the
     street, metres, and squared distance from the camera's axis. origin, step (3,): the first texel, and on to the next."""
     for i in range(len(depth)):
@@ -111,20 +143,26 @@ def _aim(origin, step, columns, rows, column_at, row_at, depth, level):
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def _propagate(window, frame, rasters, marked, part, step, camera, rgb, surface, gate, view, clamp):
-    """Every part[1]-th marked tile, from the part[0]-th on: no texel belongs to two of them."""
+def _propagate(
+    state: BlendState,
+    resolved: np.ndarray,
+    provenance: np.ndarray,
+    charts: Facing,
+    view: View,
+    marked: np.ndarray,
+    part: int,
+    parts: int,
+) -> None:
+    """Every parts-th marked tile, from the part-th on: no texel belongs to two of them."""
+    rgb, surface, gate, camera = view.rgb, view.surface, view.gate, view.camera
     rows, columns = surface.shape
-    state, qualities, resolved, provenance = window
-    origin, axis_u, axis_v, normal, farthest = frame
-    width, height, own, offset = rasters
-    shared, least = clamp
-    weighed = len(qualities[0]) > 0
+    origin, axis_u, axis_v, farthest, step = charts.origin, charts.axis_u, charts.axis_v, charts.farthest, charts.step
+    width, height, own, offset = charts.width, charts.height, charts.surface, charts.offset
     colour = np.zeros(3, np.int64)
     columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
     first = np.empty(3)
-    quality, tile, turn = 1, -1, -1
+    tile, turn = -1, -1
     for c in range(len(origin)):
-        facing = -(normal[c] * origin[c]).sum()
         # the chart's frame in the camera's: right, down, ahead
         o, u, v = camera @ origin[c], camera @ axis_u[c], camera @ axis_v[c]
         along = step * u
@@ -134,7 +172,7 @@ def _propagate(window, frame, rasters, marked, part, step, camera, rgb, surface,
                 if not marked[tile]:
                     continue
                 turn += 1
-                if turn % part[1] != part[0]:
+                if turn % parts != part:
                     continue
                 for j in range(top, min(top + TILE, height[c])):
                     x, y = (left + 0.5) * step, (j + 0.5) * step
@@ -148,7 +186,7 @@ def _propagate(window, frame, rasters, marked, part, step, camera, rgb, surface,
                             continue
                         d = int(abs(depths[k]) * 1000 + 0.5)
                         t = offset[c] + j * width[c] + left + k
-                        if d > gate and not stands_in(state, t, d, view):
+                        if d > gate and not stands_in(state, t, d, view.id):
                             continue
                         column_at, row_at = columns_at[k], rows_at[k]
                         # comparisons instead of remainders and floors: they are the slowest of all that is done here
@@ -175,9 +213,7 @@ def _propagate(window, frame, rasters, marked, part, step, camera, rgb, surface,
                             value = w00 * rgb[above_at, left_at, band] + w01 * rgb[above_at, right_at, band]
                             value += w10 * rgb[below_at, left_at, band] + w11 * rgb[below_at, right_at, band]
                             colour[band] = int(value * share + 0.5)
-                        if weighed:
-                            quality = max(1, int(255 * min(1.0, columns * step * facing / (2 * np.pi * squared))))
-                        add_view(state, qualities, t, d, d <= gate, view, quality, colour)
+                        add_view(state, t, d, d <= gate, view.id, colour)
                         if provenance[t] <= TRANSLATED:
                             provenance[t] = TRANSLATED
-                            blend_texel(state, qualities, t, shared, least, resolved, t)
+                            blend_texel(state, t, resolved)

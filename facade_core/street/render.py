@@ -9,7 +9,7 @@ import numpy as np
 from facade_core.errors import GeometryError
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.sampling import shade_pixels
+from facade_core.street.sampling import Lights, Pixels, Sheets, shade_pixels
 from facade_core.street.scene import Scene
 from facade_core.street.window import Window
 
@@ -22,9 +22,14 @@ BEYOND = 160
 
 @dataclass(frozen=True)
 class Panorama:
-    """rgb (h, w, 3) uint8: textured parts in colour, the rest in grey under soft daylight, sky black; textured (h, w) bool;
-    depth (h, w) float32 metres, inf for sky; chart (h, w) int32, -1 for sky and beyond the visibility range; points (h, w, 3)
-    float64, world points of the pixels."""
+    """What a viewpoint sees.
+
+    rgb (h, w, 3) uint8: textured parts in colour, the rest in grey under soft daylight, sky black;
+    textured (h, w) bool;
+    depth (h, w) float32: metres, inf for sky;
+    chart (h, w) int32: -1 for sky and beyond the visibility range;
+    points (h, w, 3) float64: world points of the pixels.
+    """
 
     viewpoint: Viewpoint
     rgb: np.ndarray
@@ -60,22 +65,19 @@ def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, i
     rgb = np.zeros((height, width, 3), np.uint8)
     rgb[np.isfinite(depth) & (chart == MISS)] = BEYOND
     textured = np.zeros((height, width), bool)
-    shade_pixels(
-        rays,
-        depth,
-        chart,
-        viewpoint.position,
-        (charts.origin, charts.axis_u, charts.axis_v, normal),
+    sheets = Sheets(
+        charts.origin,
+        charts.axis_u,
+        charts.axis_v,
+        normal,
         scene.spec.texels_per_metre,
         rasters.offset,
         placement.width,
         placement.height,
-        atlas.colour,
-        atlas.provenance,
         255 * shade(normal),
-        (daylight.place, daylight.columns, daylight.rows, daylight.light),
-        rgb,
-        textured,
     )
+    lights = Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
+    pixels = Pixels(rays, depth, chart)
+    shade_pixels(pixels, viewpoint.position, sheets, lights, atlas.colour, atlas.provenance, rgb, textured)
     points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
     return Panorama(viewpoint, rgb, textured, depth, chart, points)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -11,8 +13,51 @@ from facade_core.atlas.provenance import UNSEEN
 MOST_SAMPLES = 16
 
 
+class Pixels(NamedTuple):
+    """What a panorama's pixels show.
+
+    rays (h, w, 3): unit directions;
+    depth (h, w): metres;
+    chart (h, w): negative where there is none.
+    """
+
+    rays: np.ndarray
+    depth: np.ndarray
+    chart: np.ndarray
+
+
+class Sheets(NamedTuple):
+    """All charts, n of them, and where the window has their texels.
+
+    origin, axis_u, axis_v, normal (n, 3);
+    density: texels per metre;
+    offset (n,): of a chart's first texel, negative where it is not held;
+    width, height (n,): texels;
+    grey (n,): 0..255, of what has no texture.
+    """
+
+    origin: np.ndarray
+    axis_u: np.ndarray
+    axis_v: np.ndarray
+    normal: np.ndarray
+    density: float
+    offset: np.ndarray
+    width: np.ndarray
+    height: np.ndarray
+    grey: np.ndarray
+
+
+class Lights(NamedTuple):
+    """`Daylight` that has every chart in view: place, columns, rows (n,) and light (k,)."""
+
+    place: np.ndarray
+    columns: np.ndarray
+    rows: np.ndarray
+    light: np.ndarray
+
+
 @njit(cache=True, inline="always")
-def _lit(x, y, place, columns, rows, lights):
+def _lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
     """Light at the shares x, y of a chart's sides, linear between its cells' middles."""
     u = min(max(x * columns - 0.5, 0.0), columns - 1.0)
     v = min(max(y * rows - 0.5, 0.0), rows - 1.0)
@@ -25,19 +70,25 @@ def _lit(x, y, place, columns, rows, lights):
 
 @njit(cache=True, nogil=True)
 def shade_pixels(
-    rays, depth, chart, camera, charts, density, offset, width, height, atlas, provenance, grey, light, rgb, textured
-):
-    """Colour the pixels (h, w) that show a chart, into rgb and textured.
+    pixels: Pixels,
+    camera: np.ndarray,
+    charts: Sheets,
+    lights: Lights,
+    atlas: np.ndarray,
+    provenance: np.ndarray,
+    rgb: np.ndarray,
+    textured: np.ndarray,
+) -> None:
+    """Colour the Pixels that show a chart, into rgb (h, w, 3) and textured (h, w); others are left alone.
 
-    rays (h, w, 3), unit; depth (h, w) metres; chart (h, w), negative pixels are left alone; camera (3,); charts: origin,
-    axis_u, axis_v, normal (n, 3) each; density texels per metre; offset, width, height (n,) of the held rasters in atlas
-    (t, 3) and provenance (t,), offset negative where a chart is not held; grey (charts,) in 0..255; light: place, columns, rows
-    and light of a Daylight that has every chart in view. A pixel is textured when at
-    least half of the texels under it are known; its colour is the mean of those, bilinear where it is smaller than a texel.
+    camera (3,); charts: Sheets; atlas (t, 3) and provenance (t,): the texels that are held. A pixel is textured when at least
+    half of the texels under it are known; its colour is the mean of those, bilinear where it is smaller than a texel.
     """
+    rays, depth, chart = pixels
     rows, columns = chart.shape
-    origin, axis_u, axis_v, normal = charts
-    place, cells_wide, cells_high, lights = light
+    origin, axis_u, axis_v, normal = charts.origin, charts.axis_u, charts.axis_v, charts.normal
+    density, offset, width, height, grey = charts.density, charts.offset, charts.width, charts.height, charts.grey
+    place, cells_wide, cells_high, light = lights
     for r in range(rows):
         for c in range(columns):
             k = chart[r, c]
@@ -68,7 +119,7 @@ def shade_pixels(
                 bx += down * axis_u[k, i]
                 by += down * axis_v[k, i]
             x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
-            lit = int(grey[k] * _lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], lights) + 0.5)
+            lit = int(grey[k] * _lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
             rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = lit
             first = offset[k]
             if first < 0:

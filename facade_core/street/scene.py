@@ -70,7 +70,18 @@ class Scene:
 
 
 @njit(cache=True, nogil=True)
-def _locate(points, chart, origin, axis_u, axis_v, width, height, density, row, column):
+def _locate(
+    points: np.ndarray,
+    chart: np.ndarray,
+    origin: np.ndarray,
+    axis_u: np.ndarray,
+    axis_v: np.ndarray,
+    width: np.ndarray,
+    height: np.ndarray,
+    density: float,
+    row: np.ndarray,
+    column: np.ndarray,
+) -> None:
     for k in range(len(chart)):
         c = chart[k]
         x, y = 0.0, 0.0

@@ -8,7 +8,7 @@ from typing import Protocol
 import numpy as np
 import shapely
 
-from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts
+from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW
 from facade_core.geometry.raycast import MISS
 from facade_core.street.materials import asphalt, glass, paving, plaster, roofing, soffit, tiling, wood
 from facade_core.street.render import Panorama, shade
@@ -68,7 +68,7 @@ class Swatches:
             albedo[ground] = self._ground(points[ground])
         building = charts.building[chart]
         number = self._scene.building_numbers[building]
-        along, down = _place(charts, chart, points)
+        along, down = charts.coordinates(chart, points).T
         flat = charts.normal()[:, 2][chart] > TILED
         roof = kind == ROOF
         if self._roof is not None and roof.any():
@@ -102,10 +102,3 @@ class Swatches:
         colour[road] = asphalt(points[road], aside[road], self._seed)
         colour[kerb] = 150 + 0.25 * (colour[kerb] - 150)
         return colour
-
-
-def _place(charts: Charts, chart: np.ndarray, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Points (n, 3) in the frames of their charts (n,): metres to the right and down."""
-    relative = points - charts.origin[chart]
-    along = np.einsum("ij,ij->i", relative, charts.axis_u[chart])
-    return along, np.einsum("ij,ij->i", relative, charts.axis_v[chart])

@@ -10,15 +10,17 @@ import numpy as np
 from facade_core.atlas.provenance import UNSEEN
 from facade_core.atlas.rasters import Rasters
 from facade_core.geometry.packing import Placement
-from facade_core.street.blend import PINNED, BlendState, Weighting
+from facade_core.street.blend import BlendState
 
 
 @dataclass(frozen=True)
 class Window:
     """Texels laid out by `rasters`, the writable charts first, so that they share their index with `state`.
 
-    writable (k,) chart ids; colour (t, 3) and provenance (t,) uint8: the facade stages' seed where it has evidence, elsewhere
-    what the views make by `weighting`, black and UNSEEN before the first; state holds the writable texels only.
+    writable (k,): chart ids;
+    colour (t, 3), provenance (t,) uint8: the facade stages' seed where it has evidence, elsewhere what the views make by
+    Eq. 1, black and UNSEEN before the first;
+    state: of the writable texels only.
     """
 
     rasters: Rasters
@@ -26,7 +28,6 @@ class Window:
     colour: np.ndarray
     provenance: np.ndarray
     state: BlendState
-    weighting: Weighting
 
     @staticmethod
     def layout(placement: Placement, writable: Iterable[int], readable: Iterable[int]) -> tuple[Rasters, np.ndarray]:
@@ -45,11 +46,10 @@ class Window:
         evidence: np.ndarray,
         *,
         visibility_range: float = 40.0,
-        weighting: Weighting = PINNED,
     ) -> Window:
         """A window without views yet: colour is the seed (t, 3), provenance its evidence (t,). The range, in metres, is that of
         the scene whose views it takes."""
         total = int((placement.width[writable].astype(np.int64) * placement.height[writable]).sum())
-        state = BlendState.empty(total, farthest=round(1000 * visibility_range), resolution=weighting.resolution)
+        state = BlendState.empty(total, farthest=round(1000 * visibility_range))
         colour = np.where((evidence > UNSEEN)[:, None], seed, np.uint8(0))
-        return cls(rasters, writable, colour, evidence.copy(), state, weighting)
+        return cls(rasters, writable, colour, evidence.copy(), state)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -121,7 +122,7 @@ def hidden(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, in
     rows, columns = size
     extent = np.array([street.painted[facade].image.shape[i] for i in (1, 0)]) / street.scene.spec.texels_per_metre
     x, y = np.meshgrid((np.arange(columns) + 0.5) / columns * extent[0], (np.arange(rows) + 0.5) / rows * extent[1])
-    points = charts.origin[chart] + x[..., None] * charts.axis_u[chart] + y[..., None] * charts.axis_v[chart]
+    points = charts.points(chart, x, y)
     rays = (points - position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(pose)
     return _cover(street, position(pose), rays, np.ones(size, np.float32), np.zeros((*size, 3), np.float32)) > 0.02
 
@@ -190,16 +191,40 @@ def _cover(
     sheet = np.concatenate([np.pad(c, ((0, height - len(c)), (0, 0), (0, 0))) for c in street.cutouts], axis=1)
     sizes = np.array([c.shape[:2] for c in street.cutouts])
     left = np.cumsum([0, *sizes[:-1, 1]])
-    frame = (corner, normal, charts.axis_u[fronts], charts.axis_v[fronts], order, left, sizes)
+    density = street.scene.spec.texels_per_metre
+    stand = _Cutouts(corner, normal, charts.axis_u[fronts], charts.axis_v[fronts], density, order, left, sizes, sheet)
     stopped = np.zeros(rays.shape[:-1], np.float32)
     flat = (np.ascontiguousarray(rays).reshape(-1, 3), np.ascontiguousarray(nearest).reshape(-1))
-    density = street.scene.spec.texels_per_metre
-    _blend(*flat, *frame, density, sheet, colour.reshape(-1, 3), stopped.reshape(-1))
+    _blend(*flat, stand, colour.reshape(-1, 3), stopped.reshape(-1))
     return stopped
 
 
+class _Cutouts(NamedTuple):
+    """What stands before the fronts, k of them.
+
+    corner (k, 3): the upper left one, from the camera;
+    normal, axis_u, axis_v (k, 3);
+    density: texels per metre;
+    order (k,): in which they are painted;
+    left, sizes (k,), (k, 2): where each lies in the sheet, from its top, height and width;
+    sheet (h, w, 4): all of them side by side.
+    """
+
+    corner: np.ndarray
+    normal: np.ndarray
+    axis_u: np.ndarray
+    axis_v: np.ndarray
+    density: float
+    order: np.ndarray
+    left: np.ndarray
+    sizes: np.ndarray
+    sheet: np.ndarray
+
+
 @njit(cache=True, nogil=True)
-def _blend(rays, nearest, corner, normal, axis_u, axis_v, order, left, sizes, density, sheet, colour, stopped):
+def _blend(rays: np.ndarray, nearest: np.ndarray, cutouts: _Cutouts, colour: np.ndarray, stopped: np.ndarray) -> None:
+    corner, normal, axis_u, axis_v = cutouts.corner, cutouts.normal, cutouts.axis_u, cutouts.axis_v
+    density, order, left, sizes, sheet = cutouts.density, cutouts.order, cutouts.left, cutouts.sizes, cutouts.sheet
     for k in range(len(rays)):
         for b in order:
             ahead, depth = 0.0, 0.0

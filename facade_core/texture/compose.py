@@ -48,14 +48,14 @@ def compose(
 
 
 @njit(cache=True)
-def _at(position, cell, source, borders, tile):
+def _at(position: int, cell: int, source: np.ndarray, borders: np.ndarray, tile: int) -> float:
     """Where a position of the new picture lies in the exemplar along one axis, by the cell that shows it."""
     step = (source[tile + 1] - source[tile]) / max(1, borders[cell + 1] - borders[cell])
     return source[tile] + (position - borders[cell] + 0.5) * step
 
 
 @njit(cache=True)
-def _sample(image, v, u, out):
+def _sample(image: np.ndarray, v: float, u: float, out: np.ndarray) -> None:
     """Bilinear, at pixel positions v, u counted from the picture's corner."""
     v = min(max(v - 0.5, 0.0), image.shape[0] - 1.0)
     u = min(max(u - 0.5, 0.0), image.shape[1] - 1.0)
@@ -68,7 +68,14 @@ def _sample(image, v, u, out):
 
 
 @njit(cache=True)
-def _paths(image, source_rows, source_columns, tiles, rows, columns):
+def _paths(
+    image: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray]:
     """The first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
     tall, wide = tiles.shape
     across = len(source_columns) - 1
@@ -108,7 +115,7 @@ def _paths(image, source_rows, source_columns, tiles, rows, columns):
 
 
 @njit(cache=True)
-def _cells(beside, below, rows, columns):
+def _cells(beside: np.ndarray, below: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """Which cell every pixel shows, (H, W) int32: m * N + n."""
     height, width, wide = rows[-1], columns[-1], beside.shape[1] + 1
     cell = np.empty((height, width), np.int32)
@@ -129,7 +136,15 @@ def _cells(beside, below, rows, columns):
 
 
 @njit(cache=True)
-def _shown(image, cell, source_rows, source_columns, tiles, rows, columns):
+def _shown(
+    image: np.ndarray,
+    cell: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+) -> np.ndarray:
     """Each pixel as its cell shows it: (H, W, 3) float32."""
     height, width, wide = cell.shape[0], cell.shape[1], tiles.shape[1]
     across = len(source_columns) - 1
@@ -143,7 +158,15 @@ def _shown(image, cell, source_rows, source_columns, tiles, rows, columns):
 
 
 @njit(cache=True)
-def _carried(labels, cell, source_rows, source_columns, tiles, rows, columns):
+def _carried(
+    labels: np.ndarray,
+    cell: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+) -> np.ndarray:
     wide, across = tiles.shape[1], len(source_columns) - 1
     out = np.empty(cell.shape, np.uint8)
     for y in range(cell.shape[0]):
@@ -156,7 +179,15 @@ def _carried(labels, cell, source_rows, source_columns, tiles, rows, columns):
 
 
 @njit(cache=True)
-def _faded(image, source_rows, source_columns, tiles, rows, columns, margin):
+def _faded(
+    image: np.ndarray,
+    source_rows: np.ndarray,
+    source_columns: np.ndarray,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    margin: int,
+) -> np.ndarray:
     """Accumulate every tile, extended by margin into its surroundings, with weights that fade over the border."""
     height, width = rows[-1], columns[-1]
     out = np.zeros((height, width, 3), np.float32)

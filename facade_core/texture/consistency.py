@@ -11,7 +11,7 @@ What is approximated, and why a generation then costs look-ups only:
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -30,13 +30,14 @@ _BINS = len(CLASSES) + 1
 _STEPS = 16
 
 
-@dataclass(frozen=True, slots=True)
-class Tables:
+class Tables(NamedTuple):
     """Look-up tables of T tiles. Every entry is already the exponent d^2 / (2 zeta^2) of its Eq.
 
-    photo_right, photo_below (T, T) float32, [i, j] with j right of / below i; kind (T,) int32; kind_distance (K, K)
-    float32, squared; templates_right, templates_below (R, order) int32, kinds in the exemplar; scale_right,
-    scale_below = 1 / (2 zeta^2) of Eq. 6.
+    photo_right, photo_below (T, T) float32: [i, j] with j right of / below i;
+    kind (T,) int32;
+    kind_distance (K, K) float32: squared;
+    templates_right, templates_below (R, order) int32: kinds in the exemplar;
+    scale_right, scale_below: 1 / (2 zeta^2) of Eq. 6.
     """
 
     photo_right: np.ndarray
@@ -47,20 +48,6 @@ class Tables:
     templates_below: np.ndarray
     scale_right: float
     scale_below: float
-
-    @property
-    def arguments(self) -> tuple:
-        """The fields in the order in which the compiled functions take them."""
-        return (
-            self.photo_right,
-            self.photo_below,
-            self.kind,
-            self.kind_distance,
-            self.templates_right,
-            self.templates_below,
-            self.scale_right,
-            self.scale_below,
-        )
 
 
 def tables(image: np.ndarray, labels: np.ndarray, lattice: Lattice, *, usable: np.ndarray | None = None) -> Tables:
@@ -193,10 +180,9 @@ def _nearest(left: np.ndarray, right: np.ndarray) -> np.ndarray:
 
 
 @njit(cache=True)
-def refresh(
-    cost, tiles, y0, y1, x0, x1, right, below, kind, distance, across, down, scale_right, scale_below
-):  # fmt: skip
+def refresh(tab: Tables, cost: np.ndarray, tiles: np.ndarray, y0: int, y1: int, x0: int, x1: int) -> None:
     """Recompute what depends on tiles[y0:y1, x0:x1]; cost (4, M, N) is Eq. 5 right, below, Eq. 6 right, below."""
+    right, below, kind, distance, across, down, scale_right, scale_below = tab
     height, width = tiles.shape
     for y in range(y0, y1):
         for x in range(max(0, x0 - 1), min(x1, width - 1)):
@@ -242,5 +228,5 @@ def total(cost: np.ndarray) -> float:
 def energy(tab: Tables, tiles: np.ndarray) -> float:
     """Eq. 4 of a tiling (M, N) int32 of tile numbers: minus the log of the product of all constraint terms."""
     cost = np.zeros((4, *tiles.shape))
-    refresh(cost, tiles, 0, tiles.shape[0], 0, tiles.shape[1], *tab.arguments)
+    refresh(tab, cost, tiles, 0, tiles.shape[0], 0, tiles.shape[1])
     return float(total(cost))

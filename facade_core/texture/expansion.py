@@ -54,7 +54,7 @@ def _expand(
 
 
 @njit(cache=True)
-def _seam(colour, a, b, p, q):
+def _seam(colour: np.ndarray, a: int, b: int, p: int, q: int) -> float:
     if a == b:
         return 0.0
     total = 0.0
@@ -64,7 +64,16 @@ def _seam(colour, a, b, p, q):
 
 
 @njit(cache=True)
-def _capacities(alpha, labels, loose, number, colour, edges, seam, own):
+def _capacities(
+    alpha: int,
+    labels: np.ndarray,
+    loose: np.ndarray,
+    number: np.ndarray,
+    colour: np.ndarray,
+    edges: np.ndarray,
+    seam: float,
+    own: np.ndarray,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges among loose pixels; what edges to fixed ones cost is added to own."""
     first, second = np.empty(len(edges), np.int64), np.empty(len(edges), np.int64)
     forth = np.empty(len(edges), np.float64)

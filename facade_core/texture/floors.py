@@ -125,7 +125,9 @@ def _agreed(offer: Offers) -> Offers:
     what is likely to be hidden, and what one of them alone shows (an open window, a passer-by) is not."""
     best = offer.price.min(0)
     usable = offer.price < UNUSABLE
-    trust = np.where(usable, np.exp((best - offer.price) / (_DOUBT * np.median(best))), 0.0).astype(np.float32)
+    trust = np.where(usable, np.exp((best - offer.price) / (_DOUBT * max(float(np.median(best)), 1e-9))), 0.0).astype(
+        np.float32
+    )
     mean = np.einsum("kn,knc->nc", trust, offer.colour) / np.maximum(trust.sum(0), 1e-6)[:, None]
     apart = ((offer.colour - mean) ** 2).mean(2)
     return Offers(np.where(usable, offer.price + _ODD * apart, UNUSABLE).astype(np.float32), offer.colour)

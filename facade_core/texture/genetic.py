@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numba import njit
 
@@ -13,11 +15,19 @@ BLOCK = 5
 _DRAWS = 20  # random numbers that one pair of children uses
 
 
+class _Nodes(NamedTuple):
+    """What the nodes of the new grid may take, as `evolve` says."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    frozen: np.ndarray
+    usable: np.ndarray
+
+
 def evolve(
     tab: Tables,
     population: np.ndarray,
     *,
-    shape: tuple[int, int],
     rows: np.ndarray,
     columns: np.ndarray,
     frozen: np.ndarray,
@@ -28,24 +38,19 @@ def evolve(
     """The fittest tiling (M, N) int32 after some generations, and the lowest energy (Eq. 4) before and after each of them,
     (generations + 1,) float64: the last is the tiling's own.
 
-    population (POPULATION, M, N) int32 holds the first generation; shape is the exemplar grid's. A node (y, x) takes
-    tile (i, j) only if rows[y, i], columns[x, j] (bool, (M, rows) and (N, columns)) and usable[i, j]; frozen (M, N)
-    nodes never change. Blocks are up to 5 x 5 (U = 5); 2-tournaments; the 4 best survive (Q = 10, q = 4). Beyond the paper, as
-    many mutations again as there were children are tried on the fittest, and kept where they do no harm: a tenth to a
-    quarter less energy, which the last of the lowest energies is after.
+    population (POPULATION, M, N) int32 holds the first generation. A node (y, x) takes tile (i, j) of the exemplar's grid only
+    if rows[y, i], columns[x, j] (bool, (M, rows) and (N, columns)) and usable[i, j]; frozen (M, N) nodes never change.
+    Blocks are up to 5 x 5 (U = 5); 2-tournaments; the 4 best survive (Q = 10, q = 4). Beyond the paper, as many mutations
+    again as there were children are tried on the fittest, and kept where they do no harm: a tenth to a quarter less energy,
+    which the last of the lowest energies is after.
     """
     children = POPULATION - ELITE
     return _evolve(
+        tab,
+        _Nodes(rows.astype(np.int64), columns.astype(np.int64), frozen, usable),
         population.astype(np.int32),
         rng.random((generations, children // 2, _DRAWS)),
         rng.random((generations * children, 6)),
-        shape[0],
-        shape[1],
-        rows.astype(np.int64),
-        columns.astype(np.int64),
-        frozen,
-        usable,
-        *tab.arguments,
     )
 
 
@@ -55,8 +60,10 @@ def _pick(number: float, count: int) -> int:
 
 
 @njit(cache=True)
-def _mutate(tiles, u, height, width, rows, columns, frozen, usable):  # fmt: skip
+def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _Nodes) -> tuple[int, int, int, int]:
     """Copy a block of the exemplar grid over a block of the new one, as far as the nodes may take it."""
+    rows, columns, frozen, usable = nodes
+    height, width = usable.shape
     h, w = 1 + _pick(u[0], BLOCK), 1 + _pick(u[1], BLOCK)
     y, x = _pick(u[2], tiles.shape[0]), _pick(u[3], tiles.shape[1])
     nth, i = _pick(u[4], rows[y].sum()), -1
@@ -76,14 +83,14 @@ def _mutate(tiles, u, height, width, rows, columns, frozen, usable):  # fmt: ski
 
 
 @njit(cache=True)
-def _evolve(population, draws, tries, height, width, rows, columns, frozen, usable,
-            right, below, kind, distance, across, down, scale_right, scale_below):  # fmt: skip
+def _evolve(
+    tab: Tables, nodes: _Nodes, population: np.ndarray, draws: np.ndarray, tries: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
     count, tall, wide = population.shape
     cost = np.zeros((count, 4, tall, wide))
     fitness = np.empty(count)
     for k in range(count):
-        refresh(cost[k], population[k], 0, tall, 0, wide,
-                right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
+        refresh(tab, cost[k], population[k], 0, tall, 0, wide)
         fitness[k] = total(cost[k])
     lowest = np.empty(draws.shape[0] + 1)
     heirs, heir_cost, heir_fitness = population.copy(), cost.copy(), fitness.copy()
@@ -108,13 +115,9 @@ def _evolve(population, draws, tries, height, width, rows, columns, frozen, usab
                     heirs[first, i, j], heirs[second, i, j] = heirs[second, i, j], heirs[first, i, j]
             for k in range(2):
                 child = first + k
-                refresh(heir_cost[child], heirs[child], y, y1, x, x1,
-                        right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
-                top, low, left, edge = _mutate(
-                    heirs[child], u[8 + 6 * k :], height, width, rows, columns, frozen, usable
-                )
-                refresh(heir_cost[child], heirs[child], top, low, left, edge,
-                        right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
+                refresh(tab, heir_cost[child], heirs[child], y, y1, x, x1)
+                top, low, left, edge = _mutate(heirs[child], u[8 + 6 * k :], nodes)
+                refresh(tab, heir_cost[child], heirs[child], top, low, left, edge)
                 heir_fitness[child] = total(heir_cost[child])
         population, heirs = heirs, population
         cost, heir_cost = heir_cost, cost
@@ -124,9 +127,8 @@ def _evolve(population, draws, tries, height, width, rows, columns, frozen, usab
     other, other_cost = heirs[0], heir_cost[0]
     for k in range(tries.shape[0]):
         other[:], other_cost[:] = tiles, held
-        top, low, left, edge = _mutate(other, tries[k], height, width, rows, columns, frozen, usable)
-        refresh(other_cost, other, top, low, left, edge,
-                right, below, kind, distance, across, down, scale_right, scale_below)  # fmt: skip
+        top, low, left, edge = _mutate(other, tries[k], nodes)
+        refresh(tab, other_cost, other, top, low, left, edge)
         energy = total(other_cost)
         if energy <= lowest[-1]:
             lowest[-1] = energy

@@ -10,7 +10,7 @@ from facade_core.labels import UNKNOWN
 from facade_core.texture.compose import compose
 from facade_core.texture.consistency import tables, tile_histograms
 from facade_core.texture.genetic import POPULATION, evolve
-from facade_core.texture.seams import level
+from facade_core.texture.seams import diffused
 from facade_core.types import Lattice
 
 _ALIKE = 0.35  # log-ratio of sizes up to which a tile may be warped into a hidden cell
@@ -48,7 +48,6 @@ def fill_by_tiles(
     tiles, _ = evolve(
         tables(image, np.where(mask, UNKNOWN, labels), grid, usable=usable),
         population,
-        shape=(tall, wide),
         rows=may_row,
         columns=may_column,
         frozen=frozen,
@@ -66,7 +65,14 @@ def _same_kind(shares: np.ndarray) -> np.ndarray:
     return np.abs(flat[:, None] - flat[None]).sum(2) < 2.0 * _DIFFERENT * shares.shape[1]
 
 
-def _first(own, usable, frozen, may_row, may_column, rng) -> np.ndarray:
+def _first(
+    own: np.ndarray,
+    usable: np.ndarray,
+    frozen: np.ndarray,
+    may_row: np.ndarray,
+    may_column: np.ndarray,
+    rng: np.random.Generator,
+) -> np.ndarray:
     """Random visible tiles at the hidden nodes, of the same row if one fits, else of the same column."""
     tiles = own.copy()
     anywhere = np.argwhere(usable)
@@ -88,6 +94,6 @@ def _blend(image: np.ndarray, drawn: np.ndarray, mask: np.ndarray) -> np.ndarray
     """drawn in the hole, its colours levelled to those of the rim; image elsewhere."""
     kernel = np.ones((2 * _RIM + 1, 2 * _RIM + 1), np.uint8)
     rim = (cv2.dilate(mask.astype(np.uint8), kernel) > 0) & ~mask
-    offset = level(image.astype(np.float32) - drawn, rim.astype(np.float32))
+    offset = diffused(image.astype(np.float32) - drawn, rim.astype(np.float32))
     filled = np.clip(np.rint(drawn + offset), 0, 255).astype(np.uint8)
     return np.where(mask[..., None], filled, image)

@@ -95,7 +95,17 @@ def _coarse(
 
 
 @njit(cache=True)
-def _relax(offset, weight_right, weight_below, step_right, step_below, hidden, sweeps, over, leak):
+def _relax(
+    offset: np.ndarray,
+    weight_right: np.ndarray,
+    weight_below: np.ndarray,
+    step_right: np.ndarray,
+    step_below: np.ndarray,
+    hidden: np.ndarray,
+    sweeps: int,
+    over: np.float32,
+    leak: np.float32,
+) -> None:
     """Successive over-relaxation, both ways in turn."""
     height, width = hidden.shape
     for sweep in range(sweeps):

@@ -62,7 +62,7 @@ def _fit(image: np.ndarray, known: np.ndarray, where: np.ndarray, about: np.ndar
 
 
 @njit(cache=True)
-def _differences(image, known, where, maps):
+def _differences(image: np.ndarray, known: np.ndarray, where: np.ndarray, maps: np.ndarray) -> np.ndarray:
     height, width = known.shape
     out = np.full(len(maps), np.float32(3e38))
     for k in range(len(maps)):
@@ -104,7 +104,7 @@ def _blend(
 
 
 @njit(cache=True)
-def _source(known, fitted, part, y, x):
+def _source(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
     """Row of the source and its column, or -1, -1 where it is not known."""
     v = y + fitted[part, 0]
     u = fitted[part, 1] - x if fitted[part, 2] else x + fitted[part, 1]
@@ -114,7 +114,16 @@ def _source(known, fitted, part, y, x):
 
 
 @njit(cache=True)
-def _copy(image, known, number, fitted, top, bottom, left, right):
+def _copy(
+    image: np.ndarray,
+    known: np.ndarray,
+    number: np.ndarray,
+    fitted: np.ndarray,
+    top: int,
+    bottom: int,
+    left: int,
+    right: int,
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Of a box: the copied image, 0-1, the steps that make joins invisible (see `membrane`), and what is known or copied."""
     unit = np.float32(1.0 / 255.0)
     tall, wide = bottom - top, right - left
@@ -157,7 +166,7 @@ def _copy(image, known, number, fitted, top, bottom, left, right):
 
 
 @njit(cache=True)
-def _shown(known, fitted, part, y, x):
+def _shown(known: np.ndarray, fitted: np.ndarray, part: int, y: int, x: int) -> tuple[int, int]:
     """Where a part, 0 what is known itself, has its picture of a pixel; -1, -1 if it has none."""
     if part > 0:
         return _source(known, fitted, part, y, x)

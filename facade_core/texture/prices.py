@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import cv2
 import numpy as np
@@ -25,6 +26,32 @@ class Offers:
 
     price: np.ndarray
     colour: np.ndarray
+
+
+class _Facade(NamedTuple):
+    """image (H, W, 3) float32, known (H, W) bool, guide (H, W) uint8 as `offers` takes them."""
+
+    image: np.ndarray
+    known: np.ndarray
+    guide: np.ndarray
+
+
+class _Map(NamedTuple):
+    """Where a pixel (y, x) is taken from: row y + dy, and column x + step, or step - x where it mirrors."""
+
+    dy: int
+    step: int
+    mirrored: int
+
+
+class _Witnesses(NamedTuple):
+    """What speaks for a map: errors of rows (H,) and columns (W,), what is near, weighed already, (H, W), and the price of a
+    wrong class."""
+
+    rows: np.ndarray
+    columns: np.ndarray
+    near: np.ndarray
+    wrong: float
 
 
 def offers(
@@ -52,9 +79,8 @@ def offers(
         wrong, told = _disagreements(guide, dy, step, mirrored)
         near = np.float32(_NEAR) * _around(error, seen, size, any_rows[:, None])
         near += np.float32(_WRONG_NEAR * spread) * _around(wrong, told, size, np.full(1, 0.5, np.float32))
-        _offer(
-            image, known, guide, hidden, dy, step, mirrored, rows, columns, near, _WRONG * spread, price[k], colour[k]
-        )
+        witnesses = _Witnesses(rows, columns, near, _WRONG * spread)
+        _offer(_Facade(image, known, guide), hidden, _Map(dy, step, mirrored), witnesses, price[k], colour[k])
     return Offers(price, colour)
 
 
@@ -95,7 +121,7 @@ def _towards(total: np.ndarray, count: np.ndarray, prior: float, usual: np.ndarr
 
 
 @njit(cache=True)
-def _errors(image, known, dy, step, mirrored):
+def _errors(image: np.ndarray, known: np.ndarray, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
     height, width = known.shape
     error = np.zeros((height, width), np.float32)
     seen = np.zeros((height, width), np.float32)
@@ -110,7 +136,7 @@ def _errors(image, known, dy, step, mirrored):
 
 
 @njit(cache=True)
-def _disagreements(guide, dy, step, mirrored):
+def _disagreements(guide: np.ndarray, dy: int, step: int, mirrored: int) -> tuple[np.ndarray, np.ndarray]:
     height, width = guide.shape
     wrong = np.zeros((height, width), np.float32)
     told = np.zeros((height, width), np.float32)
@@ -124,7 +150,12 @@ def _disagreements(guide, dy, step, mirrored):
 
 
 @njit(cache=True)
-def _offer(image, known, guide, hidden, dy, step, mirrored, rows, columns, near, wrong, price, colour):
+def _offer(
+    facade: _Facade, hidden: np.ndarray, taken: _Map, witnesses: _Witnesses, price: np.ndarray, colour: np.ndarray
+) -> None:
+    image, known, guide = facade
+    dy, step, mirrored = taken
+    rows, columns, near, wrong = witnesses
     height, width = known.shape
     for n in range(len(hidden)):
         y, x = hidden[n, 0], hidden[n, 1]

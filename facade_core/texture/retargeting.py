@@ -212,7 +212,6 @@ def _refine(
     tiles, lowest = evolve(
         tables(plan.image, plan.labels, grid),
         population,
-        shape=(tall, wide),
         rows=rows,
         columns=columns,
         frozen=frozen,

@@ -8,7 +8,7 @@ from numba import njit
 
 
 @njit(cache=True)
-def least_path(error):
+def least_path(error: np.ndarray) -> np.ndarray:
     """The path of least error along the first axis: (n, k) float64 -> (n,) int64, steps of at most 1 (minimum-error cut)."""
     length, wide = error.shape
     total = error.copy()
@@ -33,8 +33,8 @@ def least_path(error):
     return path
 
 
-def level(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:
-    """Spread colour differences known on a rim smoothly over everything: (h, w, 3) float32.
+def diffused(difference: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Colour differences known on a rim, spread smoothly over everything: (h, w, 3) float32.
 
     difference (h, w, 3) counts where weight (h, w) is above 0. A membrane by normalised convolution: near the rim its
     local mean, far from it the mean over an ever wider part of it. Differences are clipped, so that one misplaced edge

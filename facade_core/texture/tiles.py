@@ -63,7 +63,6 @@ def evolved(
     return evolve(
         tab,
         source_row * wide + rng.integers(0, wide, (POPULATION, *shape)),
-        shape=(tall, wide),
         rows=may_row,
         columns=np.ones((shape[1], wide), bool),
         frozen=np.zeros(shape, bool),

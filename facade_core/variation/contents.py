@@ -39,9 +39,13 @@ class Group:
 
 
 class Contents(NamedTuple):
-    """levels, level 0 as photographed; wall (H, W, 3) uint8: the facade without its elements; groups: all elements,
-    numbered group by group; cells: per grid the elements' numbers, -1 for none; representatives (T,) int32: the element
-    that stands for each type.
+    """A whole file.
+
+    levels: level 0 as photographed;
+    wall (H, W, 3) uint8: the facade without its elements;
+    groups: all elements, numbered group by group;
+    cells: per grid the elements' numbers, -1 for none;
+    representatives (T,) int32: the element that stands for each type.
     """
 
     levels: tuple[Level, ...]

@@ -134,7 +134,7 @@ def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
 
 
 @numba.njit(cache=True)
-def _modes(points, width):
+def _modes(points: np.ndarray, width: float) -> np.ndarray:
     """Points belong to the best supported mode that theirs meets; clusters are numbered by size, then by first point."""
     number, dimensions = points.shape
     modes = points.copy()
@@ -174,7 +174,7 @@ def _modes(points, width):
 
 
 @numba.njit(cache=True)
-def silhouette(points, types):
+def silhouette(points: np.ndarray, types: np.ndarray) -> float:
     """Mean silhouette of (N, d) points in (N,) types 0, 1 ...; elements alone in their type, or a single type, count 0."""
     number = len(points)
     kinds = types.max() + 1

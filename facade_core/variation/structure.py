@@ -59,7 +59,7 @@ def _distinct(labels: np.ndarray) -> int:
 
 
 @numba.njit(cache=True)
-def _rectangles(labels, label):
+def _rectangles(labels: np.ndarray, label: int) -> float:
     """Sum of 1/size over the uniform rectangles of one label: biggest first, none overlapping, first found on ties.
 
     Rectangles of different labels never overlap, so the greedy choice splits into one per label.
@@ -91,7 +91,7 @@ def _rectangles(labels, label):
 
 
 @numba.njit(cache=True)
-def _icm(previous, cost, alpha):
+def _icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, int]:
     """Iterated conditional modes on Eq. 1: labels, the energy after each accepted move, and their number.
 
     Single cells move first; when none can, all cells of a type move at once to another one in use. Every accepted move

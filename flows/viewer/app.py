@@ -5,19 +5,22 @@ from __future__ import annotations
 import socket
 from collections.abc import AsyncIterator, Callable
 from contextlib import asynccontextmanager
+from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
 
 from starlette.applications import Starlette
+from starlette.datastructures import Headers
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
-from starlette.middleware.trustedhost import TrustedHostMiddleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, Response
+from starlette.responses import JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from facade_core.errors import FacadeError, InputError, StoreError
+from flows.lock import is_held
+from flows.viewer.guard import Guard, guard, in_address, name_in
 from flows.viewer.model import Model
 from tasks.viewing import Reader, picture, stages
 from tasks.viewing.growth import Growth
@@ -29,13 +32,21 @@ FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
 # Scripts, styles and pictures are the page's own; the model comes from the viewer's second port.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
-    "frame-src http://{host}:* http://127.0.0.1:* http://localhost:*; base-uri 'none'; form-action 'none'"
+    "frame-src http://{host}:*; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
+# No other site may show, embed or learn of what is here.
+HEADERS = {
+    "X-Content-Type-Options": "nosniff",
+    "X-Frame-Options": "DENY",
+    "Referrer-Policy": "no-referrer",
+    "Cross-Origin-Resource-Policy": "same-origin",
+}
 
 
-def application(out: Path, host: str) -> Starlette:
-    """The viewer of the run in folder `out`. It is served under no other name than `host` and the loopback's names."""
-    reader, model, growth = Reader(out), Model(out, host), Growth()
+def application(out: Path, host: str, bound: str) -> Starlette:
+    """The viewer of the run in folder `out`, told to listen on `host`, which is the address `bound`."""
+    who = guard(host, bound)
+    reader, model, growth = Reader(out), Model(out, bound, who), Growth()
 
     def answer(make: Callable[[Request], Response]) -> Callable[[Request], Response]:
         def endpoint(request: Request) -> Response:
@@ -54,7 +65,7 @@ def application(out: Path, host: str) -> Starlette:
         return JSONResponse(reader.view().overview())
 
     def progress(request: Request) -> Response:
-        return JSONResponse(reader.view().progress())
+        return JSONResponse(reader.view().progress() | {"under_way": is_held(out)})
 
     def facade(request: Request) -> Response:
         view = reader.view()
@@ -100,13 +111,9 @@ def application(out: Path, host: str) -> Starlette:
         Route("/picture/grown", answer(grown)),
         Mount("/page", StaticFiles(directory=PAGE)),
     ]
-    names = list(dict.fromkeys([host, "127.0.0.1", "localhost", "[::1]"]))
     middleware = [
-        Middleware(
-            TrustedHostMiddleware, allowed_hosts=names
-        ),  # no other site's page may read this one's by a name of its own
+        Middleware(_Guarded, guard=who),
         Middleware(GZipMiddleware, minimum_size=2000),
-        Middleware(_Policy, policy=POLICY.format(host=host)),
     ]
 
     @asynccontextmanager
@@ -117,19 +124,30 @@ def application(out: Path, host: str) -> Starlette:
     return Starlette(routes=routes, middleware=middleware, lifespan=lifespan)
 
 
-class _Policy:
-    """Adds the content security policy to every response."""
+class _Guarded:
+    """Refuses who may not ask, and adds the headers that bind browsers to every response."""
 
-    def __init__(self, app: Any, policy: str) -> None:
-        self.app, self.header = app, (b"content-security-policy", policy.encode())
+    def __init__(self, app: Any, guard: Guard) -> None:
+        self.app, self.guard = app, guard
 
     async def __call__(self, scope: Any, receive: Any, send: Any) -> None:
-        async def with_policy(message: Any) -> None:
+        if scope["type"] != "http":  # no route here is a socket
+            await self.app(scope, receive, send)
+            return
+        asked = Headers(scope=scope)
+        hosts = asked.getlist("host")
+        refused = self.guard.refusal(hosts, asked.getlist("origin"))
+        policy = POLICY.format(host="127.0.0.1" if refused else in_address(name_in(hosts[0])))
+        added = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
+        added.append((b"content-security-policy", policy.encode()))
+
+        async def with_headers(message: Any) -> None:
             if message["type"] == "http.response.start":
-                message["headers"] = [*message["headers"], self.header]
+                message["headers"] = [*message["headers"], *added]
             await send(message)
 
-        await self.app(scope, receive, with_policy if scope["type"] == "http" else send)
+        app = PlainTextResponse(refused[1], refused[0]) if refused else self.app
+        await app(scope, receive, with_headers)
 
 
 def _whole(request: Request, name: str, count: int) -> int:
@@ -140,8 +158,11 @@ def _whole(request: Request, name: str, count: int) -> int:
     return int(text)
 
 
-def serve(out: Path, host: str, port: int, ready: Callable[[str], None]) -> None:
-    """Serve until interrupted; `ready` is told the address. Raises InputError where the port is taken."""
+def serve(out: Path, host: str, port: int, ready: Callable[[str, str | None], None]) -> None:
+    """Serve until interrupted; `ready` is told the address, and who else can look in where others can.
+
+    Raises InputError where host or port cannot be had.
+    """
     import uvicorn
 
     family = socket.AF_INET6 if ":" in host else socket.AF_INET
@@ -150,8 +171,34 @@ def serve(out: Path, host: str, port: int, ready: Callable[[str], None]) -> None
         try:
             listening.bind((host, port))
             listening.listen()  # who comes before the first answer waits for it
+        except socket.gaierror as error:
+            raise InputError(f"--host {host}: {error.strerror}; give an address or a name of this machine") from error
         except OSError as error:
-            raise InputError(f"--port {port}: {error.strerror}; give another, or 0 for any that is free") from error
-        ready(f"http://{host}:{listening.getsockname()[1]}")
-        config = uvicorn.Config(application(out, host), log_level="warning", timeout_graceful_shutdown=2)
+            raise InputError(
+                f"--host {host} --port {port}: {error.strerror}; give an address of this machine, and another port, or 0 "
+                "for any that is free"
+            ) from error
+        bound, port = listening.getsockname()[:2]
+        ready(f"http://{_opened(host, bound)}:{port}", _seen_by(host, bound, port))
+        config = uvicorn.Config(application(out, host, bound), log_level="warning", timeout_graceful_shutdown=2)
         uvicorn.Server(config).run(sockets=[listening])
+
+
+def _opened(host: str, bound: str) -> str:
+    """What stands in an address that opens a page here."""
+    if ip_address(bound).is_unspecified:
+        return "[::1]" if ":" in bound else "127.0.0.1"
+    return in_address(host)
+
+
+def _seen_by(host: str, bound: str, port: int) -> str | None:
+    """What to know of a viewer that listens to more than this machine."""
+    if ip_address(bound).is_loopback:
+        return None
+    names = f"{host}:{port}"
+    if ip_address(bound).is_unspecified:
+        names = f"any address of this machine in digits or as {socket.gethostname()}, port {port}"
+    return (
+        f"--host {host}: whoever reaches this machine can look in, without a password, also at the port of the 3D view, which "
+        f"is any that is free; it needs to be asked for as {names}: under another name it answers only with --host NAME"
+    )

@@ -5,21 +5,28 @@ from __future__ import annotations
 import json
 import struct
 import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from http import HTTPStatus
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
+from catalogs.held import being_read
 from facade_core.errors import StoreError
+from flows.viewer.guard import Guard, in_address, name_in
 from tasks.standing import current_snapshot
 
 if TYPE_CHECKING:
     from viser import ViserServer
+    from websockets.asyncio.server import ServerConnection
+    from websockets.http11 import Request, Response
 
 
 class Model:
     """Shows the model that a run published last. It is loaded anew when another one is published."""
 
-    def __init__(self, out: Path, host: str) -> None:
-        self._out, self._host = out, host
+    def __init__(self, out: Path, host: str, guard: Guard) -> None:
+        self._out, self._host, self._guard = out, host, guard
         self._server: ViserServer | None = None
         self._shown: str | None = None
         self._lock = threading.Lock()
@@ -31,9 +38,11 @@ class Model:
             raise StoreError("nothing is published yet: the model appears at the end of the run")
         with self._lock:
             if self._server is None:
-                self._server = _server(self._host)
+                self._server = _server(self._host, self._guard)
             if self._shown != snapshot:
-                data = (self._out / "published" / snapshot / "block.glb").read_bytes()
+                published = self._out / "published" / snapshot
+                with being_read(published):
+                    data = (published / "block.glb").read_bytes()
                 self._server.scene.add_glb("/block", data)
                 _look_at(self._server, data)
                 self._shown = snapshot
@@ -44,19 +53,53 @@ class Model:
             self._server.stop()
 
 
-def _server(host: str) -> ViserServer:
+def _server(host: str, guard: Guard) -> ViserServer:
     import rich
     import viser
+
+    class Server(viser.ViserServer):
+        def request_share_url(self, verbose: bool = True) -> None:
+            """Nothing: viser would open a tunnel from the internet to this port for any visitor who sends a message."""
 
     console = rich.get_console()
     console.quiet = True  # it announces its own address, which is no use without the page
     try:
-        server = viser.ViserServer(host=host, port=0, label="Streetloom", verbose=False)
+        with _guarded_sockets(guard):
+            server = Server(host=host, port=0, label="Streetloom", verbose=False)
     finally:
         console.quiet = False
     server.scene.set_up_direction("+y")  # glTF's
     server.gui.configure_theme(control_layout="collapsible", show_logo=False, show_share_button=False)
     return server
+
+
+@contextmanager
+def _guarded_sockets(guard: Guard) -> Iterator[None]:
+    """Servers of sockets that are started meanwhile ask `guard` first: viser has no setting for whom it answers."""
+    from websockets.asyncio import server as sockets
+
+    serve = sockets.serve
+
+    def guarded(handler: Any, *address: Any, process_request: Any, **options: Any) -> Any:
+        def asked(connection: ServerConnection, request: Request) -> Response | None:
+            hosts = request.headers.get_all("Host")
+            if refused := guard.refusal(hosts, request.headers.get_all("Origin")):
+                return connection.respond(HTTPStatus(refused[0]), refused[1])
+            response: Response | None = process_request(connection, request)
+            if response is not None:
+                name = in_address(name_in(hosts[0]))
+                response.headers["Content-Security-Policy"] = f"frame-ancestors http://{name}:*"
+                response.headers["X-Content-Type-Options"] = "nosniff"
+                response.headers["Referrer-Policy"] = "no-referrer"
+            return response
+
+        return serve(handler, *address, process_request=asked, **options)
+
+    sockets.serve = guarded  # type: ignore[assignment, misc]
+    try:
+        yield
+    finally:
+        sockets.serve = serve  # type: ignore[misc]
 
 
 def _look_at(server: ViserServer, data: bytes) -> None:

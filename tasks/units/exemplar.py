@@ -13,10 +13,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facade import prepare_exemplar
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
-from tasks.units.images import read_image
-
-# Longest side of a prepared exemplar in texels: 100 m at 20 texels per metre.
-LARGEST = 2000
+from tasks.units.images import LONGEST_EXEMPLAR, read_exemplar_picture
 
 
 def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[Any, dict[int, dict[str, Any]]]:
@@ -24,14 +21,15 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
     start = time.time()
     import cv2
 
-    image, hidden = read_image(path)
+    picture = read_exemplar_picture(path)
+    hidden = picture.hidden
     seconds = {"read": time.time() - start}
-    prepared = prepare_exemplar(image, hidden, storey=run.storey, seed=unit_seed(run, path.stem, "exemplar"))
+    prepared = prepare_exemplar(picture.rgb, hidden, storey=run.storey, seed=unit_seed(run, path.stem, "exemplar"))
     seconds |= prepared.facade.seconds
     begun = time.time()
     factor = prepared.metres_per_pixel * run.texels_per_metre
     height, width = (max(8, round(side * factor)) for side in prepared.facade.labels.shape)
-    shrink = min(1.0, LARGEST / max(height, width))
+    shrink = min(1.0, LONGEST_EXEMPLAR / max(height, width))
     size = (round(width * shrink), round(height * shrink))
     texture = cv2.resize(prepared.facade.image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
     labels = cv2.resize(prepared.facade.labels, size, interpolation=cv2.INTER_NEAREST)

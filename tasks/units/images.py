@@ -1,4 +1,4 @@
-"""Image files into arrays."""
+"""Image files into arrays, none larger than its use needs."""
 
 from __future__ import annotations
 
@@ -9,53 +9,70 @@ from pathlib import Path
 
 import numpy as np
 
-from facade_core.errors import ImageError
+from catalogs.pictures import LEAST_SIDE, Picture, opened, read_picture
+from tasks.outcome import refusing
 
 # Of a frame of 35 mm film, 36 x 24 mm.
 DIAGONAL_35MM = math.hypot(36, 24)
+# A picture is worked on at no more pixels than the widest panorama of a block has: 1300 a radian, a texel of 5 cm at 65 m.
+MOST_PIXELS = 8192 * 4096
+# Longest side of an exemplar in pixels, and of what is prepared from it in texels: 100 m at 20 texels per metre.
+LONGEST_EXEMPLAR = 2000
 
 
 def image_size(path: Path) -> tuple[int, int]:
     """Rows and columns of an image file, from its header."""
-    from PIL import Image
-
-    with Image.open(path) as image:
+    with opened(path) as image:
         return image.height, image.width
 
 
 def focal_length(path: Path) -> float | None:
-    """The focal length of a photo in pixels, from its EXIF 35 mm equivalent; None where that is not told."""
-    from PIL import ExifTags, Image
+    """The focal length of a photo in pixels of the file, from its EXIF 35 mm equivalent; None where that is not told."""
+    from PIL import ExifTags
 
-    with Image.open(path) as image:
-        told = image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm)
+    with opened(path) as image:
         diagonal = math.hypot(image.width, image.height)
-    return float(told) * diagonal / DIAGONAL_35MM if told else None
+        try:
+            told = float(image.getexif().get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.FocalLengthIn35mmFilm) or 0)
+        except Exception:  # damaged in any way
+            return None
+    return told * diagonal / DIAGONAL_35MM if 0 < told < math.inf else None
 
 
-def read_textures(paths: Sequence[Path], used: np.ndarray) -> dict[int, np.ndarray]:
-    """The pictures (h, w, 3) uint8 of those indices into `paths` that are used; negative ones stand for none."""
-    return {int(i): read_image(paths[i])[0] for i in np.unique(used[used >= 0])}
+def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:
+    """The pictures (h, w, 3) uint8 of those indices into `paths` that are used; negative ones stand for none.
+
+    Why one cannot be read is added to `refused`.
+    """
+    found = {}
+    for index in np.unique(used[used >= 0]).tolist():
+        with refusing(refused):
+            found[index] = read_image(paths[index])[0]
+    return found
+
+
+def read_panorama(path: Path) -> np.ndarray:
+    """A panorama (h, w, 3) uint8; facades of one building come one after the other and share it."""
+    state = path.stat()
+    return _read_panorama(path, state.st_size, state.st_mtime_ns)
 
 
 @lru_cache(maxsize=2)
-def read_panorama(path: Path) -> np.ndarray:
-    """A panorama (h, w, 3) uint8; facades of one building come one after the other and share it."""
+def _read_panorama(path: Path, size: int, modified: int) -> np.ndarray:
     return read_image(path)[0]
 
 
 def read_image(path: Path) -> tuple[np.ndarray, np.ndarray]:
-    """An image file as RGB (h, w, 3) uint8, turned as its EXIF says, and its hidden part (h, w) bool: where alpha < 128."""
-    from PIL import Image, ImageOps, UnidentifiedImageError
+    """An image file as RGB (h, w, 3) uint8 and its hidden part (h, w) bool, as read_whole has them."""
+    picture = read_whole(path)
+    return picture.rgb, picture.hidden
 
-    try:
-        with Image.open(path) as image:
-            upright = ImageOps.exif_transpose(image)
-            alpha = upright.getchannel("A") if "A" in upright.getbands() else None
-            if upright.mode.startswith("I"):  # 16 bits a pixel, which the library would clip, not scale
-                upright = Image.fromarray((np.asarray(upright, np.uint32) >> 8).astype(np.uint8))
-            rgb = np.asarray(upright.convert("RGB"))
-            hidden = np.asarray(alpha) < 128 if alpha is not None else np.zeros(rgb.shape[:2], bool)
-    except (OSError, UnidentifiedImageError, Image.DecompressionBombError) as error:
-        raise ImageError(f"{path.name}: not a readable image ({error}); replace or remove it") from error
-    return rgb, hidden
+
+def read_whole(path: Path, *, least: int = 1) -> Picture:
+    """A picture of at most MOST_PIXELS; a larger one is reduced as it is read, to the scale that comes with it."""
+    return read_picture(path, most=MOST_PIXELS, least=least)
+
+
+def read_exemplar_picture(path: Path) -> Picture:
+    """An exemplar, reduced to what can be prepared from it."""
+    return read_picture(path, longest=LONGEST_EXEMPLAR, least=LEAST_SIDE)

@@ -8,15 +8,16 @@ from pathlib import Path
 from typing import Any
 
 from facade_core.rectify import refine_pose
+from tasks.plan import plan_of_run
 from tasks.run import Run
-from tasks.units.context import context, worker_name
+from tasks.units.context import worker_name
 from tasks.units.images import read_panorama
 
 
 def pose_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Refine the pose of panorama `index` against the block; returns the fork, to which nothing is written, and its record."""
     start = time.time()
-    plan = context(run).plan
+    plan = plan_of_run(run)
     found = refine_pose(plan.scene, read_panorama(path), plan.poses[index])
     pose = found.pose
     record = {

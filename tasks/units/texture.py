@@ -16,9 +16,11 @@ from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.rectify import own_texture
 from facade_core.street.overhead import from_above, shown_from_above
+from tasks.outcome import refusal
+from tasks.plan import plan_of_run
 from tasks.roofs import sampler
 from tasks.run import Run
-from tasks.units.context import context, worker_name
+from tasks.units.context import worker_name
 from tasks.units.images import read_textures
 
 
@@ -27,10 +29,11 @@ def texture_unit(
 ) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Write the textured charts of one building through the fork; returns the fork and the journal record of unit `index`."""
     start = time.time()
-    plan = context(run).plan
+    plan = plan_of_run(run)
     scene = plan.scene
     charts = plan.own_charts(building)
-    images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)])
+    refused: list[Exception] = []
+    images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)], refused)
     group: StoreGroup = zarr.open_group(fork.store)
     atlas = group["atlas"]
     digests: dict[str, str] = {}
@@ -56,6 +59,7 @@ def texture_unit(
         "unit": name,
         "key": key,
         "status": "done",
+        **refusal(refused, "without it"),
         "charts": len(charts),
         "digests": digests,
         "worker": worker_name(),

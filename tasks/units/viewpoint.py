@@ -2,25 +2,46 @@
 
 from __future__ import annotations
 
-import hashlib
 import time
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from threading import Lock
 from typing import Any
 
 import numpy as np
 import zarr
 
 from facade_core.atlas.journal import read_records
-from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters, write_rasters
+from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters, write_rasters
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.ingest import Plan
+from facade_core.plan import Plan
+from facade_core.street import neural
 from facade_core.street.blend import blend
 from facade_core.street.levelled import levelled
 from facade_core.street.propagate import propagate
 from facade_core.street.render import render
+from facade_core.street.translate import Swatches, Translator
 from facade_core.street.window import Window
+from tasks.plan import plan_of_run
+from tasks.roofs import roof_material
 from tasks.run import Run
-from tasks.units.context import Context, context, worker_name
+from tasks.units.context import worker_name
+
+
+@dataclass(frozen=True)
+class Context:
+    """What a worker keeps between the units of a run: its plan and translator, read once per process."""
+
+    plan: Plan
+    translator: Translator
+
+
+@lru_cache(maxsize=2)
+def context(run: Run) -> Context:
+    plan = plan_of_run(run)
+    if run.translator == "neural":
+        return Context(plan, neural.load())
+    return Context(plan, Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=roof_material(run)))
 
 
 @dataclass
@@ -31,8 +52,13 @@ class _Progress:
     done: int
 
 
-# One entry per street under way in this process; dropped at the street's end, or when a unit of another run comes.
-_streets: dict[tuple[Run, int, str], _Progress] = {}
+# A street of a run, by its key.
+_Street = tuple[Run, int, str]
+# One entry per street under way in this process; dropped when its worker is to forget it, or when a unit of another run comes.
+# While a unit works on a window its own mark stands there: a second copy of a unit, come back to a worker whose first one was
+# late, must not blend into the same window, and what a unit leaves that failed is not gone on from.
+_streets: dict[_Street, _Progress | object] = {}
+_taking = Lock()
 
 
 def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str) -> tuple[Any, dict[str, Any]]:
@@ -40,7 +66,8 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     start = time.time()
     here = context(run)
     group: StoreGroup = zarr.open_group(fork.store)
-    progress = _progress(run, here, group, street, step, street_key)
+    entry = (run, street, street_key)
+    progress, mark = _take(entry, here, group, step)
     viewpoint = here.plan.of_street(street)[step]
     size = (run.panorama_width // 2, run.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
@@ -57,15 +84,16 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     rgb = here.translator.translate(panorama)
     lap("translate")
     propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
-    progress.done = step + 1
     lap("propagate")
     group["panoramas/rgb"][viewpoint.id] = rgb
+    _keep(entry, mark, _Progress(progress.window, step + 1))
     lap("write")
     return fork, {
         "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
         if (panorama.chart >= 0).any()
         else 0.0,
         "passes": _passes(here.plan, panorama.chart, rgb),
+        "panorama": picture_digest(rgb),
         "worker": worker_name(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
@@ -77,8 +105,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     start = time.time()
     here = context(run)
     group: StoreGroup = zarr.open_group(fork.store)
-    window = _progress(run, here, group, street, steps, street_key).window
-    _streets.pop((run, street, street_key), None)
+    window = _take((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
     colour, views = blend(window.state)
     held = Rasters.of(scene.placement, window.writable)
@@ -104,7 +131,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
 def _passes(plan: Plan, chart: np.ndarray, rgb: np.ndarray) -> str:
     """A digest of what other streets may take of a panorama: its pixels on charts that the street stage writes."""
     shared = (chart >= 0) & plan.writable[chart]
-    return hashlib.blake2b(np.where(shared[..., None], rgb, np.uint8(0)).tobytes(), digest_size=8).hexdigest()
+    return picture_digest(np.where(shared[..., None], rgb, np.uint8(0)))
 
 
 def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> np.ndarray:
@@ -124,14 +151,28 @@ def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarra
     return np.isin(charts, held)
 
 
-def _progress(run: Run, here: Context, group: StoreGroup, street: int, step: int, street_key: str) -> _Progress:
-    """The street's window with its first `step` viewpoints in it: from this process, else replayed from panoramas."""
-    entry = (run, street, street_key)
-    for other in [held for held in list(_streets) if held[0] != run]:
+def forget_street(run: Run, street: int, street_key: str) -> None:
+    """Let go of what this process keeps of a street."""
+    _streets.pop((run, street, street_key), None)
+
+
+def _take(entry: _Street, here: Context, group: StoreGroup, step: int) -> tuple[_Progress, object]:
+    """The street's window with its first `step` viewpoints in it, from this process, else replayed from panoramas; and the mark
+    that now stands for it."""
+    for other in [held for held in list(_streets) if held[0] != entry[0]]:
         _streets.pop(other, None)
-    if entry not in _streets or _streets[entry].done != step:
-        _streets[entry] = _Progress(replay(here.plan, group, street, step), step)
-    return _streets[entry]
+    mark = object()
+    with _taking:
+        held, _streets[entry] = _streets.get(entry), mark
+    if not isinstance(held, _Progress) or held.done != step:
+        held = _Progress(replay(here.plan, group, entry[1], step), step)
+    return held, mark
+
+
+def _keep(entry: _Street, mark: object, progress: _Progress) -> None:
+    with _taking:
+        if _streets.get(entry) is mark:
+            _streets[entry] = progress
 
 
 def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: int = 1) -> Window:

@@ -12,7 +12,7 @@ from facade_core.atlas.provenance import UNSEEN
 from facade_core.errors import InputError
 from facade_core.export import Camera
 from facade_core.geometry.raycast import MISS
-from facade_core.ingest import Plan
+from facade_core.plan import Plan
 from facade_core.street.propagate import propagate
 from facade_core.street.window import Window
 from tasks.plan import read_plan

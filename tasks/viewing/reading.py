@@ -17,9 +17,10 @@ from facade_core.atlas.journal import STAGES, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
+from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
-from facade_core.ingest import Facades
 from tasks.facade_report import chart_raster, facts
+from tasks.outcome import refused
 from tasks.plan import read_facades
 from tasks.standing import current_snapshot
 
@@ -166,6 +167,7 @@ class View:
                 stages.append({"name": stage, **counts})
             outdated += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in stale]
             failures += [{"stage": stage, "unit": r["unit"], "reason": r.get("reason", "")} for r in failed]
+            failures += [{"stage": stage, "unit": unit, "reason": reason} for unit, reason in refused(made)]
         return {
             "snapshot": self.snapshot,
             "published": self.published,

@@ -81,7 +81,7 @@ def test_the_block_is_of_the_size_it_is_named_for(tmp_path: Path, monkeypatch: p
     from dataclasses import replace
 
     from catalogs.block import read_block
-    from tasks.plan import plan_of
+    from tasks.planning import plan_of
 
     monkeypatch.setattr("tasks.demo.EXEMPLARS", 1)
     block = read_block(write_block(tmp_path, quick=False))

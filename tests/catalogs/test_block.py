@@ -79,7 +79,7 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ("seed: 1.5", {}, "seed: 1.5 is not a whole number"),
         ("seed: 1\nseed: 2", {}, "line 7: seed: given twice (also on line 6); remove one"),
         ("storey: [", {}, "line 6"),
-        ("x: !!python/object:os.system 1", {}, "not valid YAML"),
+        ("x: !!python/object:os.system 1", {}, "is a tag, and tags are not read; leave it out"),
         ("crs: EPSG:99999", {}, "crs: 'EPSG:99999' is not a known CRS"),
         ("crs: EPSG:4326", {}, "crs: 'EPSG:4326' (WGS 84) is not projected in metres"),
         ("crs: EPSG:3857", {}, "crs: EPSG:3857 (WGS 84 / Pseudo-Mercator) does not measure metres"),

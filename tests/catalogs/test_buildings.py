@@ -130,7 +130,7 @@ def test_what_an_earlier_file_states_is_kept_and_textures_are_counted_on() -> No
         textures=("b.jpg",),  # type: ignore[arg-type]
     )
     built = block_buildings(
-        [first, second, Footprints("EPSG:28992", (footprint("a", box(300, 0, 310, 10)),))], RD, area=None, storey=3.0
+        [first, second, Footprints("EPSG:28992", (footprint("a", box(6, 0, 16, 10)),))], RD, area=None, storey=3.0
     )
     assert [building.id for building in built.items] == ["a", "b"]
     assert built.notes == ("buildings stated twice, the first kept: 2 (a, same-place)",)
@@ -138,3 +138,32 @@ def test_what_an_earlier_file_states_is_kept_and_textures_are_counted_on() -> No
     shell = built.items[1].shell
     assert shell is not None
     assert set(shell.texture.tolist()) == {-1, 1}
+
+
+def test_an_id_that_another_building_elsewhere_has_is_numbered() -> None:
+    def row(*ids_and_places: tuple[str, float]) -> Footprints:
+        return Footprints("EPSG:28992", tuple(footprint(id, box(x, 0, x + 10, 10), 7.0) for id, x in ids_and_places))
+
+    beside = row(("0", 9.9), ("1", 100.0), ("0-2", 200.0))
+    again = row(("0", 300.0), ("1", 102.0), ("0-3", 400.0))
+    built = block_buildings([row(("0", 0.0), ("1", 50.0)), beside, again], RD, area=None, storey=3.0)
+    places = {building.id: building.footprint.bounds[0] for building in built.items}
+    assert places == {
+        "0": 0.0,
+        "0-2": 200.0,
+        "0-3": 9.9,
+        "0-3-2": 400.0,
+        "0-4": 300.0,
+        "1": 50.0,
+        "1-2": 100.0,
+    }
+    assert built.notes == (
+        "buildings numbered since one elsewhere has their id: 4 (0-3, 0-3-2, 0-4, 1-2)",
+        "buildings stated twice, the first kept: 1 (1)",
+    )
+
+
+def test_models_of_a_second_file_under_the_same_names_are_kept() -> None:
+    files = [Models("EPSG:28992", (model("building_1", house(x, 0)),)) for x in (0, 100)]
+    built = block_buildings(files, RD, area=None, storey=3.0)
+    assert [building.id for building in built.items] == ["building_1", "building_1-2"]

@@ -102,6 +102,7 @@ def test_conditions(out: Path, where: str | None, ids: range | tuple[int, ...]) 
         ("TRUE HAVING TRUE", "more than a condition"),
         ("TRUE QUALIFY TRUE", "more than a condition"),
         ("floors = $1", "more than a condition"),
+        ("street = '\ud800'", "holds half a character"),
         ("read_text('/etc/passwd') = ''", "function read_text is not allowed"),
         ("getenv('HOME') = ''", "function getenv is not allowed"),
         ("lower(read_blob('/etc/passwd')) = ''", "function read_blob is not allowed"),

@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.ingest import Plan, ingest
+from facade_core.ingest import ingest
+from facade_core.plan import Plan
 from facade_core.types import Building, Street
 
 

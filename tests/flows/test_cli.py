@@ -83,3 +83,79 @@ def test_view_names_the_runs_of_a_folder(tmp_path: Path) -> None:
 def test_unknown_benchmark_names_those_there_are() -> None:
     message = one_line_and_code_2(streetloom("bench", "speed"))
     assert "block" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "BLOCK", "--out", ""), "--out: is empty; name a folder"),
+        (("view", "FOLDER", "--host", ""), "--host: is empty; name an address"),
+    ],
+)
+def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
+    tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    from click.testing import CliRunner
+
+    from flows.cli import main
+
+    (tmp_path / "block.yaml").write_text("")
+    given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
+    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    assert shown.exit_code == 2
+    assert said in shown.stderr
+    assert len(shown.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "BLOCK", "--out", "s3://bucket/out"),
+        ("demo", "--out", "gs://bucket/out"),
+        ("fetch", "delfshaven", "--out", "s3://bucket"),
+        ("export", "FOLDER", "--format", "glb", "--to", "s3://bucket/x"),
+        ("new-block", "s3://bucket/x.yaml", "--osm", "BLOCK", "--bbox", "1", "2", "3", "4"),
+    ],
+)
+def test_results_go_to_folders_of_this_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]
+) -> None:
+    from click.testing import CliRunner
+
+    from flows.cli import main
+
+    (tmp_path / "block.yaml").write_text("")
+    given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    assert list(Path.cwd().iterdir()) == []
+    assert shown.exit_code == 2
+    assert "results are written to folders of this machine only" in shown.stderr
+    assert len(shown.stderr.splitlines()) == 1
+
+
+def test_what_asks_before_the_server_is_there_imports_no_prefect() -> None:
+    """Prefect reads where its server is when it is first imported; a redo once made it look for one of its own."""
+    modules = "catalogs.block, flows.lock, flows.log_file, flows.server, tasks.redo, tasks.run, tasks.standing"
+    code = f"import sys, flows.cli, flows.console, {modules}; print('prefect' in sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert shown.stdout.strip() == "False", shown.stderr
+
+
+def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from click.testing import CliRunner
+
+    from flows.cli import main
+
+    def crash(*_: object) -> None:
+        raise KeyError("inner")
+
+    monkeypatch.setattr("catalogs.block.read_block", crash)
+    (tmp_path / "block.yaml").write_text("")
+    shown = CliRunner().invoke(main, ["run", str(tmp_path / "block.yaml"), "--out", str(tmp_path / "out")])
+    assert shown.exit_code == 70
+    (line,) = shown.stderr.splitlines()
+    told, _, log = line.rpartition(" ")
+    assert told == "streetloom: stopped by an error of its own (KeyError: 'inner'); where is in"
+    assert "in crash" in Path(log).read_text()

@@ -58,6 +58,8 @@ def new_site(home: Path) -> Site:
         "PREFECT_HOME": str(home),
         "PREFECT_SERVER_API_PORT": port,
         "PREFECT_API_URL": f"http://127.0.0.1:{port}/api",
+        "PREFECT_SERVER_CONCURRENCY_LEASE_STORAGE": "prefect.server.concurrency.lease_storage.filesystem",
+        "PREFECT_SERVER_CONCURRENCY_INITIAL_DEPLOYMENT_LEASE_DURATION": "30",
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "COLUMNS": "200",
     }
@@ -139,6 +141,16 @@ def running(site: Site) -> list[psutil.Process]:
         except (psutil.NoSuchProcess, psutil.AccessDenied):
             continue
     return found
+
+
+def kill(site: Site, command: str) -> None:
+    """SIGKILL what was left running by a command and everything it started, all at once."""
+    process = next(one for one in site.started if one.args[1:3] == command.split()[1:3])
+    site.started.remove(process)
+    whole = [psutil.Process(process.pid), *psutil.Process(process.pid).children(recursive=True)]
+    for one in whole:
+        one.kill()
+    process.wait()
 
 
 def end(site: Site) -> list[psutil.Process]:

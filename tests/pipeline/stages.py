@@ -24,8 +24,10 @@ from tasks.exemplars import exemplars_due
 from tasks.facades import facade_imagery, facades_due
 from tasks.fan_out import Stage, process_batch
 from tasks.ingest import ingest_block
+from tasks.outcome import Outcome, refused
 from tasks.plan import read_plan
 from tasks.poses import poses_due
+from tasks.redo import chosen_streets
 from tasks.run import Run, run_of
 from tasks.streets import texture_street
 from tasks.textures import textures_due
@@ -96,31 +98,34 @@ def write_photo(folder: Path, facade: str, seed: int) -> None:
 
 @dataclass(frozen=True)
 class Textured:
-    """A block whose stages have run, and what was said before of those that were due again."""
+    """A block whose stages have run, what was said before of those that were due again, and the units whose pictures were
+    refused, with the reason."""
 
     run: Run
     said: str | None
+    refused: tuple[tuple[str, str], ...]
 
 
-def texture(block_file: Path, out: Path, *, stop_before: str = "") -> Textured:
-    """All stages of a block but publishing, one unit at a time; or those before a street."""
+def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | None = None) -> Textured:
+    """All stages of a block but publishing, one unit at a time; or those before a street, or with one street only."""
     out.mkdir(parents=True, exist_ok=True)
     block, compute = read_block(block_file), Serial()
     run = run_of(block, out)
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
     said = what_is_due(run, block, outline)
-    _do(run, textures_due(run, outline.textured, block.textures), compute)
-    _do(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
-    _do(run, exemplars_due(run, block.exemplars), compute)
-    _do(run, _facades(run, block, outline), compute)
+    outcome = _do(run, textures_due(run, outline.textured, block.textures), compute)
+    outcome += _do(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
+    outcome += _do(run, exemplars_due(run, block.exemplars), compute)
+    outcome += _do(run, _facades(run, block, outline), compute)
+    chosen = chosen_streets(run, only)
     for wave in outline.waves:
-        for street in wave:
+        for street in (s for s in wave if chosen is None or s in chosen):
             if outline.streets[street] == stop_before:
-                return Textured(run, said)
-            outcome = texture_street.fn(run, street, outline.streets[street], 0, compute)
-            assert not outcome.failed, outcome.failed
-    return Textured(run, said)
+                return Textured(run, said, outcome.refused)
+            textured = texture_street.fn(run, street, outline.streets[street], 0, compute)
+            assert not textured.failed, textured.failed
+    return Textured(run, said, outcome.refused)
 
 
 def started(out: Path) -> dict[tuple[str, str], float]:
@@ -159,10 +164,12 @@ def _facades(run: Run, block: Block, outline: Any) -> Stage:
     return facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
 
 
-def _do(run: Run, stage: Stage, compute: Serial) -> None:
+def _do(run: Run, stage: Stage, compute: Serial) -> Outcome:
+    outcome = Outcome(refused=refused(stage.held))
     if stage.work:
-        outcome = process_batch.fn(run, stage.name, "1", stage.function, stage.work, compute)
-        assert not outcome.failed, outcome.failed
+        outcome += process_batch.fn(run, stage.name, "1", stage.function, stage.work, compute)
+    assert not outcome.failed, outcome.failed
+    return outcome
 
 
 def _group(out: Path) -> Any:

@@ -6,8 +6,12 @@ import json
 import re
 import shutil
 import subprocess
+import sys
+import threading
 from collections.abc import Iterator
+from contextlib import contextmanager
 from datetime import UTC, datetime, timedelta
+from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -17,19 +21,22 @@ import pytest
 import yaml
 
 from facade_core.atlas.journal import STAGES
+from facade_core.errors import InputError, StoreError
 from flows.block import flow_run_name
+from flows.lock import locked
 from tasks.commits import journal
-from tests.pipeline.deployed import README, Site, end, healthy, left_running, new_site, running, typed, until
+from tests.pipeline.deployed import README, Site, end, healthy, kill, left_running, new_site, running, typed, until
 from tests.pipeline.runs import ROOT, command
 
 if TYPE_CHECKING:
-    from prefect.client.schemas.objects import FlowRun
+    from prefect.client.schemas.objects import FlowRun, State
 
 pytestmark = pytest.mark.timeout(1200)
 
 RUN = (
     """prefect deployment run city-block/dev --watch --param block_file='"blocks/mine.yaml"' --param out='"out/mine"'"""
 )
+WORKER = "prefect worker start --type process --pool streetloom"
 ALONE = f"{RUN} --param workers=1"
 
 Summary = dict[str, Any]
@@ -44,7 +51,7 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
         until(lambda: healthy(made), made)
         typed(made, "prefect work-pool create streetloom --type process")
         typed(made, "prefect deploy -n city-block/dev")
-        left_running(made, "prefect worker start --type process --pool streetloom", "worker.log")
+        left_running(made, WORKER, "worker.log")
         yield made
     finally:
         end(made)
@@ -224,7 +231,7 @@ def test_a_broken_photo_is_a_failed_unit_not_a_failed_run(site: Site, block: Pat
     assert broken.name in reasons[broken.stem]
     assert "no facade has the id" in reasons[astray.name]
     first = {(row["stage"], row["unit"], row["status"]) for row in shown["units"][0][:2]}
-    assert first == {("facades", broken.stem, "failed"), ("ingest", astray.name, "set aside")}
+    assert first == {("facades", broken.stem, "refused"), ("ingest", astray.name, "set aside")}
     assert (tmp_path / "out" / "current").is_file()
 
 
@@ -272,9 +279,154 @@ def test_nightly_is_deployed_as_written(site: Site) -> None:
     assert int(nightly["job_variables"]["env"]["PREFECT_FLOWS_DEFAULT_RETRIES"]) == 2
     assert int(nightly["job_variables"]["env"]["PREFECT_FLOWS_DEFAULT_RETRY_DELAY_SECONDS"]) == 60
     assert set(nightly["tags"]) == {"streetloom", "nightly"}
-    assert nightly["parameters"] == {"block_file": None, "out": "out/nightly", "workers": 2}
+    assert nightly["parameters"] == {"block_file": None, "out": "out/nightly", "workers": 2, "deadline": 22, "keep": 14}
     (step,) = nightly["pull_steps"]
     assert step == {"prefect.deployments.steps.set_working_directory": {"directory": str(ROOT)}}
+
+
+def test_a_run_whose_worker_is_killed_before_it_starts_is_crashed_and_the_next_one_starts(
+    site: Site, tmp_path: Path
+) -> None:
+    """Its place in `nightly`, which cancels what finds none, comes back though the server was started anew meanwhile."""
+    told: list[str] = []
+    automations = (ROOT / "deploy" / "automations.yaml").read_text()
+    (tmp_path / "automations.yaml").write_text(automations.replace("within: 900", "within: 15"))
+    bad = tmp_path / "bad.yaml"
+    bad.write_text("name: mine\nbuildigs: {path: a.pbf}\n")
+    with listening(told) as address:
+        block = (
+            "from prefect.blocks.notifications import CustomWebhookNotificationBlock as To; To(name='team', url=%r, "
+        )
+        subprocess.run(
+            [sys.executable, "-c", f"{block % address} json_data={{'body': '{{{{body}}}}'}}).save('team')"],
+            env=site.environment,
+            check=True,
+        )
+        automate(site, tmp_path / "automations.yaml")
+        typed(site, "prefect deploy -n city-block/nightly")
+        first = begin(site, bad)
+        until(lambda: state(site, first).type.value == "PENDING", site)
+        kill(site, WORKER)
+        kill(site, "prefect server start")
+        left_running(site, "prefect server start", "server again.log")
+        until(lambda: healthy(site), site)
+        left_running(site, WORKER, "worker again.log")
+        until(lambda: state(site, first).name == "Crashed", site)
+        automate(site, ROOT / "deploy" / "automations.yaml")  # those of the same names go
+        second = begin(site, bad)
+        until(lambda: state(site, second).is_final(), site)
+        assert state(site, second).name == "Failed"
+        assert "buildigs: unknown key" in (state(site, second).message or "")
+        until(lambda: any("buildigs: unknown key" in line for line in told), site)
+
+
+def automate(site: Site, file: Path) -> None:
+    done = subprocess.run(
+        [sys.executable, "deploy/automations.py", str(file), "--notify", "custom-webhook/team"],
+        cwd=ROOT,
+        env=site.environment,
+        capture_output=True,
+        text=True,
+    )
+    assert done.returncode == 0, done.stderr
+    with site.client() as client:
+        made = [one.name for one in client.read_automations()]
+    assert sorted(made) == sorted(one["name"] for one in yaml.safe_load(file.read_text()))
+
+
+def begin(site: Site, block: Path) -> UUID:
+    with site.client() as client:
+        nightly = client.read_deployment_by_name("city-block/nightly")
+        parameters = {"block_file": str(block), "out": str(block.parent / "out"), "workers": 1}
+        return client.create_flow_run_from_deployment(nightly.id, parameters=parameters).id
+
+
+def state(site: Site, run: UUID) -> State:
+    with site.client() as client:
+        found = client.read_flow_run(run).state
+    assert found
+    return found
+
+
+@contextmanager
+def listening(told: list[str]) -> Iterator[str]:
+    """The address of a webhook, which notes what it is told."""
+
+    class Webhook(BaseHTTPRequestHandler):
+        def do_POST(self) -> None:
+            told.append(self.rfile.read(int(self.headers["Content-Length"])).decode())
+            self.send_response(200)
+            self.end_headers()
+
+    with ThreadingHTTPServer(("127.0.0.1", 0), Webhook) as server:
+        threading.Thread(target=server.serve_forever, daemon=True).start()
+        yield f"http://127.0.0.1:{server.server_port}/"
+        server.shutdown()
+
+
+def test_a_run_that_is_cancelled_ends_and_the_next_goes_on(site: Site, smallest: Path, tmp_path: Path) -> None:
+    from prefect.client.schemas.objects import StateType
+    from prefect.states import Cancelling
+
+    run = ordered(site, smallest, tmp_path / "out")
+    until(lambda: held(tmp_path / "out", "facades"), site)
+    with site.client() as client:
+        client.set_flow_run_state(run, Cancelling())
+        until(lambda: client.read_flow_run(run).state_type == StateType.CANCELLED, site)
+    until(lambda: not working_in(tmp_path / "out"), site)
+    before = held(tmp_path / "out", "facades")
+    again = until_ended(site, ordered(site, smallest, tmp_path / "out"))
+    assert again.state_name == "Completed"
+    assert [record["started"] for record in held(tmp_path / "out", "facades")[: len(before)]] == [
+        record["started"] for record in before
+    ]
+
+
+def test_a_run_that_fails_is_tried_again(site: Site, smallest: Path, tmp_path: Path) -> None:
+    """The folder is another run's while the first try begins."""
+    retries = {"PREFECT_FLOWS_DEFAULT_RETRIES": "2", "PREFECT_FLOWS_DEFAULT_RETRY_DELAY_SECONDS": "1"}
+    with locked(tmp_path / "out"):
+        run = ordered(site, smallest, tmp_path / "out", retries)
+        with site.client() as client:
+            until(lambda: client.read_flow_run(run).state_name == "AwaitingRetry", site)
+    ended = until_ended(site, run)
+    assert ended.state_name == "Completed"
+    assert ended.run_count in (2, 3)
+    assert (tmp_path / "out" / "current").is_file()
+
+
+def ordered(site: Site, block: Path, out: Path, environment: dict[str, str] | None = None) -> UUID:
+    """A run of the deployment `dev` that is asked for, and not waited for."""
+    with site.client() as client:
+        deployment = client.read_deployment_by_name("city-block/dev")
+        return client.create_flow_run_from_deployment(
+            deployment.id,
+            parameters={"block_file": str(block), "out": str(out), "workers": 1},
+            job_variables={"env": environment or {}},
+        ).id
+
+
+def until_ended(site: Site, run: UUID) -> FlowRun:
+    with site.client() as client:
+        until(lambda: client.read_flow_run(run).end_time, site)
+        return client.read_flow_run(run)
+
+
+def held(out: Path, stage: str) -> list[dict[str, Any]]:
+    """The records of a stage that are there."""
+    try:
+        return [record for record in journal(out / "store", stage) if record]
+    except (StoreError, KeyError, FileNotFoundError):
+        return []
+
+
+def working_in(out: Path) -> bool:
+    """Whether a run holds the folder."""
+    try:
+        with locked(out):
+            return False
+    except InputError:
+        return True
 
 
 def test_nothing_runs_afterwards(site: Site) -> None:

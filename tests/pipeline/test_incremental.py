@@ -11,8 +11,13 @@ import numpy as np
 import pytest
 from PIL import Image, ImageOps
 
+from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal
 from tasks.commits import journal
+from tasks.publish import publish_block
+from tasks.run import run_of
+from tasks.stage_code import stage_code
+from tasks.standing import nothing_due
 from tests.pipeline.stages import (
     BUILDINGS,
     STREETS,
@@ -168,7 +173,39 @@ def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
         assert done - ALL_STREETS == {name} | users
         assert done & ALL_STREETS == (ALL_STREETS if users else set())
         assert made.said is not None
-        assert made.said.startswith("due are 1 of 2 exemplars (new)")
+        assert made.said.startswith("due are 1 of 2 exemplars (picture changed)")
+
+
+def test_a_photo_that_comes_or_is_refused_changes_its_own_wall_alone(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    write_photo(folder / "in", "b-2", 2)
+    done, made = again(folder)
+    assert done - ALL_STREETS == {"b-2"}, "other walls of the building keep their exemplar"
+    (folder / "in" / "photos" / "b-2.png").write_bytes(b"no picture")
+    (folder / "in" / "photos" / "a-0.png").write_bytes((folder / "in" / "photos" / "a-0.png").read_bytes()[:2000])
+    done, made = again(folder)
+    assert done - ALL_STREETS == {"a-0", "b-2"}
+    records = {r["unit"]: r for r in journal(folder / "out" / "store", "facades") if r}
+    assert {r["status"] for r in records.values()} == {"done"}
+    assert records["b-2"]["source"] == records["b-0"]["source"], "that of its building"
+    assert records["b-2"]["reason"].startswith("b-2.png")
+    assert records["b-2"]["reason"].endswith(f"; textured from exemplar {records['b-0']['source']}")
+    assert "Traceback" in records["b-2"]["traceback"]
+    assert "reason" not in records["b-0"]
+    told = {(name, records[name]["reason"]) for name in ("a-0", "b-2")}
+    assert set(made.refused) == told
+    assert_as_fresh(folder, made)
+    done, made = again(folder)
+    assert done == set()
+    assert set(made.refused) == told, "again, as long as it is so"
+
+
+def test_another_seed_is_told_as_one(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    write_block(folder / "in", **LEFT, seed=4)
+    assert (again(folder)[1].said or "").startswith(
+        "due are 6 of 6 facades (block's settings changed), 3 of 3 streets ("
+    )
 
 
 def test_the_density_reaches_everything(translated: Path, tmp_path: Path) -> None:
@@ -176,8 +213,65 @@ def test_the_density_reaches_everything(translated: Path, tmp_path: Path) -> Non
     before = set(started(folder / "out"))
     write_block(folder / "in", texture=LEFT["texture"] | {"texels_per_metre": 4})
     held = started(folder / "out")
-    texture(folder / "in" / "block.yaml", folder / "out")
+    made = texture(folder / "in" / "block.yaml", folder / "out")
     assert redone(held, folder / "out") >= before
+    assert made.said == "all is due: texture.texels_per_metre was 3 and is 4"
+
+
+def test_units_done_by_other_code_are_due(translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    folder = copied(translated, tmp_path)
+    for reader in ("keys", "street_keys"):
+        monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("facades"))
+    done, made = again(folder)
+    assert done - ALL_STREETS == {unit for stage, unit in started(folder / "out") if stage == "facades"}
+    assert made.said is not None
+    assert "6 of 6 facades (code or a library changed)" in made.said
+
+
+def test_other_code_that_ingests_takes_over_what_is_the_same(
+    translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copied(translated, tmp_path)
+    for reader in ("run", "ingest"):
+        monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("ingest"))
+    done, made = again(folder)
+    assert done == set()
+    assert made.run.key != _key_of(translated)
+    assert made.said == "nothing is due but what is published"
+
+
+def test_other_code_that_publishes_does_nothing_else(
+    translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copied(translated, tmp_path)
+    run = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
+    first = publish_block.fn(run)
+    done = nothing_due(run)
+    assert done is not None
+    assert done["units_done"] == 0
+    for reader in ("publish", "standing"):
+        monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("publish"))
+    assert nothing_due(run) is None
+    before = started(folder / "out")
+    second = publish_block.fn(run)
+    assert redone(before, folder / "out") == set()
+    assert nothing_due(run) is not None
+    assert first["atlas_digest"] == second["atlas_digest"]
+    assert first["outputs"]["items"] != second["outputs"]["items"]  # readers of the first are not disturbed
+    assert Path(first["outputs"]["items"]).is_file()
+
+
+def _key_of(folder: Path) -> str:
+    import zarr
+
+    from facade_core.atlas.store import open_repository
+
+    store = open_repository(folder / "out" / "store").readonly_session("main").store
+    return str(zarr.open_group(store, mode="r").attrs["key"])
+
+
+def _other_code(stage: str) -> Callable[..., str]:
+    return lambda one, **options: "new" if one == stage else stage_code(one, **options)
 
 
 def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:

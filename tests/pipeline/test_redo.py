@@ -2,9 +2,6 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import subprocess
 from pathlib import Path
 from typing import Any
 
@@ -14,43 +11,35 @@ import pytest
 from catalogs.query import query
 from facade_core.errors import InputError
 from tasks.commits import journal
-from tasks.streets import find_redo, street_chunks
-from tests.pipeline.runs import ROOT, command, environment
+from tasks.publish import publish_block
+from tasks.redo import find_redo, redo_street, street_chunks
+from tests.pipeline.stages import digests_of, redone, started, texture, write_block
 
 
-def redo(block: Path, out: Path, *options: str) -> tuple[dict[str, Any], str]:
-    done = subprocess.run(
-        [*command(block, out, 1), *options],
-        cwd=ROOT,
-        env=environment(out.parent),
-        capture_output=True,
-        text=True,
-        timeout=600,
-    )
-    assert done.returncode == 0, done.stderr[-3000:]
-    return json.loads(done.stdout.strip().splitlines()[-1]), done.stderr
+def states(out: Path) -> dict[str, str]:
+    return {r["unit"]: r["status"] for r in journal(out / "store", "streets") if r}
 
 
-def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(block, undisturbed, tmp_path) -> None:
-    before, summary = undisturbed
-    out = tmp_path / "out"
-    shutil.copytree(before, out)
-    records = journal(out / "store", "streets")
-    first = next(r for r in records if r and r["wave"] == 0 and r["digests"])
-    later = [r["unit"] for r in records if r and r["wave"] > 0 and set(r["digests"]) & set(first["digests"])]
+def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(tmp_path: Path) -> None:
+    """Of the small block's streets two cross, and the second of these reads what the first writes."""
+    block, out = write_block(tmp_path / "in", texture={"walls": "translate"}), tmp_path / "out"
+    made = texture(block, out)
+    digest, before = digests_of(out), started(out)
+    first, *others = sorted((r for r in journal(out / "store", "streets") if r), key=lambda r: r["wave"])
+    later = [r["unit"] for r in others if r["wave"] > 0 and set(r["digests"]) & set(first["digests"])]
     assert later
-    alone, told = redo(block, out, "--redo", first["unit"], "--only")
-    assert first["unit"] in told
-    assert all(unit in told for unit in later)
-    states = {r["unit"]: r["status"] for r in journal(out / "store", "streets") if r}
-    assert states[first["unit"]] == "done"
-    assert {unit for unit, state in states.items() if state == "stale"} >= set(later)
-    rows = query(out, where="kind = 'street'")
-    assert set(rows["id"]) == {unit for unit, state in states.items() if state == "stale"}
-    assert alone["atlas_digest"] == summary["atlas_digest"]
-    mended, _ = redo(block, out)
-    assert {r["status"] for r in journal(out / "store", "streets") if r} == {"done"}
-    assert mended["atlas_digest"] == summary["atlas_digest"]
+    assert redo_street(made.run, first["unit"], only=True) == ([first["unit"]], later)
+    assert {unit for unit, state in states(out).items() if state == "stale"} == set(later)
+    texture(block, out, only=first["unit"])
+    assert {unit for unit, state in states(out).items() if state == "stale"} == set(later)
+    assert {unit for stage, unit in redone(before, out) if stage == "streets"} == {first["unit"]}
+    publish_block.fn(made.run, block)
+    assert set(query(out, where="kind = 'street'")["id"]) == set(later)
+    texture(block, out)
+    assert set(states(out).values()) == {"done"}
+    assert {unit for stage, unit in redone(before, out) if stage == "streets"} == {first["unit"], *later}
+    assert digests_of(out) == digest
+    publish_block.fn(made.run, block)
     assert query(out, where="kind = 'street'").empty
 
 

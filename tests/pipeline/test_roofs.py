@@ -7,59 +7,57 @@ from typing import Any
 
 import numpy as np
 import pytest
-import shapely
-import yaml
 import zarr
 from PIL import Image
 
-from catalogs.block import read_block
 from facade_core.atlas import PHOTO, UNSEEN, open_repository
 from facade_core.geometry.charts import ROOF
 from facade_core.street.overhead import raster_points
 from tasks.plan import read_plan
-from tests.pipeline.runs import run
+from tasks.publish import publish_block
+from tests.pipeline.stages import BUILDINGS, EAST, NORTH, texture, write_block
 
 rasterio = pytest.importorskip("rasterio")
 
 PIXEL_M = 0.1
 GREEN = (40, 200, 60)
+TEXELS_PER_METRE = 6
 
 
 @pytest.fixture(scope="module")
-def above(block: Path, tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], float]:
+def above(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, dict[str, Any], float]:
     """The run's folder, its summary, and how far east the picture reaches; its red tells the metre east from there."""
     folder = tmp_path_factory.mktemp("roofs")
-    known = read_block(block)
-    west, south, east, north = shapely.total_bounds([one.footprint for one in known.buildings])
-    reach = round((west + east) / 2)
-    columns, rows = round((reach - west + 20) / PIXEL_M), round((north - south + 40) / PIXEL_M)
+    west, south = EAST + min(box[0] for box in BUILDINGS.values()), NORTH - 20
+    reach = EAST + 29  # through the middle of two roofs
+    columns, rows = round((reach - west + 20) / PIXEL_M), round(50 / PIXEL_M)
     x = reach - (np.arange(columns)[::-1] + 0.5) * PIXEL_M
     image = np.zeros((3, rows, columns), np.uint8)
     image[0] = np.clip(250 - 4 * np.floor(reach - x), 0, 255)
-    place = rasterio.Affine(PIXEL_M, 0, reach - columns * PIXEL_M, 0, -PIXEL_M, north + 20)
-    options = {"count": 3, "height": rows, "width": columns, "dtype": "uint8", "crs": known.crs.to_wkt()}
+    place = rasterio.Affine(PIXEL_M, 0, reach - columns * PIXEL_M, 0, -PIXEL_M, south + rows * PIXEL_M)
+    options = {"count": 3, "height": rows, "width": columns, "dtype": "uint8", "crs": "EPSG:32635"}
     with rasterio.open(folder / "above.tif", "w", driver="GTiff", transform=place, **options) as raster:
         raster.write(image)
     Image.new("RGB", (64, 64), GREEN).save(folder / "green.png")
-    settings = yaml.safe_load(block.read_text(encoding="utf-8"))
-    for key in ("buildings", "streets"):
-        settings[key]["path"] = str(block.parent / settings[key]["path"])
-    for kind in settings["imagery"].values():
-        kind["path"] = str(block.parent / kind["path"])
-    settings["imagery"]["aerial"] = {"path": "above.tif"}
-    settings["texture"]["roof_material"] = {"path": "green.png", "metres_per_pixel": 0.02}
-    file = folder / "roofs.yaml"
-    file.write_text(yaml.safe_dump(settings), encoding="utf-8")
+    block = write_block(
+        folder,
+        imagery={"aerial": {"path": "above.tif"}},
+        texture={
+            "texels_per_metre": TEXELS_PER_METRE,
+            "walls": "translate",
+            "roof_material": {"path": "green.png", "metres_per_pixel": 0.02},
+        },
+    )
     out = folder / "out"
-    return out, run(file, out, workers=1), float(reach)
+    return out, publish_block.fn(texture(block, out).run, block), float(reach)
 
 
 def test_roofs_hold_the_picture_where_it_reaches(above: tuple[Path, dict[str, Any], float]) -> None:
     out, summary, reach = above
-    assert summary["failures"] == []
+    assert summary["facades_failed"] == 0
     session = open_repository(out / "store").readonly_session("main")
     group = zarr.open_group(session.store, mode="r")
-    plan = read_plan(session, yaml.safe_load((out.parent / "roofs.yaml").read_text())["texture"]["texels_per_metre"])
+    plan = read_plan(session, TEXELS_PER_METRE)
     scene, placement = plan.scene, plan.scene.placement
     photographed = bare = 0
     for chart in np.flatnonzero(scene.charts.kind == ROOF).tolist():
@@ -83,7 +81,7 @@ def test_the_others_take_the_material(above: tuple[Path, dict[str, Any], float])
     out, _, reach = above
     session = open_repository(out / "store").readonly_session("main")
     group = zarr.open_group(session.store, mode="r")
-    plan = read_plan(session, yaml.safe_load((out.parent / "roofs.yaml").read_text())["texture"]["texels_per_metre"])
+    plan = read_plan(session, TEXELS_PER_METRE)
     scene, placement = plan.scene, plan.scene.placement
     pages = sorted((out / "published" / (out / "current").read_text().strip() / "pages").iterdir())
     checked = 0

@@ -24,6 +24,7 @@ from PIL import Image
 
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
+from flows.lock import locked
 from tasks.viewing import Reader
 from tests.pipeline.runs import ROOT, environment
 
@@ -268,7 +269,9 @@ def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
         reason = "the photo is cut off; replace it"
         write_record(group, "facades", 0, {"unit": record["unit"], "key": "x", "status": "failed", "reason": reason})
         commit(session, "a facade that fails")
-        page.wait_for_selector("text=The run is going on")
+        page.wait_for_selector("text=The run was cut off; run the block again to go on")
+        with locked(out):
+            page.wait_for_selector("text=The run is going on")
         page.wait_for_selector("text=1 failed")
         page.click(f"text={record['unit']}")
         page.wait_for_selector(f"text=Failed: {reason}")

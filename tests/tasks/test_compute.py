@@ -7,6 +7,8 @@ import socket
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cloudpickle
@@ -15,8 +17,9 @@ from distributed import LocalCluster
 
 from facade_core.errors import InputError
 from tasks import cluster, compute
-from tasks.cluster import ClusterGone, WorkersDied
+from tasks.cluster import ClusterGone, RunOverran, WorkersDied
 from tasks.compute import connect
+from tasks.scheduler_view import View, Worker
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -106,22 +109,34 @@ def test_serial_units_of_two_tasks_take_turns_with_their_commits() -> None:
     assert all(commit == unit.replace("unit", "commit") for unit, commit in zip(events[::2], events[1::2], strict=True))
 
 
-class FakeClient:
-    """A scheduler that says what workers it has."""
+class Machines:
+    """A scheduler that says what workers it has: name -> (threads, bytes)."""
 
     status = "running"
 
-    def __init__(self, **workers: tuple[int, int]) -> None:
-        self.workers = {name: {"nthreads": n, "memory_limit": memory} for name, (n, memory) in workers.items()}
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **workers: tuple[int, int]) -> None:
+        self.workers = workers
+        monkeypatch.setattr(cluster, "LOOK_S", 0.05)
+        monkeypatch.setattr(cluster, "look", lambda client, timeout: client.view())
 
-    def scheduler_info(self, n_workers: int) -> dict:
-        return {"workers": self.workers}
+    def view(self) -> View:
+        named = self.workers.items()
+        return View({n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named})
 
 
-def holder(leases: cluster.Cluster, memory: int, held: list[str], let_go: threading.Event) -> threading.Thread:
+@contextmanager
+def watched(machines: Machines) -> Iterator[cluster.Cluster]:
+    made = cluster.Cluster(machines)  # type: ignore[arg-type]
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def holder(leases: cluster.Cluster, memory: int, held: dict[str, None], let_go: threading.Event) -> threading.Thread:
     def hold() -> None:
         with leases.lease(memory) as name:
-            held.append(leases._address(name)[0])
+            held[name] = None
             let_go.wait(10)
 
     thread = threading.Thread(target=hold)
@@ -129,84 +144,68 @@ def holder(leases: cluster.Cluster, memory: int, held: list[str], let_go: thread
     return thread
 
 
-def settle(held: list[str], count: int) -> bool:
+def settle(held: dict[str, None], count: int) -> bool:
     deadline = time.monotonic() + 5
     while len(held) < count and time.monotonic() < deadline:
         time.sleep(0.01)
-    time.sleep(0.05)
+    time.sleep(0.1)
     return len(held) == count
 
 
-def test_leases_spread_over_threads_and_wait_for_a_free_one() -> None:
-    leases = cluster.Cluster(FakeClient(one=(1, 10**9), two=(2, 10**9)))  # type: ignore[arg-type]
-    held: list[str] = []
-    events = [threading.Event() for _ in range(4)]
-    holders = [holder(leases, 10, held, event) for event in events[:3]]
-    assert settle(held, 3)
-    assert sorted(held) == ["one", "two", "two"]
-    holders.append(holder(leases, 10, held, events[3]))
-    assert settle(held, 3)  # no thread is free
-    for event in events:
-        event.set()
-    for thread in holders:
-        thread.join(5)
-    assert settle(held, 4)
-    assert not leases._leases
-
-
-def test_a_lease_waits_for_memory_but_one_of_any_size_is_let_in() -> None:
-    leases = cluster.Cluster(FakeClient(one=(8, 1000)))  # type: ignore[arg-type] units may declare 600
-    held: list[str] = []
-    big, small = threading.Event(), threading.Event()
-    first = holder(leases, 5000, held, big)
-    assert settle(held, 1)
-    second = holder(leases, 400, held, small)
-    assert settle(held, 1)
-    big.set()
-    first.join(5)
-    assert settle(held, 2)
-    third = holder(leases, 200, held, small)
-    assert settle(held, 3)
-    fourth = holder(leases, 1, held, small)
-    assert settle(held, 3)
-    small.set()
-    for thread in (second, third, fourth):
-        thread.join(5)
-    assert len(held) == 4
-
-
-def test_a_lease_moves_on_when_its_worker_is_lost_and_takes_one_that_joins(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "LOOK_S", 0.05)
-    client = FakeClient(one=(1, 10**9))
-    leases = cluster.Cluster(client)  # type: ignore[arg-type]
-    with leases.lease(10) as name:
-        assert leases._address(name) == ("one", 10)
-        client.workers = FakeClient(two=(1, 10**9), three=(2, 10**9)).workers
-        moved = leases._address(name)[0]
-        assert moved in ("two", "three")
-        assert leases._address(name)[0] == moved
-        held: list[str] = []
-        done = threading.Event()
-        others = [holder(leases, 10, held, done) for _ in range(3)]
-        assert settle(held, 2)
-        client.workers |= FakeClient(late=(1, 10**9)).workers
+def test_leases_wait_for_a_thread_and_take_a_worker_that_joins(monkeypatch: pytest.MonkeyPatch) -> None:
+    machines = Machines(monkeypatch, one=(1, 10**9), two=(2, 10**9))
+    with watched(machines) as leases:
+        held: dict[str, None] = {}
+        events = [threading.Event() for _ in range(5)]
+        holders = [holder(leases, 10, held, event) for event in events[:3]]
         assert settle(held, 3)
-        assert "late" in held
-        done.set()
-        for other in others:
-            other.join(5)
+        holders += [holder(leases, 10, held, event) for event in events[3:]]
+        assert settle(held, 3)  # no thread is free
+        machines.workers["late"] = (1, 10**9)
+        assert settle(held, 4)
+        events[0].set()
+        assert settle(held, 5)
+        for event in events:
+            event.set()
+        for thread in holders:
+            thread.join(5)
+            assert not thread.is_alive()
 
 
 def test_a_cluster_without_workers_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "LOOK_S", 0.05)
     monkeypatch.setattr(cluster, "EMPTY_S", 0.2)
-    client = FakeClient()
-    empty = cluster.Cluster(client)  # type: ignore[arg-type]
-    with pytest.raises(ClusterGone, match="no worker left; start some"), empty.lease(1):
+    machines = Machines(monkeypatch)
+    with watched(machines) as empty:
+        with pytest.raises(ClusterGone, match="no worker left; start some"), empty.lease(1):
+            pass
+        with pytest.raises(ClusterGone, match="no worker left"):
+            empty.submit(square, 1)
+    machines.status = "connecting"
+    with watched(machines) as gone, pytest.raises(ClusterGone, match="went away; run again"), gone.lease(1):
         pass
-    client.status = "connecting"
-    with pytest.raises(ClusterGone, match="went away; run again"), empty.lease(1):
+
+
+def test_a_scheduler_that_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    machines = Machines(monkeypatch)
+    monkeypatch.setattr(cluster, "PATIENCE_S", 0.2)
+
+    def silent(client: object, timeout: float) -> View:
+        raise TimeoutError
+
+    with watched(machines) as made:
+        monkeypatch.setattr(cluster, "look", silent)
+        with pytest.raises(ClusterGone, match="went away"), made.lease(1):
+            pass
+
+
+def test_a_run_ends_at_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    machines = Machines(monkeypatch)
+    made = cluster.Cluster(machines, until=time.monotonic())  # type: ignore[arg-type]
+    with pytest.raises(RunOverran, match="longer than its deadline; run again"), made.lease(1):
         pass
+    made.close()
+    with pytest.raises(RunOverran):
+        compute.Serial(until=time.monotonic()).submit(square, 1)
 
 
 @pytest.fixture
@@ -250,10 +249,29 @@ def test_an_address_without_a_scheduler_is_refused_at_once(address: str, tmp_pat
     assert time.monotonic() - start < 10
 
 
-def test_what_is_no_scheduler_is_refused(listener: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+@pytest.fixture
+def black_hole():
+    """An address that takes no more connections and answers nothing."""
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as full:
+        filling = [socket.socket() for _ in range(4)]
+        for one in filling:
+            one.setblocking(False)
+            one.connect_ex(full.getsockname())
+        yield f"tcp://127.0.0.1:{full.getsockname()[1]}"
+        for one in filling:
+            one.close()
+
+
+@pytest.mark.parametrize("what", ["listener", "black_hole"])
+def test_what_is_no_scheduler_is_refused(
+    what: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
     monkeypatch.setattr(compute, "GREETING_S", 1)
-    with pytest.raises(InputError, match="no scheduler answers there"), connect(1, listener, str(tmp_path)):
+    address = request.getfixturevalue(what)
+    start = time.monotonic()
+    with pytest.raises(InputError, match="no scheduler answers there"), connect(1, address, str(tmp_path)):
         pass
+    assert time.monotonic() - start < 10
 
 
 def test_a_scheduler_without_workers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -271,9 +289,9 @@ def test_a_scheduler_without_workers_is_refused(tmp_path: Path, monkeypatch: pyt
 def test_workers_with_other_code_are_refused(
     workers: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr("tasks.run.code_version", lambda: "other")
+    monkeypatch.setattr(compute, "make", lambda: {"Streetloom": "other"})
     with (
-        pytest.raises(InputError, match="and this is other; start them in the same environment"),
+        pytest.raises(InputError, match="and this run other; start them in the same environment"),
         connect(1, workers.scheduler_address, str(tmp_path)),
     ):
         pass

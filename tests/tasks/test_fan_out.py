@@ -62,7 +62,10 @@ def test_batches_keep_order_lose_nothing_and_fit(work: list[Work], memory: int, 
 
 def test_a_stage_counts_units_not_pieces() -> None:
     assert (
-        Stage("facades", print, [Work({1: ("a", ""), 2: ("b", "")}, (), 1), Work({3: ("c", "")}, (), 1)], 4).total == 7
+        Stage(
+            "facades", print, [Work({1: ("a", ""), 2: ("b", "")}, (), 1), Work({3: ("c", "")}, (), 1)], [{}] * 4
+        ).total
+        == 7
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from dataclasses import replace
+from dataclasses import fields, replace
 from pathlib import Path
 from types import SimpleNamespace as Value
 from typing import Any
@@ -12,19 +12,33 @@ import numpy as np
 import shapely
 
 from catalogs.block_digest import file_digest
-from facade_core.ingest import Plan, ingest
+from facade_core.ingest import ingest
+from facade_core.plan import Plan
 from facade_core.types import Building, Pose, Street
-from tasks.carry import _by_key, _streets
+from tasks.carry import _by_key_or_name, _streets
 from tasks.imagery import Imagery
-from tasks.keys import changed_parts, facade_key, parts_key
+from tasks.keys import changed_parts, facade_keys, parts_key, parts_of
+from tasks.run import Run
+from tasks.street_keys import NOT_OF_STREETS
 
 
 def test_keys_differ_in_the_parts_that_changed() -> None:
-    one = parts_key(settings=[1, 2.0], photo="a", geometry={"b": 1})
-    assert parts_key(settings=[1, 2.0], photo="a", geometry={"b": 1}) == one
-    assert changed_parts(one, parts_key(settings=[1, 2.5], photo="b", geometry={"b": 1})) == ["photo", "settings"]
-    assert changed_parts(one, parts_key(settings=[1, 2.0], exemplar="a", geometry={"b": 1})) == ["exemplar", "photo"]
+    one = parts_key("c", settings=[1, 2.0], photo="a", geometry={"b": 1})
+    assert parts_key("c", settings=[1, 2.0], photo="a", geometry={"b": 1}) == one
+    assert changed_parts(one, parts_key("c", settings=[1, 2.5], photo="b", geometry={"b": 1})) == ["photo", "settings"]
+    assert changed_parts(one, parts_key("c", settings=[1, 2.0], exemplar="a", geometry={"b": 1})) == [
+        "exemplar",
+        "photo",
+    ]
     assert changed_parts(one, one) == []
+    other = parts_key("d", settings=[1, 2.0], photo="a", geometry={"b": 1})
+    assert changed_parts(one, other) == ["code"]
+    assert [parts_of(key).get("code") for key in (one, other, "0f")] == ["c", "d", None]
+
+
+def test_every_setting_of_a_run_is_of_streets_or_not() -> None:
+    of_streets = {"seed", "texels_per_metre", "panorama_width", "levelling", "translator"}
+    assert {field.name for field in fields(Run)} == of_streets | set(NOT_OF_STREETS)
 
 
 def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
@@ -42,8 +56,10 @@ def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
 
 
 def test_units_are_found_again_by_their_keys() -> None:
-    records = [{"key": "a"}, None, {"key": "c"}]
-    assert _by_key(records, ["c", "b", "a"]) == {0: 2, 2: 0}
+    records = [{"key": "a", "unit": "1"}, None, {"key": "c", "unit": "2"}]
+    assert _by_key_or_name(records, [("x", "c"), ("y", "b"), ("z", "a")]) == {0: 2, 2: 0}
+    records = [{"key": "a", "unit": "x"}, {"key": "b", "unit": "y"}, {"key": "c", "unit": "z"}]
+    assert _by_key_or_name(records, [("z", "a"), ("y", "new"), ("x", "d"), ("w", "e")]) == {0: 0, 1: 1}
 
 
 def test_streets_are_found_again_by_line_and_then_by_id() -> None:
@@ -63,7 +79,7 @@ def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> Non
     def key(buildings: list[Building], pose: Pose) -> str:
         plan = _plan(buildings)
         facade = plan.facades.id.index("a-0")
-        return facade_key(run, plan, facade, Imagery(panoramas=((picture, pose),)), {}, ())
+        return facade_keys(run, plan, facade, Imagery(panoramas=((picture, pose),)), {}, ())[0]
 
     def house(name: str, x: float, y: float) -> Building:
         return Building(name, shapely.box(x, y, x + 10, y + 4), 8.0, "height")

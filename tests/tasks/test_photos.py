@@ -11,7 +11,7 @@ from PIL import Image
 
 from facade_core.errors import ImageError
 from facade_core.synth import facade as paint
-from tasks.units.facade import photo_of
+from tasks.units.evidence import photo_of
 from tasks.units.images import focal_length
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)

@@ -11,7 +11,7 @@ from PIL import Image
 from facade_core.errors import FacadeError, ImageError
 from tasks.outcome import Outcome, failure, is_done
 from tasks.progress import advance, begin_stage, listen
-from tasks.run import Run, code_version
+from tasks.run import Run
 from tasks.units.context import unit_seed
 from tasks.units.images import read_image
 
@@ -41,11 +41,6 @@ def test_seeds_differ_by_unit_and_stage_and_repeat() -> None:
     seeds = {unit_seed(RUN, unit, stage) for unit in ("a", "b") for stage in ("x", "y")}
     assert len(seeds) == 4
     assert unit_seed(RUN, "a", "x") == unit_seed(RUN, "a", "x")
-
-
-def test_code_version_is_stable() -> None:
-    assert code_version() == code_version()
-    assert "+" in code_version()
 
 
 def test_progress_tells_listeners_until_they_stop() -> None:

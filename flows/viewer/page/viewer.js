@@ -7,6 +7,10 @@ let progress = null; // what /api/progress said last
 let colouredBy = "status";
 let shown = ""; // the address that is drawn
 
+// A run that was killed leaves work that nobody does.
+const fate = (said) => said.ended ? "the run has ended" : said.under_way ? "the run is going on" : "the run was cut off; run the block again to go on";
+const sentence = (words) => words[0].toUpperCase() + words.slice(1);
+
 const LOOK_AGAIN_MS = 2000;
 // From low to high, readable with any colour vision.
 const SCALE = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c31a"];
@@ -24,8 +28,16 @@ function element(name, attributes = {}, ...children) {
     if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
     else if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : value);
   }
-  made.append(...children.filter((child) => child !== null));
+  made.append(...children.filter((child) => child !== null).map((child) => (typeof child === "string" ? visible(child) : child)));
   return made;
+}
+
+// Text out of data with what turns the reading direction, ends lines or is not seen written out, as catalogs/visible.py does.
+function visible(text) {
+  return text.replace(/(?![\u200c\u200d])[\p{Cc}\p{Cf}\p{Cs}\p{Zl}\p{Zp}]/gu, (character) => {
+    const code = character.codePointAt(0).toString(16);
+    return code.length <= 2 ? `\\x${code.padStart(2, "0")}` : code.length <= 4 ? `\\u${code.padStart(4, "0")}` : `\\U${code.padStart(8, "0")}`;
+  });
 }
 
 const fill = (...parts) => main.replaceChildren(...parts.filter((part) => part !== null));
@@ -251,7 +263,7 @@ function drawRun() {
           cell(unit.reason)))))
     : element("p", {}, "Nothing.");
   fill(
-    element("h2", {}, progress.ended ? "The run has ended" : "The run is going on"),
+    element("h2", {}, sentence(fate(progress))),
     element("table", {}, head("Stage", "Progress", "Done", "Failed", "Stale", "Of"), element("tbody", {}, ...progress.stages.map((stage) =>
       element("tr", {}, cell(stage.name),
         element("td", {}, element("progress", { max: stage.total, value: stage.done + stage.failed, "aria-label": `${stage.name}: ${stage.done + stage.failed} of ${stage.total}` })),
@@ -295,7 +307,7 @@ const calm = () => !shown.startsWith("#/model") && !["step", "filter", "coloured
 async function follow() {
   try {
     const now = await ask("/api/progress");
-    const changed = !progress || now.snapshot !== progress.snapshot || now.published !== progress.published;
+    const changed = !progress || ["snapshot", "published", "under_way"].some((name) => now[name] !== progress[name]);
     progress = now;
     if (changed) {
       block = await ask("/api/block");
@@ -306,7 +318,7 @@ async function follow() {
     const units = (name) => now.stages.find((stage) => stage.name === name);
     const facades = units("facades");
     const text = facades ? `${facades.done} of ${facades.total} facades${facades.failed ? `, ${facades.failed} failed` : ""}` : "";
-    state.textContent = `${text}${now.ended ? "" : "; the run is going on"}`;
+    state.textContent = `${text}${now.ended ? "" : `; ${fate(now)}`}`;
     setTimeout(follow, now.ended ? 5 * LOOK_AGAIN_MS : LOOK_AGAIN_MS);
   } catch (error) {
     state.textContent = block ? "The viewer does not answer; is it still running?" : error.message;

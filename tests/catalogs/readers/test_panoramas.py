@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 
 import numpy as np
@@ -254,7 +255,7 @@ def test_panoramas_elsewhere_are_skipped_and_counted(folder: Path) -> None:
         ("[1, 2]", "not a poses file"),
         ('{"poses": 3}', "not a poses file"),
         ("{", "not a poses file"),
-        ('{"crs": "EPSG:99999999", "poses": {"a": {"x": 1, "y": 2, "heading": 3}}}', "is not known"),
+        ('{"crs": "EPSG:99999999", "poses": {"a": {"x": 1, "y": 2, "heading": 3}}}', "is not a known CRS"),
     ],
 )
 def test_a_file_without_poses_is_refused(tmp_path: Path, content: str, problem: str) -> None:
@@ -281,7 +282,7 @@ def test_unreadable_pictures_are_faults_unless_all_are(tmp_path: Path) -> None:
     paths, faults = image_files(tmp_path, "exemplar")
     assert [path.name for path in paths] == ["f1.png", "f2.webp"]
     assert [(fault.id, fault.kind) for fault in faults] == [("f3.png", "exemplar")]
-    assert sorted(photos_by_facade(tmp_path)) == ["f1", "f2", "f3"], "its facade fails, when it comes to it"
+    assert sorted(photos_by_facade(tmp_path)[0]) == ["f1", "f2", "f3"], "its facade fails, when it comes to it"
     (tmp_path / "f1.png").unlink()
     (tmp_path / "f2.webp").unlink()
     with pytest.raises(InputError, match=r"f3\.png is cut off"):
@@ -315,3 +316,13 @@ def test_amsterdam_and_strasbourg(data: Path) -> None:
     pose = next(item.pose for item in found.items if item.id == "strasbourg_stra_1_1")
     assert (pose.x, pose.y) == pytest.approx((EAST, NORTH), abs=0.01)
     assert pose.heading == pytest.approx(233.73 - CONVERGENCE, abs=1e-3)
+
+
+def test_a_link_to_what_is_not_there_is_set_aside_and_not_overlooked(tmp_path: Path) -> None:
+    picture(tmp_path / "a-0.png")
+    (tmp_path / "b-0.png").symlink_to(tmp_path / "nowhere" / "b-0.png")
+    os.mkfifo(tmp_path / "c-0.png")
+    for faults in (photos_by_facade(tmp_path)[1], image_files(tmp_path, "photo")[1]):
+        assert [(fault.id, fault.kind) for fault in faults] == [("b-0.png", "photo"), ("c-0.png", "photo")]
+        assert all("leads to no file; mend" in fault.reason for fault in faults)
+    assert sorted(photos_by_facade(tmp_path)[0]) == ["a-0"]

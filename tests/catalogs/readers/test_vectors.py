@@ -4,6 +4,9 @@ from __future__ import annotations
 
 import json
 import math
+import struct
+import warnings
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -302,3 +305,78 @@ def test_opendrive_outside_junctions(data: Path) -> None:
     assert found.crs == "EPSG:25832"
     assert len(found.items) == 20
     assert found.faults == ()
+
+
+def _emptied(table: Path) -> None:
+    table.write_bytes(b"")
+
+
+def _made_a_folder(table: Path) -> None:
+    table.unlink()
+    table.mkdir()
+
+
+def _of_fewer_rows(table: Path) -> None:
+    data = bytearray(table.read_bytes())
+    data[4:8] = struct.pack("<I", 2)
+    table.write_bytes(data)
+
+
+@pytest.mark.parametrize(
+    ("wound", "words"),
+    [
+        (Path.unlink, "has no b.dbf beside it"),
+        (_made_a_folder, "has no b.dbf beside it"),
+        (_emptied, "b.dbf is no dBASE table"),
+        (lambda table: table.write_bytes(bytes(500)), "b.dbf is no dBASE table"),
+        (lambda table: table.write_bytes(table.read_bytes()[:-60]), "b.dbf is cut: "),
+        (lambda table: table.write_bytes(table.read_bytes()[:40]), "b.dbf is cut: "),
+        (_of_fewer_rows, "b.dbf holds 2 rows for the 3 shapes of b.shp"),
+    ],
+)
+def test_a_shapefile_without_its_whole_table_is_refused(
+    wound: Callable[[Path], object], words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "b.shp"
+    frame([square(20 * x) for x in range(3)], id=["a", "b", "c"], height=[7.0, 8.0, 9.0]).to_file(path)
+    assert [item.height for item in read_footprints(path).items] == [7.0, 8.0, 9.0]
+    wound(tmp_path / "b.dbf")
+    with pytest.raises(InputError) as refusal:
+        read_footprints(path)
+    assert words in str(refusal.value)
+    assert "; copy it again" in str(refusal.value)
+
+
+def test_a_shapefile_in_capitals_has_its_table(tmp_path: Path) -> None:
+    frame([square()], id=["a"], height=[7.0]).to_file(tmp_path / "b.shp")
+    for part in list(tmp_path.iterdir()):
+        part.rename(part.with_name(part.name.upper()))
+    assert [(item.id, item.height) for item in read_footprints(tmp_path / "B.SHP").items] == [("a", 7.0)]
+
+
+@pytest.mark.parametrize(
+    ("odd", "height"),
+    [
+        ([3], 3.0),
+        (["3"], 3.0),
+        ([3.5], 3.5),
+        ([3, 4], None),
+        ([], None),
+        ([[3]], None),
+        ([None], None),
+        ({"a": 1}, None),
+        ("x", None),
+    ],
+)
+def test_one_odd_height_leaves_the_others_as_they_are(odd: Any, height: float | None, tmp_path: Path) -> None:
+    heights = {"a": 7.0, "b": 9.5, "c": odd}
+    places = enumerate(heights.items())
+    features = [
+        (shapely.box(x, 60, x + 1e-4, 60.0001).__geo_interface__, {"id": i, "height": h}) for x, (i, h) in places
+    ]
+    path = geojson(tmp_path / "b.geojson", features)
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        found = read_footprints(path)
+    assert [(item.id, item.height) for item in found.items] == [("a", 7.0), ("b", 9.5), ("c", height)]
+    assert {remark.id.split()[0] for remark in found.remarks} <= {"c"}

@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from facade_core.geometry.charts import ROOF, Mesh, Pieces, frames
+from facade_core.geometry.charts import CORNERS, ROOF, Charts, Mesh, Pieces, frames
 from facade_core.geometry.cutting import cut_triangles
 
 
@@ -40,6 +41,25 @@ def test_pieces_split_shared_vertices_and_start_at_zero() -> None:
         np.testing.assert_allclose(xy[mesh.vertex_chart == c].max(axis=0), charts.size[c], atol=1e-9)
     assert charts.size[0].tolist() == [4, 3]
     assert (mesh.texture == -1).all()
+
+
+def test_points_of_charts_and_their_coordinates() -> None:
+    rng = np.random.default_rng(4)
+    normal = rng.normal(size=(5, 3))
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    zeros = np.zeros(5, np.int32)
+    charts = Charts(zeros, zeros, zeros, rng.normal(size=(5, 3)) * 1e5, *frames(normal), rng.uniform(1, 20, (5, 2)))
+    np.testing.assert_allclose(charts.normal(), normal, atol=1e-12)
+    with pytest.raises(ValueError, match="read-only"):
+        charts.normal()[0] = 0
+    chart, place = rng.integers(0, 5, 40), rng.uniform(-30, 30, (40, 2))
+    points = charts.points(chart, *place.T)
+    np.testing.assert_allclose(charts.coordinates(chart, points), place, atol=1e-9)
+    np.testing.assert_array_equal(charts.points(int(chart[7]), *place[7]), points[7])
+    raster = charts.points(2, np.arange(4.0), np.arange(3.0)[:, None])
+    np.testing.assert_array_equal(raster[1, 3], charts.points(2, np.array(3.0), np.array(1.0)))
+    corners = charts.at_shares(np.array([3, 1]), CORNERS)
+    np.testing.assert_allclose(charts.coordinates(np.full(4, 1), corners[1]), CORNERS * charts.size[1], atol=1e-9)
 
 
 def test_a_mesh_may_have_no_pictures() -> None:

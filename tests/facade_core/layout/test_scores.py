@@ -5,9 +5,9 @@ import pytest
 
 from facade_core.errors import LayoutError
 from facade_core.layout import score
-from facade_core.layout.densities import FLOOR, fit_mixture, log_conditional, log_density
+from facade_core.layout.densities import FLOOR, TERMS, fit_mixture, log_conditional, log_density
 from facade_core.layout.model import shipped
-from facade_core.layout.scores import TERMS, measured, terms
+from facade_core.layout.scores import measured, terms
 from facade_core.layout.statistics import (
     ALIGN_Y,
     COMPLETE,

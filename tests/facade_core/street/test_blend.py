@@ -2,51 +2,29 @@
 
 from __future__ import annotations
 
-from typing import Literal
-
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.street.blend import PINNED, BlendState, Weighting, add_view, add_views, blend
+from facade_core.street.blend import BlendState, add_views, blend
 
 
-def direct(
-    d: np.ndarray,
-    rgb: np.ndarray,
-    proper: np.ndarray,
-    view: np.ndarray,
-    weighting: Weighting,
-    quality: np.ndarray,
-) -> np.ndarray:
+def direct(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray) -> np.ndarray:
     """Eq. 1 as the design pins it, written out."""
     if not proper.any():
         return rgb[min(range(len(d)), key=lambda i: (d[i], view[i]))].astype(float)
-    d, rgb, quality = d[proper].astype(float), rgb[proper].astype(float), quality[proper].astype(float)
+    d, rgb = d[proper].astype(float), rgb[proper].astype(float)
     weight = np.ones(len(d))
-    if len(d) > 1 and d.sum() > 0 and weighting.clamp != "none":
-        weight = np.clip(1 - d / d.sum(), 0.3, 0.7)
-        weight = (weight - 0.3) / 0.4 if weighting.clamp == "mapped" else weight
-    weight = weight * quality
+    if len(d) > 1 and d.sum() > 0:
+        weight = (np.clip(1 - d / d.sum(), 0.3, 0.7) - 0.3) / 0.4
     return (weight[:, None] * rgb).sum(axis=0) / weight.sum()
 
 
-def blended(
-    d: np.ndarray,
-    rgb: np.ndarray,
-    proper: np.ndarray,
-    view: np.ndarray,
-    weighting: Weighting = PINNED,
-    quality: np.ndarray | None = None,
-) -> np.ndarray:
-    state = BlendState.empty(1, resolution=weighting.resolution)
-    if quality is None:
-        add_views(state.arrays(), np.zeros(len(d), np.int64), d, proper, view, rgb)
-    else:
-        for i in range(len(d)):
-            add_view(state.arrays(), state.qualities(), 0, d[i], proper[i], view[i], quality[i], rgb[i])
-    colour, views = blend(state, weighting=weighting)
+def blended(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray) -> np.ndarray:
+    state = BlendState.empty(1)
+    add_views(state, np.zeros(len(d), np.int64), d, proper, view, rgb)
+    colour, views = blend(state)
     assert views[0] == (proper.sum() or 1)
     return colour[0]
 
@@ -57,40 +35,30 @@ def blended(
     st.integers(1, 30),
     st.sampled_from([0, 1, 100, 7500]),
     st.sampled_from([0.0, 0.5, 1.0]),
-    st.sampled_from(["mapped", "sum", "none"]),
-    st.booleans(),
 )
-def test_equals_the_direct_formula_in_any_order(
-    seed: int, n: int, largest: int, improper: float, clamp: Literal["mapped", "sum", "none"], resolution: bool
-) -> None:
+def test_equals_the_direct_formula_in_any_order(seed: int, n: int, largest: int, improper: float) -> None:
     rng = np.random.default_rng(seed)
     d = rng.integers(0, largest + 1, n)
     rgb = rng.integers(0, 256, (n, 3)).astype(np.uint8)
     proper = rng.random(n) >= improper
     view = rng.permutation(n)
-    weighting = Weighting(clamp=clamp, resolution=resolution)
-    quality = rng.integers(1, 256, n) if resolution else np.ones(n, np.int64)
-    given_quality = quality if resolution else None
-    expected = direct(d, rgb, proper, view, weighting, quality)
-    first = blended(d, rgb, proper, view, weighting, given_quality)
-    assert np.abs(first - expected).max() <= 0.5 + 1e-6
+    first = blended(d, rgb, proper, view)
+    assert np.abs(first - direct(d, rgb, proper, view)).max() <= 0.5 + 1e-6
     order = rng.permutation(n)
-    again = quality[order] if resolution else None
-    np.testing.assert_array_equal(blended(d[order], rgb[order], proper[order], view[order], weighting, again), first)
+    np.testing.assert_array_equal(blended(d[order], rgb[order], proper[order], view[order]), first)
 
 
 def test_distances_beyond_16_bits_have_room() -> None:
     state = BlendState.empty(1, farthest=200_000)
     rgb = np.array([[9, 9, 9], [5, 5, 5]], np.uint8)
     texel = np.zeros(2, np.int64)
-    add_views(state.arrays(), texel, np.array([150_000, 90_000]), np.zeros(2, bool), np.array([1, 2]), rgb)
+    add_views(state, texel, np.array([150_000, 90_000]), np.zeros(2, bool), np.array([1, 2]), rgb)
     np.testing.assert_array_equal(blend(state)[0][0], [5, 5, 5])
     assert state.top_distance[0, 0] == 90_000
 
 
 def test_a_texel_takes_33_bytes() -> None:
-    assert sum(a.nbytes for a in BlendState.empty(1000).arrays()) == 33_000
-    assert BlendState.empty(1000).quality.nbytes == 0
+    assert sum(a.nbytes for a in BlendState.empty(1000)) == 33_000
 
 
 def test_all_distances_zero_is_the_plain_average() -> None:
@@ -108,10 +76,10 @@ def test_stand_in_goes_when_a_proper_view_comes() -> None:
     state = BlendState.empty(1)
     rgb = np.array([[9, 9, 9], [5, 5, 5], [200, 100, 0]], np.uint8)
     zero = np.zeros(1, np.int64)
-    add_views(state.arrays(), zero, np.array([9000]), np.array([False]), np.array([1]), rgb[:1])
-    add_views(state.arrays(), zero, np.array([8000]), np.array([False]), np.array([2]), rgb[1:2])
+    add_views(state, zero, np.array([9000]), np.array([False]), np.array([1]), rgb[:1])
+    add_views(state, zero, np.array([8000]), np.array([False]), np.array([2]), rgb[1:2])
     np.testing.assert_array_equal(blend(state)[0][0], [5, 5, 5])
-    add_views(state.arrays(), zero, np.array([10]), np.array([True]), np.array([3]), rgb[2:])
+    add_views(state, zero, np.array([10]), np.array([True]), np.array([3]), rgb[2:])
     np.testing.assert_array_equal(blend(state)[0][0], [200, 100, 0])
 
 

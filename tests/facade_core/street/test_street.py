@@ -206,7 +206,7 @@ def test_threads_change_nothing(scene: Scene, threads: int) -> None:
         propagate(scene, together, camera(x), rgb, threads=threads)
         propagate(scene, alone, camera(x), rgb)
     assert (alone.provenance == TRANSLATED).sum() > 10_000
-    for one, other in zip(together.state.arrays(), alone.state.arrays(), strict=True):
+    for one, other in zip(together.state, alone.state, strict=True):
         np.testing.assert_array_equal(one, other)
     np.testing.assert_array_equal(together.colour, alone.colour)
     np.testing.assert_array_equal(together.provenance, alone.provenance)

@@ -9,7 +9,7 @@ from facade_core.errors import ImageError
 from facade_core.labels import ROOF, SHOP, WINDOW
 from facade_core.texture import inpaint
 from facade_core.texture.pitch import bay_width, floor_height
-from facade_core.texture.seams import least_path, level
+from facade_core.texture.seams import diffused, least_path
 from facade_core.types import Element
 
 
@@ -137,7 +137,7 @@ def test_the_least_path_bends_to_where_pictures_agree():
 def test_levels_reproduce_a_constant_difference():
     weight = np.zeros((60, 80), np.float32)
     weight[:4] = 1.0
-    offset = level(np.full((60, 80, 3), 20.0, np.float32), weight)
+    offset = diffused(np.full((60, 80, 3), 20.0, np.float32), weight)
     np.testing.assert_allclose(offset, 20.0, rtol=1e-3)
 
 

@@ -1,0 +1,85 @@
+"""How much a file, a building or a word of it may be: beyond these, input is a slip or an attack, and is said to be."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, TypeVar
+
+import shapely
+
+from catalogs.broken import one_line
+from catalogs.features import Centreline, Centrelines, Fault, Footprint, Footprints, Model, Models, Remark
+from catalogs.models import HIGHEST, LOWEST, TALLEST
+from catalogs.readers.faces import MOST_CORNERS
+from facade_core.errors import InputError
+
+MOST_TRIANGLES = 5_000_000  # of a file of models; a city quarter has a million
+MOST_FEATURES = 5_000_000  # of a file; a block has thousands
+LONGEST_ID = 1000  # letters
+LONGEST_NAME = 200  # letters; what is longer is cut
+MOST_POINTS = 100_000  # of a centreline
+
+Source = TypeVar("Source", Footprints, Models, Centrelines)
+
+
+def within_limits(source: Source, path: Path) -> Source:
+    """A source with what no block can hold set aside: ids that are no text of a useful length, outlines of too many corners,
+    ground far above or below the Earth. Names lose what is no letter."""
+    kind = "street" if isinstance(source, Centrelines) else "building"
+    if len(source.items) > MOST_FEATURES:
+        raise InputError(
+            f"{path} holds {len(source.items)} {kind}s, more than {MOST_FEATURES}; cut out the area that is meant"
+        )
+    items: list[Any] = []
+    faults = [replace(f, id=_shown(f.id), reason=one_line(f.reason)) for f in source.faults]
+    for item in source.items:
+        if reason := _too_much(item):
+            faults.append(Fault(_shown(item.id), kind, f"{path.name}: {reason}", _place(item)))
+        elif item.name is None:
+            items.append(item)
+        else:
+            items.append(replace(item, name=one_line(item.name[:LONGEST_NAME]) or None))
+    found = replace(source, items=tuple(items), faults=tuple(faults))
+    if isinstance(found, Centrelines):
+        return found
+    return replace(found, remarks=_shown_remarks(found.remarks))
+
+
+def _too_much(item: Footprint | Model | Centreline) -> str | None:
+    """Why a unit cannot be one of a block, with the remedy; None where it can."""
+    if len(item.id) > LONGEST_ID:
+        return f"its id has {len(item.id)} letters, more than {LONGEST_ID}; give it a shorter one"
+    if one_line(item.id) != item.id:
+        return "its id holds what is no letter, such as a line break or half a character; give it another"
+    if isinstance(item, Centreline):
+        points = shapely.get_num_coordinates(item.line)
+        return f"it has {points} points, more than {MOST_POINTS}; simplify it" if points > MOST_POINTS else None
+    if isinstance(item, Footprint):
+        corners = shapely.get_num_coordinates(item.outline)
+        if corners > MOST_CORNERS:
+            return f"its outline has {corners} corners, more than {MOST_CORNERS}; simplify it"
+        if item.height is not None and item.height > TALLEST:
+            return f"it is {item.height:.6g} m high; check its heights, or remove it"
+    if item.base is not None and not LOWEST <= item.base <= HIGHEST:
+        return f"its ground is at a height of {item.base:.6g} m; mend that, or remove it"
+    return None
+
+
+def _place(item: Any) -> Any:
+    if isinstance(item, Model):
+        plan = item.shell.vertices[:, :2]
+        return shapely.box(*plan.min(axis=0), *plan.max(axis=0))
+    shape = item.line if isinstance(item, Centreline) else item.outline
+    return shapely.box(*shape.bounds)
+
+
+def _shown(id: str) -> str:
+    """An id as far as it is of use in a report."""
+    text = one_line(id[:LONGEST_ID])
+    return text if len(text) <= LONGEST_NAME else f"{text[:40]}..."
+
+
+def _shown_remarks(remarks: Iterable[Remark]) -> tuple[Remark, ...]:
+    return tuple(replace(remark, id=_shown(remark.id), reason=one_line(remark.reason)) for remark in remarks)

@@ -1,0 +1,60 @@
+"""Archives of arrays looked at before they are unpacked: what their headers claim, against what they can hold."""
+
+from __future__ import annotations
+
+import math
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+
+from catalogs.broken import said
+from facade_core.errors import InputError
+
+UNPACKED = 512 * 2**20  # bytes
+# A small archive may unpack to the first, a larger one to so many times its size: coordinates pack to a fifth.
+_SMALL, _PACKED = 32 * 2**20, 50
+
+
+def check_arrays(path: Path, names: Sequence[str]) -> None:
+    """InputError unless the named arrays of an .npz are as large as their headers say, and no larger than UNPACKED together.
+
+    Nothing is unpacked but the headers.
+    """
+    from numpy.lib import format as npy
+
+    read = {(1, 0): npy.read_array_header_1_0, (2, 0): npy.read_array_header_2_0}
+    total = 0
+    try:
+        with zipfile.ZipFile(path) as archive:
+            members = {info.filename.removesuffix(".npy"): info for info in archive.infolist()}
+            for info in (members[name] for name in names if name in members):
+                if info.compress_type not in (zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED):
+                    raise InputError(f"{path} is packed by another method than np.savez_compressed; save it with that")
+                total += info.file_size
+                if info.file_size > max(_SMALL, _PACKED * info.compress_size):
+                    raise InputError(f"{path}: {info.filename} unpacks to over {_PACKED} times its size; save it again")
+                if total > UNPACKED:
+                    raise InputError(
+                        f"{path} unpacks to over {UNPACKED // 2**20} MB; cut out the block that is meant, or use float32"
+                    )
+                with archive.open(info) as member:
+                    shape, _, kind = read.get(npy.read_magic(member), npy.read_array_header_1_0)(member)
+                if math.prod(shape) * kind.itemsize > info.file_size:
+                    raise InputError(
+                        f"{path}: {info.filename} claims the shape {shape}, and is not as large; save it again"
+                    )
+    except InputError:
+        raise
+    except (
+        OSError,
+        EOFError,
+        ValueError,
+        TypeError,
+        AttributeError,
+        KeyError,
+        zipfile.BadZipFile,
+        RuntimeError,
+    ) as error:
+        raise InputError(
+            f"{path} cannot be read as arrays of triangles ({said(error)}); save it with np.savez"
+        ) from error

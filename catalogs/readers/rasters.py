@@ -1,0 +1,158 @@
+"""Rasters opened: by the driver that a file's first bytes name, placed on the ground, without any other file or address."""
+
+from __future__ import annotations
+
+import logging
+import math
+import sys
+import warnings
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from catalogs.broken import one_line, refusing
+from catalogs.frames import known_frame, points_east_and_north
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+log = logging.getLogger(__name__)
+
+# Formats of GDAL whose files hold their pixels themselves, by their first bytes.
+PICTURES: Mapping[bytes, str] = {
+    b"II*\0": "GTiff",
+    b"MM\0*": "GTiff",
+    b"II+\0": "GTiff",
+    b"MM\0+": "GTiff",
+    b"\x89PNG": "PNG",
+    b"\xff\xd8\xff": "JPEG",
+    b"\0\0\0\x0cjP": "JP2OpenJPEG",
+}
+# Bytes that GDAL keeps decoded, and cells in a row of a part that is read: blocks of which a row does not fit are decoded anew
+# for every few rows.
+CACHE, WIDEST_PART = 256_000_000, 16_384
+# Of a cell's sides: what is longer spans the Earth, what is shorter is lost in the coordinates' rounding.
+_SHORTEST, _LONGEST = 1e-9, 1e7
+# Formats of GDAL can name addresses. Nothing answers at this proxy, so none is reached whatever a file asks for.
+_OFFLINE = {
+    "GDAL_HTTP_PROXY": "http://127.0.0.1:9",
+    "GDAL_HTTP_MAX_RETRY": "0",
+    "GDAL_HTTP_CONNECTTIMEOUT": "1",
+    "CPL_VSIL_CURL_ALLOWED_EXTENSIONS": ".none",
+    "GDAL_CACHEMAX": CACHE,
+}
+
+
+def driver_of(path: Path, drivers: Mapping[bytes, str]) -> str | None:
+    """GDAL's driver for a file by its first bytes; None where it is none of `drivers`."""
+    with path.open("rb") as file:
+        start = file.read(32)
+    return next((name for magic, name in drivers.items() if start.startswith(magic)), None)
+
+
+@contextmanager
+def raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
+    """A raster opened by a driver, `kind` as "a raster". Raises InputError where it cannot be read, then or within."""
+    import rasterio
+    from rasterio.errors import NotGeoreferencedWarning, RasterioError
+
+    _check_sidecar(path)
+    with refusing(path, kind.partition(" ")[2], remedy):
+        try:
+            with warnings.catch_warnings(), rasterio.Env(**_OFFLINE), _unprinted():
+                warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with a remedy
+                with rasterio.open(path.absolute(), driver=driver, sharing=False) as found:
+                    _check_size(found, path)
+                    yield found
+        except RasterioError as error:
+            reason = one_line(str(error.__cause__ or error))[:160]
+            raise InputError(f"{path} cannot be read as {kind} ({reason}); {remedy}") from error
+
+
+@contextmanager
+def _unprinted() -> Iterator[None]:
+    """Of a broken file GDAL quotes bytes; for those that are no text rasterio, which logs them, prints a traceback."""
+    before, sys.unraisablehook = sys.unraisablehook, lambda error: log.debug("%s: %s", error.object, error.exc_value)
+    try:
+        yield
+    finally:
+        sys.unraisablehook = before
+
+
+def check_place(found: Any, path: Path, remedy: str) -> None:
+    """InputError where a raster's cells are no parallelograms on the ground."""
+    cell = found.transform
+    if cell.is_identity:
+        held = "control points only; warp it with gdalwarp" if found.gcps[0] else f"no place on the ground; {remedy}"
+        raise InputError(f"{path} states {held}")
+    sides = math.hypot(cell.a, cell.d), math.hypot(cell.b, cell.e)
+    sound = all(_SHORTEST <= side <= _LONGEST for side in sides) and math.isfinite(cell.c + cell.f)
+    if not (sound and abs(cell.a * cell.e - cell.b * cell.d) > 0.01 * sides[0] * sides[1]):
+        shown = ", ".join(f"{value:g}" for value in (cell.a, cell.b, cell.d, cell.e))
+        raise InputError(
+            f"{path} has cells without an area or beyond the Earth ({shown}); export it again with its place"
+        )
+
+
+def frame_of(found: Any, path: Path, crs: str | None = None) -> CRS | None:
+    """The horizontal frame that is named, or that a raster states; None where there is neither."""
+    text = crs or (found.crs.to_wkt() if found.crs else None)
+    if not text:
+        return None
+    try:
+        own = known_frame(text)
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from error
+    if not points_east_and_north(own):
+        raise InputError(
+            f"{path} is in {own.name}, whose axes are not east and north; warp it with gdalwarp -t_srs EPSG:n"
+        )
+    return own
+
+
+def _check_size(found: Any, path: Path) -> None:
+    if found.driver == "AAIGrid" and _words(path) < found.width * found.height:  # GDAL looks for the others without end
+        raise InputError(f"{path} states {found.width} x {found.height} cells and holds fewer; export it again")
+    rows, columns = found.block_shapes[0]
+    together = found.count if found.count > 1 and str(found.interleaving or "").lower().endswith("pixel") else 1
+    across = math.ceil(min(found.width, WIDEST_PART) / columns)
+    if rows * columns * across * together * max(map(_bytes, found.dtypes)) > CACHE:
+        raise InputError(
+            f"{path} is stored in blocks of {columns} x {rows} cells; rewrite it with gdal_translate -co TILED=YES"
+        )
+
+
+def _words(path: Path) -> int:
+    """How many words a text has, read a piece at a time; none where it is no text, of which GDAL finds no end either."""
+    import numpy as np
+
+    total, within = 0, np.zeros(1, bool)
+    with path.open("rb") as file:
+        while piece := file.read(1_000_000):
+            if b"\0" in piece:
+                return 0
+            inked = np.concatenate([within, np.frombuffer(piece, np.uint8) > ord(" ")])
+            total += int((inked[1:] & ~inked[:-1]).sum())
+            within = inked[-1:]
+    return total
+
+
+def _bytes(kind: str) -> int:
+    import numpy as np
+
+    try:
+        return np.dtype(kind).itemsize
+    except TypeError:  # a complex kind of GDAL's own
+        return 16
+
+
+def _check_sidecar(path: Path) -> None:
+    """Beside a raster GDAL reads FILE.aux.xml, which can name another file to be read in its place."""
+    beside = path.with_name(path.name + ".aux.xml")
+    if beside.is_file():
+        with beside.open("rb") as file:
+            content = file.read(10_000_001)
+        if b"OVERVIEW_FILE" in content.upper() or len(content) > 10_000_000:
+            raise InputError(f"{beside} names another file for overviews; remove it")

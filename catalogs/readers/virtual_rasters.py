@@ -1,0 +1,76 @@
+"""Virtual rasters of GDAL (VRT): XML that puts a raster together from files. Only mosaics of files beside them are read."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from facade_core.errors import InputError
+
+LARGEST = 4_000_000  # bytes
+REMEDY = "give one GeoTIFF (gdal_translate)"
+# What a mosaic as gdalbuildvrt and gdal_translate write it is made of. What else there is reads any file as raw numbers, warps,
+# computes, or opens sources with options.
+_ELEMENTS = {
+    *(
+        "VRTDataset",
+        "SRS",
+        "GeoTransform",
+        "Metadata",
+        "MDI",
+        "VRTRasterBand",
+        "NoDataValue",
+        "ColorInterp",
+        "Description",
+    ),
+    *(
+        "UnitType",
+        "Scale",
+        "Offset",
+        "SimpleSource",
+        "ComplexSource",
+        "SourceFilename",
+        "SourceBand",
+        "SourceProperties",
+    ),
+    *("SrcRect", "DstRect", "NODATA", "ScaleOffset", "ScaleRatio", "HideNoDataValue", "Histograms", "OverviewList"),
+    *("BlockXSize", "BlockYSize"),
+}
+
+
+def check_virtual(path: Path, check_source: Callable[[Path], object]) -> None:
+    """InputError unless a file is a virtual raster of files in its folder or below, which pass check_source each."""
+    from defusedxml import ElementTree
+    from defusedxml.common import DefusedXmlException
+
+    if path.stat().st_size > LARGEST:
+        raise InputError(f"{path} is XML of more than {LARGEST // 1_000_000} MB, no raster; give e.g. a GeoTIFF")
+    try:
+        root: Any = ElementTree.parse(path, forbid_dtd=True).getroot()
+    except (ElementTree.ParseError, DefusedXmlException, ValueError, LookupError) as error:
+        raise InputError(f"{path} is no raster, nor XML of one ({error}); give e.g. a GeoTIFF") from error
+    if root.tag != "VRTDataset":
+        raise InputError(f"{path} is XML ({str(root.tag)[:60]}), no raster; give e.g. a GeoTIFF")
+    for element in root.iter():
+        if element.tag not in _ELEMENTS:
+            raise InputError(f"{path} is more than a mosaic of files ({str(element.tag)[:60]}); {REMEDY}")
+        named = {name.lower(): value for name, value in element.attrib.items()}
+        if "subclass" in named or "OVERVIEW_FILE" in map(str.upper, named.values()):
+            raise InputError(f"{path} is more than a mosaic of files ({', '.join(named.values())[:60]}); {REMEDY}")
+        if element.tag == "SourceFilename":
+            _check_source(path, (element.text or "").strip(), named.get("relativetovrt") == "1", check_source)
+
+
+def _check_source(path: Path, text: str, relative: bool, check_source: Callable[[Path], object]) -> None:
+    folder = path.parent.resolve()
+    try:
+        source = (folder / text if relative else Path(text)).resolve()
+        found = source.is_file()
+    except (OSError, RuntimeError, ValueError):  # no path at all
+        found = False
+    if not found:
+        raise InputError(f"{path} is put together from {text[:200]}, which is no file here; {REMEDY}")
+    if not source.is_relative_to(folder):
+        raise InputError(f"{path} is put together from {text[:200]}, which lies outside its folder; {REMEDY}")
+    check_source(source)

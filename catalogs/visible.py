@@ -1,0 +1,29 @@
+"""Text out of data, made safe to look at: what would steer a terminal, end a line or turn the reading direction is shown."""
+
+from __future__ import annotations
+
+import json
+import unicodedata
+
+# Control and format characters, halves of characters, ends of lines and paragraphs.
+_UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
+# Format characters that spelling needs: zero-width joiner and non-joiner.
+_SPELLING = "\u200c\u200d"
+
+
+def visible(text: str) -> str:
+    """The text with every character that is not seen written as Python would write it: \\x1b, \\n, \\u202e."""
+    if text.isprintable():
+        return text
+    return "".join(ascii(c)[1:-1] if _unseen(c) else c for c in text)
+
+
+def visible_json(text: str) -> str:
+    """JSON text that says the same, with those characters written as JSON would; line breaks between values stay."""
+    if text.isprintable():
+        return text
+    return "".join(json.dumps(c)[1:-1] if c != "\n" and _unseen(c) else c for c in text)
+
+
+def _unseen(character: str) -> bool:
+    return unicodedata.category(character) in _UNSEEN and character not in _SPELLING

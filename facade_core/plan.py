@@ -1,0 +1,110 @@
+"""A block's plan: what ingest makes of it and every later stage reads."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from facade_core.facades import Facades
+from facade_core.geometry.streets import Viewpoint
+from facade_core.identity import Things, things_of
+from facade_core.street.scene import Scene
+from facade_core.types import Pose, Street
+
+__all__ = ["Facades", "Plan", "Sightings"]
+
+
+@dataclass(frozen=True)
+class Sightings:
+    """Which panoramas show which facade, as columns, best first within a facade: facade, panorama (s,) int32 indices; seen (s,)
+    the share of the facade that the panorama shows; pixels_per_metre (s,) the panorama's resolution on it."""
+
+    facade: np.ndarray
+    panorama: np.ndarray
+    seen: np.ndarray
+    pixels_per_metre: np.ndarray
+
+    def of(self, facade: int) -> np.ndarray:
+        """The panoramas that show a facade, best first."""
+        return self.panorama[self.facade == facade]
+
+
+@dataclass(frozen=True)
+class Plan:
+    """A block's geometry and the order of its work.
+
+    streets are the given ones, or those derived from the gaps; poses are those of the block's panoramas, on the ground
+    where they had no height. refused: buildings without usable surfaces, as (id, reason). textured (charts,) bool: charts
+    with a texture of the source's own, or on a picture from above. views (k, 2) int32: pairs of viewpoint and chart,
+    sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that the street stage writes; wave
+    (streets,) int32. ids (charts,) uint64 and looks (viewpoints,) digests say what each chart is and each viewpoint sees,
+    wherever it stands in the order.
+    """
+
+    scene: Scene
+    streets: tuple[Street, ...]
+    facades: Facades
+    poses: tuple[Pose, ...]
+    refused: tuple[tuple[str, str], ...]
+    sightings: Sightings
+    textured: np.ndarray
+    viewpoints: tuple[Viewpoint, ...]
+    views: np.ndarray
+    writable: np.ndarray
+    wave: np.ndarray
+    ids: np.ndarray
+    looks: tuple[str, ...]
+
+    @cached_property
+    def things(self) -> Things:
+        """What stands in the block."""
+        return things_of(self.scene.charts, self.scene.mesh, self.scene.names)
+
+    def textured_buildings(self) -> tuple[int, ...]:
+        """The buildings that have textures of their own besides those on facades."""
+        others = self.textured.copy()
+        others[self.facades.chart] = False
+        return tuple(np.unique(self.scene.charts.building[others]).tolist())
+
+    def own_charts(self, building: int) -> list[int]:
+        """The charts of a building, its facades aside, that have textures of their own."""
+        mine = self.textured & (self.scene.charts.building == building)
+        mine[self.facades.chart] = False
+        return np.flatnonzero(mine).tolist()
+
+    def of_street(self, street: int) -> list[Viewpoint]:
+        """A street's viewpoints in their order."""
+        return [viewpoint for viewpoint in self.viewpoints if viewpoint.street == street]
+
+    @cached_property
+    def street_charts(self) -> np.ndarray:
+        """Pairs of street and chart, (k, 2) int64, sorted: what the viewpoints of each street show."""
+        return np.unique(np.column_stack([self.street_of_views(), self.views[:, 1]]), axis=0)
+
+    def street_of_views(self) -> np.ndarray:
+        """The street of every row of views, (k,) int64."""
+        return np.array([v.street for v in self.viewpoints], np.int64)[self.views[:, 0]]
+
+    def texels(self) -> np.ndarray:
+        """Texels of every chart, (charts,) int64."""
+        return self.scene.placement.width.astype(np.int64) * self.scene.placement.height
+
+    def own_pictures(self) -> dict[int, list[int]]:
+        """The pictures that the textures of each building use, ascending, by building."""
+        mesh = self.scene.mesh
+        used = mesh.texture >= 0
+        pairs = np.column_stack([self.scene.charts.building[mesh.chart[used]], mesh.texture[used]])
+        pictures: dict[int, list[int]] = {}
+        for building, picture in np.unique(pairs, axis=0).tolist():
+            pictures.setdefault(building, []).append(picture)
+        return pictures
+
+    def street_texels(self) -> np.ndarray:
+        """Per street the texels of the charts that its viewpoints see, and of those that it writes, (streets, 2) int64."""
+        seen = self.street_charts
+        texels = self.texels()
+        total = np.zeros((len(self.wave), 2), np.int64)
+        np.add.at(total, seen[:, 0], np.column_stack([texels, texels * self.writable])[seen[:, 1]])
+        return total

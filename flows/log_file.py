@@ -1,0 +1,107 @@
+"""A log file for each run: OUT/logs/<UTC time>.jsonl, one JSON object a line, and what of it Prefect's UI shows."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime
+from pathlib import Path
+
+from facade_core.errors import FacadeError
+
+# Every module logs under its own name, below one of these.
+PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
+
+log = logging.getLogger(__name__)
+_latest: Path | None = None
+_logging: set[Path] = set()
+
+
+def latest() -> Path | None:
+    """The log of the run that goes on in this process, or was the last to."""
+    return _latest
+
+
+@contextmanager
+def log_to(out: Path, *, alone: bool = False) -> Iterator[None]:
+    """Log to a new file in `out`/logs, which is made with the first line; what ends the block is in it with its traceback.
+
+    alone: nothing of it goes to a terminal too. It may be nested: the outermost counts.
+    """
+    global _latest
+    out = out.resolve()
+    if out in _logging:
+        yield
+        return
+    _latest = out / "logs" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.jsonl"
+    handler = _Lines(_latest)
+    loggers = [logging.getLogger(name) for name in PACKAGES]
+    before = [(logger.level, logger.propagate) for logger in loggers]
+    for logger in loggers:
+        logger.addHandler(handler)
+        logger.setLevel(logging.DEBUG)
+        logger.propagate = logger.propagate and not alone
+    _logging.add(out)
+    try:
+        yield
+    except FacadeError as error:
+        log.error("the run ended: %s", error, exc_info=error if error.__cause__ else None)
+        raise
+    except Exception:
+        log.exception("the run ended by an error of its own")
+        raise
+    finally:
+        _logging.discard(out)
+        for logger, (level, propagate) in zip(loggers, before, strict=True):
+            logger.removeHandler(handler)
+            logger.setLevel(level)
+            logger.propagate = propagate
+
+
+@contextmanager
+def told_to_prefect() -> Iterator[None]:
+    """Within a flow: warnings and errors go to Prefect's server too, which shows them with the run and its tasks."""
+    from prefect.logging.handlers import APILogHandler
+
+    handler = APILogHandler(logging.WARNING)
+    for name in PACKAGES:
+        logging.getLogger(name).addHandler(handler)
+    try:
+        yield
+    finally:
+        for name in PACKAGES:
+            logging.getLogger(name).removeHandler(handler)
+
+
+class _Lines(logging.Handler):
+    """Writes each record as a line of JSON. The file is opened for each: others close all handlers when they set up theirs."""
+
+    def __init__(self, path: Path) -> None:
+        super().__init__()
+        self._path = path
+
+    def emit(self, record: logging.LogRecord) -> None:
+        try:
+            line = json.dumps(_fields(record), default=str)
+            self._path.parent.mkdir(parents=True, exist_ok=True)
+            with self._path.open("a", encoding="utf-8") as file:
+                file.write(line + "\n")
+        except (OSError, ValueError):  # a disk that is full must not end what is being logged
+            pass
+
+
+def _fields(record: logging.LogRecord) -> dict[str, object]:
+    fields: dict[str, object] = {
+        "time": datetime.fromtimestamp(record.created, UTC).isoformat(timespec="milliseconds"),
+        "level": record.levelname.lower(),
+        "logger": record.name,
+        "message": record.getMessage(),
+    }
+    for name in ("stage", "unit", "worker", "seconds", "traceback"):
+        if (value := getattr(record, name, None)) is not None:
+            fields[name] = value
+    if record.exc_info and record.exc_info[0] is not None:
+        fields["traceback"] = logging.Formatter().formatException(record.exc_info)
+    return fields

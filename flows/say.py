@@ -1,0 +1,20 @@
+"""What commands print: one function, through which no text out of data steers the terminal."""
+
+from __future__ import annotations
+
+import click
+
+
+def say(line: object, *, err: bool = False) -> None:
+    """Print one line."""
+    text = str(line)
+    if not text.isprintable():
+        from catalogs.visible import visible  # takes half a second
+
+        text = visible(text)
+    click.echo(text, err=err)
+
+
+def note(line: str) -> None:
+    """Say something to the user beside what was asked for."""
+    say(f"streetloom: {line}", err=True)

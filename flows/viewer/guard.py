@@ -1,0 +1,65 @@
+"""Who may ask the viewer: requests to a name that it is served under, from no page but its own."""
+
+from __future__ import annotations
+
+import re
+import socket
+from collections.abc import Sequence
+from dataclasses import dataclass
+from ipaddress import ip_address
+
+LOOPBACK = ("127.0.0.1", "localhost", "::1")
+
+
+@dataclass(frozen=True)
+class Guard:
+    """The names that a server answers to. With `anywhere`, any address in digits is one too.
+
+    A foreign site that has its own name point at this machine (DNS rebinding) asks under that name, never under an address.
+    """
+
+    names: tuple[str, ...]
+    anywhere: bool = False
+
+    def refusal(self, hosts: Sequence[str], origins: Sequence[str]) -> tuple[int, str] | None:
+        """Status and reason with which a request with these Host and Origin headers is refused; None where it is not.
+
+        Who is no browser states no origin; a browser always does where a page of another site opens a socket.
+        """
+        if len(hosts) != 1 or not self._known(name_in(hosts[0])):
+            return (
+                400,
+                "the viewer is not served under that name; `streetloom view --host NAME` serves it under another",
+            )
+        if any(origin.lower() != f"http://{hosts[0].lower()}" for origin in origins):
+            return 403, "a page of another site may not ask the viewer"
+        return None
+
+    def _known(self, name: str) -> bool:
+        return name in self.names or (self.anywhere and _is_address(name))
+
+
+def guard(host: str, bound: str) -> Guard:
+    """For a server that was told to listen on `host` and does so on the address `bound`."""
+    anywhere = ip_address(bound).is_unspecified
+    own = (socket.gethostname(),) if anywhere else ()
+    return Guard(tuple(dict.fromkeys(name.lower() for name in (host, bound, *LOOPBACK, *own))), anywhere)
+
+
+def name_in(host: str) -> str:
+    """The name in a Host header, in lower case, without port and brackets; empty where it is none."""
+    found = re.fullmatch(r"(?:\[([0-9a-f:.]+)\]|([\w.-]+))(?::\d+)?", host.lower(), re.ASCII)
+    return (found[1] or found[2]) if found else ""
+
+
+def in_address(name: str) -> str:
+    """A name as it stands in a web address."""
+    return f"[{name}]" if ":" in name else name
+
+
+def _is_address(name: str) -> bool:
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True

@@ -1,0 +1,64 @@
+"""Records against arrays: whether what the journal says of charts and panoramas is what lies in the store."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from facade_core.atlas.journal import read_journal
+from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.plan import Plan
+
+T = TypeVar("T")
+
+
+def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[str, list[int]]:
+    """The units, by stage, of which a chart's or a panorama's digest is not that of their record; every chunk must be readable.
+
+    sample: so many charts and panoramas at most, evenly spread; None for all. Units that are not done are not looked at, nor
+    those from before records had digests.
+    """
+    found: dict[str, set[int]] = defaultdict(set)
+    chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
+    writers = [one for one in _last_writers(group).items() if one[0] in chart_of]
+    for name, (stage, unit, digest) in _spread(sorted(writers), sample):
+        one = Rasters.of(plan.scene.placement, [chart_of[name]])
+        colour, provenance = (
+            read_rasters(group[f"atlas/{array}"], plan.scene.placement, one) for array in ("colour", "provenance")
+        )
+        if chart_digests(colour, provenance, plan.scene.placement, one, plan.ids)[name] != digest:
+            found[stage].add(unit)
+    pictures = [
+        (viewpoint, record["panorama"])
+        for viewpoint, record in enumerate(read_journal(group, "viewpoints"))
+        if record and record["status"] == "done" and "panorama" in record
+    ]
+    for viewpoint, digest in _spread(pictures, sample):
+        if picture_digest(group["panoramas/rgb"][viewpoint]) != digest:
+            found["viewpoints"].add(viewpoint)
+            found["streets"].add(plan.viewpoints[viewpoint].street)
+    return {stage: sorted(units) for stage, units in found.items()}
+
+
+def _last_writers(group: StoreGroup) -> dict[str, tuple[str, int, str]]:
+    """Of every chart, by its id, the stage and unit that wrote it last and the digest that it left; charts are left out whose
+    last writer is due again."""
+    found: dict[str, tuple[str, int, str]] = {}
+    due: set[str] = set()
+    for stage in ("textures", "facades", "streets"):
+        records = [(i, record) for i, record in enumerate(read_journal(group, stage)) if record]
+        for unit, record in sorted(records, key=lambda one: (one[1].get("wave", 0), one[1]["unit"])):
+            for chart, digest in record.get("digests", {}).items():
+                found[chart] = (stage, unit, digest)
+                (due.discard if record["status"] == "done" else due.add)(chart)
+    return {chart: writer for chart, writer in found.items() if chart not in due}
+
+
+def _spread(values: Sequence[T], count: int | None) -> Sequence[T]:
+    if count is None or len(values) <= count:
+        return values
+    return [values[int(i)] for i in np.linspace(0, len(values) - 1, count)]

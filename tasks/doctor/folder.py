@@ -1,0 +1,157 @@
+"""A run's folder: what is published, whether its store is sound, and what is stale. Only `.suspect` is ever written."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import tempfile
+from collections import Counter
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import icechunk
+import zarr
+
+from catalogs.block import read_block
+from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
+from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import FacadeError, StoreError
+from tasks.digests import differing
+from tasks.doctor.findings import Finding
+from tasks.due import what_is_due
+from tasks.ingest import ingest_block
+from tasks.plan import read_plan
+from tasks.published_files import amiss
+from tasks.run import run_of
+from tasks.standing import current_snapshot, recorded_source, unpublished
+from tasks.wounds import find_wounds, is_suspect, suspect
+
+# Charts and panoramas whose digests are computed again.
+SAMPLE = 64
+
+
+def examine_folder(out: Path) -> Iterator[Finding]:
+    """What is to be said of a run's folder. No run may go on in it meanwhile."""
+    source = recorded_source(out)
+    again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
+    store = out / "store"
+    if not store.is_dir():
+        yield Finding("store", False, f"{out} holds no run; {again} makes one")
+        return
+    try:
+        repository = open_repository(store)
+        session = repository.readonly_session(BRANCH)
+        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        records = {stage: read_journal(group, stage) for stage in STAGES}
+        attrs = dict(group.attrs)
+    except (StoreError, *DAMAGE) as error:
+        line = str(error).strip().splitlines()[0].strip(" x")
+        yield Finding("store", False, f"the newest snapshot cannot be read ({line}); {again} goes back to one that can")
+        yield from _published(out, None, again)
+        return
+    yield _units(attrs, records, again)
+    yield from _store(out, repository, session, group, again)
+    yield from _published(out, session.snapshot_id, again)
+    yield _stale(out, source, session, group)
+
+
+def _units(attrs: dict[str, Any], records: dict[str, list[dict[str, Any] | None]], again: str) -> Finding:
+    states = Counter(r["status"] if r else "waiting" for journal in records.values() for r in journal)
+    told = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
+    left = sum(states.values()) - states["done"]
+    return Finding("units", not left, f"block {attrs.get('block')}: {told}{f'; {again} goes on' if left else ''}")
+
+
+def _store(out: Path, repository: Any, session: icechunk.Session, group: StoreGroup, again: str) -> Iterator[Finding]:
+    """Records against arrays: what sizes and listings show, then every chunk, then digests of some."""
+    store = out / "store"
+    mended = f"{again} makes it again"
+    wounds = find_wounds(session)
+    if wounds:
+        told = ", ".join(f"{len(units)} {stage}" for stage, units in wounds.items())
+        yield Finding("store", False, f"records without their data: {told}; {mended}")
+    if tags := broken_tags(repository, store):
+        yield Finding("store", False, f"{len(tags)} tags of streets cannot be read; {again} removes them")
+    if lost := unreadable(session):
+        if is_whole(repository, store):
+            suspect(out)
+        count = sum(len(chunks) if chunks else 1 for chunks in lost.values())
+        yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {mended}")
+        return
+    plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
+    if wrong := differing(group, plan, SAMPLE):
+        suspect(out)
+        told = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())
+        yield Finding("store", False, f"texels are not those of their records: {told}; {mended}")
+    elif not wounds:
+        yield Finding(
+            "store", True, f"all chunks can be read; digests of {SAMPLE} charts and panoramas at most are right"
+        )
+    if is_suspect(out):
+        yield Finding("store", None, "the next run reads all of it before it starts")
+
+
+def _published(out: Path, newest: str | None, again: str) -> Iterator[Finding]:
+    current = current_snapshot(out)
+    folders = sorted(path.name for path in (out / "published").glob("*") if path.is_dir())
+    leftovers = [name for name in folders if name.startswith(".")]
+    if current is None:
+        yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
+    elif fault := amiss(out / "published" / current, thorough=True):
+        yield Finding("published", False, f"{current}: {fault}; {again} publishes it again")
+    elif newest is not None and (fault := unpublished(out, newest)):
+        yield Finding(
+            "published", False, f"{current}, whole; the newest snapshot is {newest}: {fault}; {again} goes on"
+        )
+    else:
+        yield Finding("published", True, f"{current}, whole, and {len(folders) - len(leftovers) - 1} older ones")
+    if leftovers:
+        yield Finding(
+            "published",
+            None,
+            f"{len(leftovers)} leftovers of killed runs; `streetloom prune {out} --keep N` removes them",
+        )
+
+
+def _stale(out: Path, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
+    """What a run with the block file as it is now would do again, and why: tried on a copy."""
+    if source is None:
+        return Finding("stale", None, "the folder does not say which block file it is of; the next run notes it")
+    try:
+        block = read_block(source)
+        run = run_of(block, out)
+        if group.attrs.get("block") != run.block:
+            return Finding(
+                "stale", False, f"{source} is block {run.block} now; the folder holds {group.attrs.get('block')}"
+            )
+        with _copy(out) as copy:
+            tried = replace(run, out=str(copy))
+            outline = ingest_block.fn(tried, block)
+            said = what_is_due(replace(tried, ingested=outline.ingested), block, outline)
+    except (FacadeError, OSError) as error:
+        return Finding("stale", False, f"{source}: {' '.join(str(error).split())}")
+    if group.attrs.get("key") == run.key and (said is None or "nothing is due" in said):
+        return Finding("stale", True, f"nothing: {source} and the code are as they were")
+    return Finding(
+        "stale", False, f"{said or 'everything'}; `streetloom run {source} --out {out}` brings it up to date"
+    )
+
+
+@contextmanager
+def _copy(out: Path) -> Iterator[Path]:
+    """A folder with a store that can be written to without a trace: Icechunk writes no file twice, so links do."""
+    try:
+        folder = Path(tempfile.mkdtemp(prefix=".doctor-", suffix=".tmp", dir=out))
+    except OSError:  # a folder that cannot be written to
+        folder = Path(tempfile.mkdtemp())
+    linked = folder.parent == out
+    try:
+        shutil.copytree(out / "store", folder / "store", copy_function=os.link if linked else shutil.copy2)
+        yield folder
+    finally:
+        shutil.rmtree(folder, ignore_errors=True)

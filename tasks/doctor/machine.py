@@ -1,0 +1,133 @@
+"""The environment: Python, packages, models, room on the disk."""
+
+from __future__ import annotations
+
+import platform
+import re
+import shutil
+import sys
+from collections.abc import Iterator
+from importlib.metadata import PackageNotFoundError, metadata, requires, version
+from pathlib import Path
+
+from facade_core.errors import ModelError
+from tasks.doctor.findings import Finding
+
+PACKAGE = "streetloom"
+ROOT = Path(__file__).resolve().parent.parent.parent
+CONSTRAINTS = ROOT / "deploy" / "constraints" / "constraints.txt"
+# Packages that are named in one line at most.
+NAMED = 5
+# Less room than this is not enough for any block.
+ROOM = 1 << 30
+
+
+def examine_machine(folder: Path) -> Iterator[Finding]:
+    """What is to be said of this machine; folder: where runs are kept."""
+    yield _python()
+    yield from _packages()
+    yield _rays()
+    yield from _models()
+    yield _room(folder)
+
+
+def _python() -> Finding:
+    from packaging.specifiers import SpecifierSet
+
+    wanted = SpecifierSet(metadata(PACKAGE)["Requires-Python"] or "")
+    found = platform.python_version()
+    if found not in wanted:
+        return Finding(
+            "python", False, f"{found} is not {wanted}; set it up again with: make PYTHON=/path/to/python setup"
+        )
+    return Finding("python", True, f"{found} at {sys.executable}")
+
+
+def _packages() -> Iterator[Finding]:
+    """Those that are declared against what is installed, and all that are pinned."""
+    from packaging.requirements import Requirement
+
+    declared = [Requirement(text) for text in requires(PACKAGE) or ()]
+    wrong, count = [], 0
+    for one in declared:
+        if one.marker is not None and not one.marker.evaluate({"extra": ""}):
+            continue
+        count += 1
+        found = _version(one.name)
+        if found is None:
+            wrong.append(f"{one.name} is missing")
+        elif not one.specifier.contains(found, prereleases=True):
+            wrong.append(f"{one.name} {found} is not {one.specifier}")
+    if wrong:
+        yield Finding("packages", False, f"{_listed(wrong)}; `make setup` installs what is pinned")
+    else:
+        yield Finding("packages", True, f"{count} as declared")
+    if not CONSTRAINTS.is_file():
+        return
+    others = [
+        f"{name} {found} (pinned {pinned})"
+        for name, pinned in _pinned()
+        if (found := _version(name)) is not None and found != pinned
+    ]
+    if others:
+        said = f"{len(others)} are not as tested: {_listed(others)}; `make setup` installs those of {CONSTRAINTS.name}"
+        yield Finding("packages", None, said)
+
+
+def _pinned() -> Iterator[tuple[str, str]]:
+    from packaging.markers import Marker
+
+    for line in CONSTRAINTS.read_text(encoding="utf-8").splitlines():
+        if match := re.match(r"([\w.-]+)==([^\s;\\]+)\s*(?:;\s*([^\\]+))?", line):
+            name, pinned, marker = match.groups()
+            if marker is None or Marker(marker.strip()).evaluate():
+                yield name, pinned
+
+
+def _rays() -> Finding:
+    from facade_core.geometry.raycast import ray_library
+
+    try:
+        return Finding("rays", True, f"open3d {ray_library().__version__} loads, and the libusb that it needs")
+    except (ImportError, OSError, RuntimeError) as error:
+        said = " ".join(str(error).split())
+        return Finding("rays", False, f"open3d cannot be loaded ({said}); `make setup` installs it with its libusb")
+
+
+def _models() -> Iterator[Finding]:
+    from facade_core.layout import model as layouts
+    from facade_core.parse import forest, network
+    from facade_core.street import neural
+
+    for path, load in (
+        (network.SHIPPED, network.load),
+        (forest.SHIPPED, forest.load),
+        (layouts.SHIPPED, layouts.load),
+        (neural.SHIPPED, neural.load),
+    ):
+        try:
+            load(path)
+        except ModelError as error:
+            yield Finding("models", False, str(error))
+        else:
+            yield Finding("models", True, f"{path.name} has its checksum and loads")
+
+
+def _room(folder: Path) -> Finding:
+    while not folder.exists():
+        folder = folder.parent
+    usage = shutil.disk_usage(folder)
+    free = f"{usage.free / (1 << 30):.1f} GB free of {usage.total / (1 << 30):.0f} for {folder}"
+    return Finding("disk", usage.free >= ROOM, free if usage.free >= ROOM else f"{free}: make room before the next run")
+
+
+def _version(name: str) -> str | None:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return None
+
+
+def _listed(texts: list[str]) -> str:
+    more = f" and {len(texts) - NAMED} more" if len(texts) > NAMED else ""
+    return ", ".join(texts[:NAMED]) + more

@@ -1,0 +1,34 @@
+"""Room on the disk: what a block takes, looked at before anything is written, and what must be free at any time."""
+
+from __future__ import annotations
+
+import shutil
+from pathlib import Path
+
+from facade_core.errors import MachineError
+from facade_core.ingest import Plan
+
+# Free at every stage: the run's own server, its log, and commits that are being made.
+RESERVE = 50_000_000
+# What the smallest blocks and the demo took in the store, in bytes: a texel of every array of the atlas, and a byte of a
+# panorama, both compressed; and a texel of the pages, the model and the report as published. Pictures of real walls take more:
+# what this refuses could not have ended well.
+STORE_TEXEL, PANORAMA_BYTE, PUBLISHED_TEXEL = 2.0, 0.1, 1.5
+
+
+def room_for(plan: Plan, panorama_width: int) -> int:
+    """The bytes that a block takes at least, in its store and published."""
+    texels = int(plan.texels().sum())
+    panoramas = len(plan.viewpoints) * panorama_width * (panorama_width // 2) * 3
+    return int(texels * (STORE_TEXEL + PUBLISHED_TEXEL) + panoramas * PANORAMA_BYTE)
+
+
+def require_room(folder: Path, needed: int = 0) -> None:
+    """Raise MachineError where the disk of `folder` has less room than `needed`, less what lies in its store, and RESERVE."""
+    held = sum(path.stat().st_size for path in (folder / "store").rglob("*") if path.is_file()) if needed else 0
+    needed, free = max(0, needed - held) + RESERVE, shutil.disk_usage(folder).free
+    if free < needed:
+        raise MachineError(
+            f"{folder}: needs about {needed / 1e6:,.0f} MB of space and its disk has {free / 1e6:,.0f} MB free; "
+            "free some space, or name a folder on another disk with --out, and run again: what is done is kept"
+        )

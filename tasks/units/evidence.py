@@ -1,0 +1,123 @@
+"""What pictures show of a facade, source by source."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catalogs.pictures import LEAST_SIDE
+from facade_core.errors import ImageError
+from facade_core.facade import Box, things_in_front
+from facade_core.parse import parse
+from facade_core.plan import Plan
+from facade_core.rectify import View, fuse_views, own_texture, rectify, rectify_view
+from facade_core.types import Pose
+from tasks.outcome import refusing
+from tasks.units.images import focal_length, read_panorama, read_textures, read_whole
+
+if TYPE_CHECKING:
+    from tasks.imagery import Imagery
+
+# Texels around a photo's holes that count as hidden.
+RIM = 2
+# A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
+SHOWN = 0.3
+
+
+@dataclass(frozen=True)
+class Evidence:
+    """What pictures show of a facade: image (h, w, 3); hidden (h, w) bool; confidence (h, w), 0 to 1, the share of the
+    raster's resolution that the picture has and how squarely it looks; name of the source; boxes of things masked; clean,
+    whether nothing else can be in front."""
+
+    image: np.ndarray
+    hidden: np.ndarray
+    confidence: np.ndarray
+    source: str
+    masked: tuple[Box, ...] = ()
+    clean: bool = False
+
+
+def evidence_of(
+    source: str,
+    plan: Plan,
+    chart: int,
+    size: tuple[int, int],
+    imagery: Imagery,
+    textures: Sequence[Path],
+    refused: list[Exception],
+) -> Evidence | None:
+    """What a source of imagery, as in `Imagery.sources`, shows of a chart in a raster of a size; None where that is too little.
+
+    Why one picture of several cannot be used is added to `refused`; raises what a photo, the only one, is refused by.
+    """
+    if source == "photo" and imagery.photo is not None:
+        image, hidden = photo_of(imagery.photo, imagery.rectified, size)
+        hidden = _widened(hidden)
+        return Evidence(image, hidden, ~hidden, imagery.photo.name)
+    if source == "panoramas":
+        return _of_panoramas(plan, chart, size, imagery, refused)
+    images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart == chart], refused)
+    image, covered = own_texture(plan.scene, chart, images)
+    if covered.mean() < SHOWN:
+        return None
+    # what a model brings is its wall as its makers want it, and may be drawn: the parser is not asked for trees
+    return Evidence(image, ~covered, covered, "own texture", clean=True)
+
+
+def _of_panoramas(
+    plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception]
+) -> Evidence | None:
+    views, names = [], []
+    for path, pose in imagery.panoramas:
+        with refusing(refused):
+            views.append(_view(plan, chart, path, pose, size))
+            names.append(path.name)
+    if not views:
+        return None
+    fused = fuse_views(views)
+    if (fused.seen & ~fused.occluded).mean() < SHOWN:
+        return None
+    _, masked = things_in_front(fused.occluded)
+    hidden = _widened(~fused.seen) | fused.occluded
+    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked)
+
+
+def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
+    """A photo of a facade at a size, and what it does not show of it; rectified first where it is as taken."""
+    import cv2
+
+    picture = read_whole(path, least=LEAST_SIDE)
+    image, hidden = picture.rgb, picture.hidden
+    if not rectified:
+        alpha = np.where(hidden, 0, 255).astype(np.uint8)
+        focal = focal_length(path)
+        try:
+            found = rectify(np.dstack([image, alpha]), focal=None if focal is None else focal * picture.scale)
+        except ImageError as error:
+            raise ImageError(f"{path.name}: {error}") from error
+        image, hidden = found.image, ~found.seen
+    image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
+    hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+    return image, hidden
+
+
+def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> View:
+    """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees."""
+    view = rectify_view(plan.scene, chart, read_panorama(path), pose, size)
+    if not view.seen.any():
+        return view
+    alpha = np.where(view.seen, 255, 0).astype(np.uint8)
+    in_front, _ = things_in_front(parse(np.dstack([view.rgb, alpha])).occluded & view.seen)
+    return replace(view, occluded=in_front & view.seen)
+
+
+def _widened(hidden: np.ndarray) -> np.ndarray:
+    """A hole and its rim: beside it, resampling has mixed in what hides the wall."""
+    import cv2
+
+    return cv2.dilate(hidden.astype(np.uint8), np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)

@@ -1,0 +1,82 @@
+"""From chunks that cannot be read to the units that wrote them."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping, Sequence
+
+import numpy as np
+
+from facade_core.atlas.check import Coordinates
+from facade_core.atlas.journal import STAGES
+from facade_core.atlas.zarr_types import StoreArray, StoreGroup
+from facade_core.plan import Plan
+
+
+def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinates] | None]) -> dict[str, set[int]]:
+    """Empty the chunks that cannot be read; returns the units that they were of, by stage.
+
+    lost: chunks by the path of their array; None where all are lost.
+    """
+    due: dict[str, set[int]] = defaultdict(set)
+    for path, chunks in lost.items():
+        array = group[path]
+        folder, _, name = path.partition("/")
+        units = range(array.shape[0]) if chunks is None else sorted({chunk[0] for chunk in chunks})
+        if folder == "journal":
+            due[name].update(units)
+        elif folder == "panoramas":
+            due["viewpoints"].update(units)
+        elif folder == "hierarchies":
+            due["facades"].update(units)
+        elif folder == "exemplars":
+            due["exemplars"].add(int(name.partition("/")[0]))
+        else:
+            for stage, found in units_of_charts(plan, _charts_at(plan, chunks)).items():
+                due[stage].update(found)
+        _empty(group, path, array, chunks)
+    return {stage: due[stage] for stage in STAGES if due[stage]}
+
+
+def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
+    """Who writes on some charts: textures, facades and streets, by index."""
+    chosen = set(charts)
+    pairs = plan.street_charts
+    written = pairs[plan.writable[pairs[:, 1]]]
+    return {
+        "textures": {
+            unit for unit, building in enumerate(plan.textured_buildings()) if chosen & set(plan.own_charts(building))
+        },
+        "facades": set(np.flatnonzero(np.isin(plan.facades.chart, sorted(chosen))).tolist()),
+        "streets": set(written[np.isin(written[:, 1], sorted(chosen)), 0].tolist()),
+    }
+
+
+def _charts_at(plan: Plan, chunks: Sequence[Coordinates] | None) -> list[int]:
+    """The charts of which something lies in some chunks of the atlas."""
+    spec, placement = plan.scene.spec, plan.scene.placement
+    if chunks is None:
+        return list(range(len(plan.ids)))
+    cells = {chunk[:3] for chunk in chunks}
+    return [
+        chart
+        for chart in range(len(plan.ids))
+        if not cells.isdisjoint(map(tuple, placement.chunks(chart, spec.chunk, spec.gutter).tolist()))
+    ]
+
+
+def _empty(group: StoreGroup, path: str, array: StoreArray, chunks: Sequence[Coordinates] | None) -> None:
+    if chunks is not None:
+        for chunk in chunks:
+            array.set_block_selection(chunk, array.fill_value)
+        return
+    group.create_array(
+        path,
+        shape=array.shape,
+        chunks=array.chunks,
+        dtype=array.dtype,
+        fill_value=array.fill_value,
+        dimension_names=array.metadata.dimension_names,
+        attributes=dict(array.attrs),
+        overwrite=True,
+    )

@@ -1,0 +1,35 @@
+"""A very small block, textured and published once; each test damages a copy."""
+
+from __future__ import annotations
+
+import shutil
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from tasks.publish import publish_block
+from tasks.run import Run
+from tests.pipeline.stages import BUILDINGS, STREETS, texture, write_block
+
+# An id longer than any file's name may be.
+LONG = "long-" * 60
+
+
+@pytest.fixture(scope="session")
+def textured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
+    """The block's file, and the run that published it."""
+    folder = tmp_path_factory.mktemp("small")
+    buildings = {(LONG if name == "e" else name): box for name, box in BUILDINGS.items()}
+    streets = {(LONG if name == "3" else name): line for name, line in STREETS.items()}
+    block = write_block(folder / "block", buildings=buildings, streets=streets)
+    run = texture(block, folder / "out").run
+    publish_block.fn(run, block)
+    return block, run
+
+
+@pytest.fixture
+def run(textured: tuple[Path, Run], tmp_path: Path) -> Run:
+    """The same in a folder of its own."""
+    shutil.copytree(textured[1].out, tmp_path / "out")
+    return replace(textured[1], out=str(tmp_path / "out"), ingested=0.0)

@@ -1,0 +1,73 @@
+"""Published files that are lost or cut: a run sees it, says so by not being done, and makes them again as they were."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+from tasks.publish import publish_block
+from tasks.run import Run
+from tasks.standing import current_snapshot, nothing_due
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def garbled(path: Path) -> None:
+    path.write_bytes(b"\0" * path.stat().st_size)
+
+
+DAMAGES: list[tuple[str, Callable[[Path], None]]] = [
+    ("block.glb", Path.unlink),
+    ("block.glb", cut),
+    ("report", shutil.rmtree),
+    ("report/index.html", cut),
+    ("pages", shutil.rmtree),
+    ("stac", shutil.rmtree),
+    ("items.parquet", Path.unlink),
+    ("items.parquet", cut),
+    ("items.parquet", garbled),
+    ("masked.json", Path.unlink),
+    ("summary.json", Path.unlink),
+    ("summary.json", cut),
+    ("summary.json", garbled),
+    ("files.json", cut),
+    ("", shutil.rmtree),
+    ("../../current", Path.unlink),
+    ("../../current", cut),
+    ("../../current", garbled),
+    ("../../current", lambda path: path.write_bytes(b"\xff\xfe../..")),
+    ("../../catalog.json", Path.unlink),
+    ("../../catalog.json", cut),
+]
+
+
+def test_what_is_damaged_is_not_taken_for_done_and_is_made_again(textured: tuple[Path, Run], run: Run) -> None:
+    done = nothing_due(run)
+    assert done is not None
+    out = Path(run.out)
+    snapshot = current_snapshot(out)
+    assert snapshot is not None
+    published = out / "published" / snapshot
+    kept = out.parent / "kept"
+    shutil.copytree(out, kept)
+    for name, damage in DAMAGES:
+        damage(published / name)
+        assert nothing_due(run) is None, name
+        shutil.rmtree(published, ignore_errors=True)
+        shutil.copytree(kept / "published" / snapshot, published)
+        for pointer in ("current", "catalog.json"):
+            shutil.copy2(kept / pointer, out / pointer)
+        assert nothing_due(run) == done
+    (published / "block.glb").unlink()
+    cut(published / "items.parquet")
+    publish_block.fn(run, textured[0])
+    assert nothing_due(run) == done
+    assert _contents(published) == _contents(kept / "published" / snapshot)
+    assert sorted(path.name for path in (out / "published").iterdir()) == [snapshot]
+
+
+def _contents(folder: Path) -> dict[str, bytes]:
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in folder.rglob("*") if path.is_file()}

@@ -1,0 +1,212 @@
+"""Stores that lost something: what is gone is said and made again, what is not stays, and the result is the same."""
+
+from __future__ import annotations
+
+import json
+import re
+import shutil
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+
+from facade_core.atlas.check import unreadable
+from facade_core.atlas.journal import forget_record, read_journal, write_record
+from facade_core.atlas.store import BRANCH, commit, open_repository
+from facade_core.errors import LostStoreError, StoreError
+from tasks.history import after_viewpoint
+from tasks.run import Run
+from tasks.standing import nothing_due
+from tasks.wounds import find_wounds, mend, suspect
+from tests.pipeline.stages import digests_of, redone, started, texture
+
+
+def cut(path: Path) -> None:
+    path.write_bytes(path.read_bytes()[: path.stat().st_size // 2])
+
+
+def tip(store: Path) -> Path:
+    return store / "snapshots" / open_repository(store).lookup_branch(BRANCH)
+
+
+def changed(store: Path, change: Callable[[Any], None]) -> None:
+    session = open_repository(store).writable_session(BRANCH)
+    change(zarr.open_group(session.store))
+    commit(session, "a wound")
+
+
+def lose_panorama(group: Any) -> None:
+    group["panoramas/rgb"][2] = 0
+
+
+def lose_viewpoint(group: Any) -> None:
+    forget_record(group, "viewpoints", 1)
+
+
+def keep_older_viewpoint(group: Any) -> None:
+    """As when the newer of two commits was lost."""
+    record = json.loads(group["journal/viewpoints"][1].item())
+    write_record(group, "viewpoints", 1, record | {"key": "of before"})
+
+
+def lose_rasters(group: Any) -> None:
+    group["atlas/seed_evidence"][:] = 0
+
+
+def lose_exemplar(group: Any) -> None:
+    del group["exemplars/1/labels"]
+
+
+@pytest.mark.parametrize(
+    ("wound", "said"),
+    [
+        (lose_panorama, r"1 viewpoint \(s[^)]*, 2\), 1 street \(s[^)]*\) lost what they made"),
+        (lose_viewpoint, r"store: 1 street \(s[^)]*\) lost"),
+        (keep_older_viewpoint, r"store: 1 street \(s[^)]*\) lost"),
+        (lose_rasters, r"6 facades \(.*, \.\.\.\) lost"),
+        (lose_exemplar, r"1 exemplar \(1\) lost"),
+    ],
+)
+def test_a_record_without_its_data_is_found_and_due_again(run: Run, wound: Callable[[Any], None], said: str) -> None:
+    assert mend(run) == []
+    changed(run.store, wound)
+    (line,) = mend(run)
+    assert re.search(said, line)
+    assert line.endswith("they are due again")
+    assert mend(run) == []
+
+
+def test_what_lost_its_data_is_made_again_and_nothing_else(textured: tuple[Path, Run], run: Run) -> None:
+    out = Path(run.out)
+    wanted, before = digests_of(out), started(out)
+    changed(run.store, lose_panorama)
+    assert nothing_due(run) is None
+    mend(run)
+    texture(textured[0], out)
+    assert digests_of(out) == wanted
+    group = zarr.open_group(open_repository(out / "store").readonly_session(BRANCH).store, mode="r")
+    street = str(next(r["unit"] for r in read_journal(group, "viewpoints")[2:3] if r)).partition("/")[0]
+    assert {unit for _, unit in redone(before, out)} <= {street, *(f"{street}/{k}" for k in range(2, 9))}
+
+
+@pytest.mark.parametrize("damage", [cut, Path.unlink, lambda path: path.write_bytes(b"\0" * 3000)])
+def test_without_its_newest_snapshot_a_run_goes_on_from_the_one_before(
+    run: Run, damage: Callable[[Path], None]
+) -> None:
+    for tag in (run.store / "refs").glob("tag.*"):  # not they bring it back
+        shutil.rmtree(tag)
+    damage(tip(run.store))
+    assert nothing_due(run) is None
+    with pytest.raises(StoreError, match=r"snapshot \w+ cannot be read .*`streetloom run BLOCK.yaml --out .*` goes on"):
+        after_viewpoint(Path(run.out), "s1", 0)
+    said = mend(run)
+    assert "the newest snapshot cannot be read" in said[0]
+    assert "what was made since is due again" in said[0]
+    assert not any("\n" in line for line in said)
+    assert mend(run) == []
+
+
+@pytest.mark.parametrize("damage", [cut, Path.unlink])
+def test_the_branch_is_found_again(run: Run, damage: Callable[[Path], None]) -> None:
+    wanted = digests_of(Path(run.out))
+    damage(run.store / "refs" / "branch.main" / "ref.json")
+    assert nothing_due(run) is None
+    assert len(mend(run)) == 1
+    assert digests_of(Path(run.out)) == wanted
+    assert nothing_due(run) is not None
+
+
+def test_chunks_that_cannot_be_read_cost_their_units(textured: tuple[Path, Run], run: Run) -> None:
+    out, store = Path(run.out), run.store
+    wanted = digests_of(out)
+    whole = open_repository(store).readonly_session(BRANCH)
+    plan = {f"{name}/{array}" for name in ("charts", "mesh", "viewpoints") for array, _ in _group(whole)[name].arrays()}
+    for path in sorted((store / "chunks").iterdir(), key=lambda path: path.stat().st_size)[-12:]:
+        held = path.read_bytes()
+        cut(path)
+        if plan & set(unreadable(open_repository(store).readonly_session(BRANCH))):
+            path.write_bytes(held)
+    lost = unreadable(open_repository(store).readonly_session(BRANCH))
+    assert lost
+    assert nothing_due(run) is None
+    (line,) = mend(run)
+    assert "lost what they made" in line
+    assert unreadable(open_repository(store).readonly_session(BRANCH)) == {}
+    texture(textured[0], out)
+    assert digests_of(out) == wanted
+
+
+def test_where_nothing_can_be_read_the_way_out_is_said(run: Run) -> None:
+    for snapshot in (run.store / "snapshots").iterdir():
+        cut(snapshot)
+    assert nothing_due(run) is None
+    with pytest.raises(
+        LostStoreError, match=r"store: cannot be read \(.*\), nor any earlier snapshot; move .*store away"
+    ):
+        mend(run)
+
+
+@pytest.mark.parametrize("gone", ["refs", "snapshots refs"])
+def test_what_a_run_killed_while_it_made_the_store_left_is_begun_anew(
+    tmp_path: Path, textured: tuple[Path, Run], gone: str
+) -> None:
+    run = replace(textured[1], out=str(tmp_path))
+    open_repository(run.store, create=True)
+    for name in gone.split():
+        shutil.rmtree(run.store / name)
+        (run.store / name).mkdir()
+    assert nothing_due(run) is None
+    assert mend(run) == []
+    assert open_repository(run.store, create=True).lookup_branch(BRANCH)
+
+
+def test_a_store_in_which_nothing_was_done_has_no_wounds(tmp_path: Path, textured: tuple[Path, Run]) -> None:
+    run = replace(textured[1], out=str(tmp_path))
+    assert mend(run) == []
+    open_repository(run.store, create=True)
+    assert mend(run) == []
+    assert find_wounds(open_repository(Path(textured[1].out) / "store").readonly_session(BRANCH)) == {}
+
+
+def _group(session: Any) -> Any:
+    return zarr.open_group(session.store, mode="r")
+
+
+def test_damage_that_sizes_do_not_show_is_found_where_a_run_or_the_doctor_met_it(
+    textured: tuple[Path, Run], run: Run
+) -> None:
+    out, wanted = Path(run.out), digests_of(Path(run.out))
+
+    def paint(group: Any) -> None:
+        """As when a block of the disk is another: valid, of the right size, and wrong."""
+        group["panoramas/rgb"][3] = 255 - group["panoramas/rgb"][3]
+        provenance = group["atlas/provenance"]
+        provenance[0] = np.where(provenance[0] > 0, 1, 0)
+
+    changed(run.store, paint)
+    assert mend(run) == []
+    suspect(out)
+    assert nothing_due(run) is None
+    (line,) = mend(run)
+    assert "lost what they made" in line
+    assert "viewpoint" in line
+    assert mend(run) == []
+    texture(textured[0], out)
+    assert digests_of(out) == wanted
+    suspect(out)
+    assert mend(run) == []
+
+
+@pytest.mark.parametrize("what", ["a file", "a link to nowhere"])
+def test_a_store_that_is_no_folder_is_one_line(tmp_path: Path, what: str) -> None:
+    store = tmp_path / "store"
+    if what == "a file":
+        store.touch()
+    else:
+        store.symlink_to(tmp_path / "nowhere")
+    with pytest.raises(LostStoreError, match="store: is no folder; remove it"):
+        open_repository(store, create=True)

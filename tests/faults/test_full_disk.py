@@ -1,0 +1,88 @@
+"""A disk without room ends the run with one line, and marks no unit as failed; with room again, the run goes on."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+from facade_core.atlas.journal import STAGES
+from facade_core.errors import MachineError
+from tasks import ingest, room
+from tasks.commits import journal
+from tasks.outcome import raising_machine_errors
+from tasks.room import require_room
+from tests.pipeline.runs import ROOT, command, environment
+from tests.pipeline.stages import digests_of, texture, write_block
+
+
+@pytest.fixture
+def disk(tmp_path: Path) -> Iterator[Path]:
+    """A disk of 300 kB in memory."""
+    folder = tmp_path / "disk"
+    folder.mkdir()
+    mounted = subprocess.run(
+        ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", folder], capture_output=True, text=True
+    )
+    if mounted.returncode:
+        pytest.skip(f"no disk of a size can be mounted here: {mounted.stderr.strip()}")
+    yield folder
+    subprocess.run(["umount", "-l", folder], check=True)
+
+
+def states(out: Path) -> set[str]:
+    return {record["status"] for stage in STAGES for record in journal(out / "store", stage) if record}
+
+
+def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
+    disk: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block = write_block(tmp_path / "block", texture={"walls": "translate"})
+    monkeypatch.setattr(room, "RESERVE", 0)
+    monkeypatch.setattr(ingest, "room_for", lambda plan, width: 0)  # as if another program had filled it
+    with (
+        pytest.raises(
+            MachineError, match=r"No space left on device; free some space and run again: what is done is kept$"
+        ),
+        raising_machine_errors("small"),
+    ):
+        texture(block, disk / "out")
+    assert states(disk / "out") == {"done"}
+    subprocess.run(["mount", "-o", "remount,size=64m", disk], check=True)
+    texture(block, disk / "out")
+    assert states(disk / "out") == {"done"}
+    texture(block, tmp_path / "undisturbed")
+    assert digests_of(disk / "out") == digests_of(tmp_path / "undisturbed")
+
+
+def test_a_disk_without_room_is_told_before_anything_is_written(disk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(room, "RESERVE", 0)
+    require_room(disk, 200_000)
+    with pytest.raises(
+        MachineError, match=r"needs about 5 MB of space and its disk has 0 MB free; free some space, or name"
+    ):
+        require_room(disk, 5_000_000)
+    (disk / "store").mkdir()
+    (disk / "store" / "chunk").write_bytes(bytes(100_000))  # of what is needed, this is there already
+    require_room(disk, 250_000)
+    assert shutil.disk_usage(disk).free < 250_000
+
+
+def test_the_command_says_what_room_it_needs(disk: Path, tmp_path: Path) -> None:
+    block = write_block(tmp_path / "block")
+    done = subprocess.run(
+        command(block, disk / "out", 2),
+        cwd=ROOT,
+        env=environment(tmp_path),
+        capture_output=True,
+        text=True,
+        timeout=300,
+    )
+    assert done.returncode == 70
+    (line,) = done.stderr.splitlines()
+    assert line.startswith(f"streetloom: {disk}/out: needs about 50 MB of space and its disk has 0 MB free; ")
+    assert done.stdout == ""
+    assert not (disk / "out" / "store").exists()

@@ -1,0 +1,321 @@
+"""Ids, names of streets and photos, and reasons that attack whoever shows them, in all that is written, served and printed."""
+
+from __future__ import annotations
+
+import html
+import io
+import json
+import os
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+from urllib.parse import unquote, urljoin, urlparse
+
+import pandas as pd
+import pytest
+from click.testing import CliRunner
+from PIL import Image
+from rich.console import Console
+
+from catalogs.query import query
+from catalogs.stac_catalog import write_catalog
+from catalogs.visible import visible, visible_json
+from facade_core.synth import exemplars
+from flows import artifacts, cli, console
+from flows.markdown import code, plain
+from tasks.export import FORMATS, export
+from tasks.outcome import log_units
+from tasks.publish import publish_block
+from tests.pipeline.stages import Textured, texture, write_block
+from tests.pipeline.test_viewer import CHROMIUM
+
+MARKUP = (
+    "<script>alert(1)</script>\"'`onmouseover=alert(1) [click](javascript:alert(1)) ![](http://evil.example/x) **b** "
+    "[/red][link=http://evil.example]x[/link] {{ 7*7 }} https://evil.example www.evil.example a@evil.example _i_"
+)
+CONTROLS = "\x1b[31m\x07\x9b2J\x1b]8;;mailto:x\x07\u202egnp.\r\n\ttwo\u2028lines"
+DATA = '=1+1\';DROP TABLE items;--"}],"x":{"\\u0000 ]]>&lt;<!ENTITY x SYSTEM "file:///etc/passwd">&x; ?#%41&b=1+2 \ufffe\u00e9'
+LONG = "L" * 300
+BROKEN = "<img src=x onerror=alert(1)>[bold]\x1b[31m.png"
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
+    """A published block whose things have such names; two would lead out of any folder."""
+    top = tmp_path_factory.mktemp("hostile")
+    names = [MARKUP, "../../escaped", str(top / "absolute"), CONTROLS, DATA, LONG]
+    picture = Image.fromarray(exemplars(1, seed=5, metres_per_pixel=0.2)[0].image)
+    for folder, file in (("exemplars", "good\x1b[1m\n<b>.png"), ("photos", f"{CONTROLS}-0.png")):
+        (top / "in" / folder).mkdir(parents=True)
+        picture.save(top / "in" / folder / file)
+    (top / "in" / "exemplars" / BROKEN).write_bytes(b"no picture")
+    block = write_block(
+        top / "in",
+        buildings={name: (4 + 8 * i, 5, 6, 2.8, 7.0) for i, name in enumerate(names)},
+        streets={MARKUP: [(0, 0), (24, 0)], CONTROLS + DATA: [(24, 0), (48, 0)]},
+        texture={"visibility_range": 12.0},
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        # readers set aside what is no letter, and a store may be older than they: what is shown must not rely on them
+        for refusal in ("limits._too_much", "images._unnamed"):
+            patch.setattr(f"catalogs.readers.{refusal}", lambda item: None)
+        for module in ("limits", "images"):
+            patch.setattr(f"catalogs.readers.{module}.one_line", lambda text: text)
+        textured: Textured = texture(block, top / "out")
+        patch.setattr("tasks.publish._aim", lambda plan, records: {})  # pictures take most of the time
+        summary = publish_block.fn(textured.run, block)
+    published = top / "out" / "published" / (top / "out" / "current").read_text().strip()
+    yield SimpleNamespace(top=top, out=top / "out", names=names, run=textured.run, summary=summary, published=published)
+    outside = {path.name for path in top.iterdir()} - {"in", "out", "exports"}
+    assert not outside
+    assert not list(top.parent.glob("escaped*"))
+
+
+def printable(text: str) -> bool:
+    """Whether no character steers a terminal, line breaks aside."""
+    return all(visible(line) == line for line in text.split("\n"))
+
+
+def items(made: SimpleNamespace) -> pd.DataFrame:
+    return query(made.out)
+
+
+def test_the_catalogue_holds_every_name_as_it_is(made: SimpleNamespace) -> None:
+    rows = items(made)
+    facades = rows[rows.kind == "facade"]
+    assert sorted(facades.building) == sorted(made.names)
+    assert (facades.status == "done").all()
+    assert set(facades.street) == {("street " + name)[:200] for name in (MARKUP, CONTROLS + DATA)}
+    for name in made.names:
+        quoted = name.replace("'", "''")
+        assert list(query(made.out, where=f"building = '{quoted}'").building) == [name]
+    [aside] = rows[rows.kind == "exemplar"].itertuples()
+    assert aside.id == BROKEN
+    assert aside.status == "failed"
+    assert list(rows[rows.photo > 0].building) == [CONTROLS]
+
+
+def test_the_report_runs_and_shows_nothing_of_others(made: SimpleNamespace) -> None:
+    from lxml import html as parser
+
+    text = (made.published / "report" / "index.html").read_text("utf-8")
+    assert printable(text)
+    page = parser.document_fromstring(text)
+    tags = {element.tag for element in page.iter() if isinstance(element.tag, str)}
+    known = set(
+        re.findall(r"<([a-z]\w*)", (Path(artifacts.__file__).parents[1] / "catalogs" / "report.html.j2").read_text())
+    )
+    assert tags <= known | {"tbody"}
+    for element in page.iter():
+        names = set(map(str, element.attrib))
+        assert not any(name.startswith("on") or name == "style" for name in names), names
+        for name in ("src", "href"):
+            if address := element.get(name):
+                place = urlparse(address)
+                assert not place.scheme
+                assert (made.published / "report" / unquote(place.path)).exists() or "above" in address, address
+    shown = page.text_content()
+    for name in made.names:
+        assert f"{visible(name)}-0" in shown
+    assert visible(BROKEN) in shown
+    assert "49" not in shown[shown.index("{{ 7*7 }}") :][:9]
+    [policy] = [e.get("content") for e in page.iter("meta") if e.get("http-equiv") == "Content-Security-Policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+
+
+def test_the_report_in_a_browser(made: SimpleNamespace) -> None:
+    """Its policy forbids nothing that it needs, from the file itself."""
+    if CHROMIUM is None:
+        pytest.skip("no Chromium on this machine")
+    from playwright.sync_api import sync_playwright
+
+    with sync_playwright() as playwright:
+        browser = playwright.chromium.launch(
+            executable_path=CHROMIUM, args=["--no-sandbox"] if os.geteuid() == 0 else []
+        )
+        page = browser.new_page()
+        said: list[str] = []
+        page.on("console", lambda message: said.append(message.text))
+        page.on("dialog", lambda dialog: said.append(dialog.message))
+        page.on("request", lambda request: said.append(request.url) if not request.url.startswith("file:") else None)
+        page.goto((made.published / "report" / "index.html").as_uri(), wait_until="load", timeout=120_000)
+        assert page.evaluate("getComputedStyle(document.body).maxWidth") == "1320px"
+        shown = "[...document.images].filter(image => image.naturalWidth > 0).length"
+        assert page.evaluate(shown) > 3
+        browser.close()
+    assert [line for line in said if "ERR_FILE_NOT_FOUND" not in line] == []  # above.jpg, which this block lacks
+
+
+def test_stac_leads_to_every_unit_and_nowhere_else(made: SimpleNamespace) -> None:
+    import pystac
+
+    files = [*(made.published / "stac").rglob("*.json"), made.out / "catalog.json"]
+    ids = set()
+    for path in files:
+        value = json.loads(path.read_text("utf-8"))
+        ids.add(value["id"])
+        for link in [*value["links"], *value.get("assets", {}).values()]:
+            address = urlparse(urljoin(path.as_uri(), link["href"]))
+            if address.scheme == "file":
+                target = Path(unquote(address.path))
+                assert target.exists(), link["href"]
+                assert target.is_relative_to(made.top)
+    assert {f"{name}-0" for name in made.names} <= ids
+    items = pystac.Catalog.from_file(made.out / "catalog.json").get_items(recursive=True)
+    assert {f"{name}-0" for name in made.names} <= {item.id for item in items}
+
+
+def test_a_catalogue_leads_to_runs_of_any_name(made: SimpleNamespace) -> None:
+    top = made.top / "exports" / "runs"
+    for name in ("a b", "50%23#1?x=<b>"):
+        shutil.copytree(made.out, top / name, ignore=shutil.ignore_patterns("store", "report"))
+    for link in json.loads(write_catalog(top).read_text("utf-8"))["links"]:
+        address = urlparse(urljoin((top / "catalog.json").as_uri(), link["href"]))
+        assert (address.query, address.fragment) == ("", "")
+        assert Path(unquote(address.path)).is_file(), link["href"]
+
+
+def names_in(format: str, folder: Path) -> set[str]:
+    """The buildings that an export names, or the facades where it is of facades."""
+    if format in ("glb", "3dtiles"):
+        files = [folder / "block.glb"] if format == "glb" else list((folder / "tiles").glob("*.glb"))
+        return {node["name"] for path in files for node in gltf(path)["nodes"]} - {"ground"}
+    if format in ("cityjson", "lod3"):
+        [path] = folder.glob("*.city.json")
+        things = json.loads(path.read_text("utf-8"))["CityObjects"]
+        return {id for id, thing in things.items() if thing["type"] == "Building"}
+    if format == "cityjsonseq":
+        [path] = folder.glob("*.jsonl")
+        things = {f["id"]: f for f in map(json.loads, path.read_text("utf-8").splitlines()[1:])}
+        return {id for id, f in things.items() if f["CityObjects"][id]["type"] == "Building"}
+    if format == "coco":
+        return {image["facade"] for image in json.loads((folder / "annotations.json").read_text("utf-8"))["images"]}
+    if format == "labelme":
+        found = [json.loads(path.read_text("utf-8")) for path in folder.glob("*.json") if path.name != "export.json"]
+        assert all((folder / one["imagePath"]).is_file() for one in found)
+        return {one["imagePath"] for one in found}
+    import pyogrio
+
+    [path] = folder.glob("*.gpkg")
+    return set(pyogrio.read_dataframe(path, layer="buildings").id)
+
+
+@pytest.mark.parametrize("format", FORMATS)
+def test_exports_name_things_as_they_are(format: str, made: SimpleNamespace) -> None:
+    target = made.top / "exports" / format
+    export(made.out, format, target)
+    found = names_in(format, target)
+    if format == "labelme":
+        assert len(found) == len(made.names)
+    else:
+        assert found == {f"{name}-0" if format == "coco" else name for name in made.names}
+    for path in target.rglob("*"):
+        assert path.resolve().is_relative_to(target)
+        assert visible(path.name) == path.name
+        assert not path.name.startswith(".")
+        if path.suffix in (".json", ".jsonl"):
+            assert printable(path.read_text("utf-8")), path.name
+
+
+def gltf(path: Path) -> dict[str, Any]:
+    data = path.read_bytes()
+    return json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])
+
+
+def test_the_viewer_serves_names_as_data(made: SimpleNamespace) -> None:
+    from starlette.testclient import TestClient
+
+    from flows.viewer.app import application
+
+    client = TestClient(application(made.out, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1")
+    block = client.get("/api/block").json()
+    assert {facade["building"] for facade in block["facades"]} == set(made.names)
+    for facade in block["facades"]:
+        answer = client.get("/api/facade", params={"id": facade["id"]})
+        assert answer.headers["content-type"] == "application/json"
+        assert answer.headers["x-content-type-options"] == "nosniff"
+        stage = answer.json()["stages"][-1]["stage"]
+        image = client.get("/picture/facade", params={"id": facade["id"], "stage": stage})
+        assert image.headers["content-type"] == "image/webp"
+    for address in ("/page/..%2fapp.py", "/page/%2e%2e/app.py", "/page//etc/passwd", "/page/..\\app.py", "/page/%00"):
+        assert client.get(address).status_code == 404, address
+    for parameters in ({"id": "\0"}, {"id": "../../store"}, {}, {"id": block["facades"][0]["id"], "stage": "../../x"}):
+        assert client.get("/picture/facade", params=parameters).status_code == 404, parameters
+
+
+def test_artifacts_show_the_text_alone(made: SimpleNamespace, monkeypatch: pytest.MonkeyPatch) -> None:
+    from markdown_it import MarkdownIt
+
+    written: list[Any] = []
+    for kind in ("table", "link", "markdown"):
+        monkeypatch.setattr(artifacts, f"create_{kind}_artifact", lambda *what, **more: written.append((what, more)))
+    failures = [{"unit": name, "reason": f"{name}: is broken; mend it"} for name in made.names]
+    counts = {"units_done": 1, "units_skipped": 0, "failures": failures, "out": str(made.out)}
+    artifacts.tell_outcome(made.run, made.summary | counts)
+    artifacts.tell_viewer(made.run)
+    reader = MarkdownIt("commonmark", {"html": True}).enable(["table", "strikethrough"])
+
+    def renders(text: str) -> str:
+        return html.unescape(reader.render(text)).strip()
+
+    [shown] = [what[0] for what, more in written if more["key"] == "small-failures"]
+    for row, failure in zip(shown, failures, strict=True):
+        for key in ("unit", "reason"):
+            assert renders(row[key]) == f"<p>{visible(failure[key]).strip()}</p>"
+            assert "<" not in re.sub(r"</?p>", "", reader.render(row[key]))
+    live = re.compile(r"(?<!\\)<[a-z!/]|(?<![\\!])\]\((?!file:|http://127)", re.IGNORECASE)
+    assert not live.search(
+        json.dumps([[what, more["description"]] for what, more in written if what]).replace("\\\\", "\\")
+    )
+    for name in made.names:
+        assert f"<p><code>{visible(name)}</code></p>" == renders(code(name)) or "`" in name
+        assert not re.search(r"https?://|www\.|\w@", plain(name))  # what a UI makes links of by itself
+
+
+def test_terminals_are_not_steered(made: SimpleNamespace, caplog: pytest.LogCaptureFixture) -> None:
+    log_units("facades", [{"unit": CONTROLS, "status": status, "reason": CONTROLS} for status in ("failed", "done")])
+    assert caplog.messages
+    assert all(map(printable, caplog.messages))
+    assert {record.unit for record in caplog.records} == {CONTROLS}
+    failures = [{"unit": name, "reason": f"{name}: is broken; mend it"} for name in [*made.names, "[/red]", "\ud800"]]
+    drawn = io.StringIO()
+    summary = made.summary | {"failures": failures, "seconds": 1.0, "units_skipped": 0, "out": str(made.out)}
+    console.show(Console(file=drawn, force_terminal=True, width=80), summary)
+    shown = re.sub(r"\x1b\[[\d;]*m", "", drawn.getvalue())  # its own colours
+    assert printable(shown)
+    for failure in failures:
+        assert f"failed {visible(failure['unit'])}: {visible(failure['reason'])}" in shown
+    for arguments in (
+        ["query", str(made.out)],
+        ["query", str(made.out), "--format", "json"],
+        ["query", str(made.out), "--format", "geojson"],
+        ["query", str(made.out), "--where", f"id = '{CONTROLS}"],
+        [
+            "export",
+            str(made.out),
+            "--format",
+            "coco",
+            "--building",
+            CONTROLS,
+            "--to",
+            str(made.top / "exports" / "\x1b[31m"),
+        ],
+        ["export", str(made.out), "--format", "coco", "--building", "\x1b[31mno such\u202e"],
+        ["view", str(made.top / "in" / "photos"), "--no-open"],
+    ):
+        done = CliRunner().invoke(cli.main, arguments)
+        assert not isinstance(done.exception, Exception), arguments
+        assert printable(done.output), arguments
+    found = CliRunner().invoke(cli.main, ["query", str(made.out), "--format", "json"]).output
+    assert {row["building"] for row in json.loads(found) if row["kind"] == "facade"} == set(made.names)
+
+
+def test_what_is_visible() -> None:
+    assert visible("Straße 7, Café \u200d\u00a0") == "Straße 7, Café \u200d\u00a0"
+    assert visible("a\x1b\u202e\u2028\ud800\U000e0041\r\n") == "a\\x1b\\u202e\\u2028\\ud800\\U000e0041\\r\\n"
+    for text in (MARKUP, CONTROLS, DATA, "\U000e0041\ud800"):
+        assert json.loads(visible_json(json.dumps([text], indent=1, ensure_ascii=False))) == [text]

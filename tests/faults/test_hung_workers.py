@@ -1,0 +1,180 @@
+"""Workers killed together, stopped, stuck or of another make: what they had is done by others, and nobody waits for ever."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import cloudpickle
+import pytest
+from distributed import Client, LocalCluster
+
+from facade_core.errors import MachineError
+from tasks import cluster, deadlines, scheduler_view
+from tasks.cluster import Cluster, ClusterGone, UnitOverran
+from tasks.compute import connect
+from tasks.workers import make, prepared
+
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+
+@pytest.fixture(scope="module")
+def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
+    """Two local workers, of which a second's silence is noticed, and three seconds are too long for a unit."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(cluster, "LOOK_S", 0.2)
+        patch.setattr(scheduler_view, "SILENT_S", 3.0)
+        for name in ("LEAST_S", "FIRST_S"):
+            patch.setattr(deadlines, name, 3.0)
+        with connect(2, None, str(tmp_path_factory.mktemp("two"))) as made:
+            yield made
+
+
+def worker() -> int:
+    return os.getpid()
+
+
+def slow(seconds: float, folder: str = "") -> int:
+    """Takes so long, or the second time that it is begun in a folder no time."""
+    if folder:
+        begun = Path(folder) / "begun"
+        if begun.exists():
+            return os.getpid()
+        begun.touch()
+    time.sleep(seconds)
+    return os.getpid()
+
+
+def forget(path: str) -> None:
+    with open(path, "a") as file:
+        file.write(f"{os.getpid()}\n")
+
+
+def both(two: Cluster) -> set[int]:
+    """The processes of both workers, once there are two."""
+    deadline = time.monotonic() + 120
+    found: set[int] = set()
+    while len(found) < 2 and time.monotonic() < deadline:
+        units = [two.submit(slow, 0.2) for _ in range(4)]
+        found = {unit.result() for unit in two.completed(units)}
+    assert len(found) == 2
+    return found
+
+
+def test_both_workers_killed_in_a_street(two: Cluster, tmp_path: Path) -> None:
+    """Its unit was given to a worker's address that does not come back."""
+    pids = both(two)
+    forgotten = tmp_path / "forgotten"
+    with two.lease(10, (forget, str(forgotten))) as lease:
+        held = two.submit(worker, worker=lease).result()
+        unit = two.submit(slow, 2.0, worker=lease)
+        time.sleep(0.5)
+        for pid in pids:
+            os.kill(pid, signal.SIGKILL)
+        assert unit.result() not in pids
+        assert held in pids
+        kept = {two.submit(worker, worker=lease).result() for _ in range(5)}
+        assert len(kept) == 1
+    deadline = time.monotonic() + 30
+    while not (forgotten.exists() and str(*kept) in forgotten.read_text()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert str(*kept) in forgotten.read_text().split()
+
+
+def test_a_stopped_worker_costs_what_it_had_and_no_more(two: Cluster) -> None:
+    pids = both(two)
+    with two.lease(10) as lease:
+        stopped = two.submit(worker, worker=lease).result()
+        units = [two.submit(slow, 0.5, worker=lease), *(two.submit(slow, 0.1) for _ in range(10))]
+        os.kill(stopped, signal.SIGSTOP)
+        try:
+            assert {unit.result() for unit in two.completed(units)} <= pids
+            assert two.submit(worker, worker=lease).result() == (pids - {stopped}).pop()
+        finally:
+            os.kill(stopped, signal.SIGCONT)
+    assert both(two) == pids  # it is used again
+
+
+def test_a_unit_that_hangs_is_tried_elsewhere_and_its_worker_started_anew(two: Cluster, tmp_path: Path) -> None:
+    pids = both(two)
+    first = two.submit(slow, 600.0, str(tmp_path)).result()
+    assert first in pids
+    after = both(two)
+    assert first in after
+    assert after != pids
+
+
+def test_a_unit_that_hangs_everywhere_fails_alone(two: Cluster) -> None:
+    both(two)
+    hangs, good = two.submit(slow, 600.0), two.submit(worker)
+    with pytest.raises(UnitOverran, match=r"did not end within \d+ s, where \d+ are given") as raised:
+        hangs.result()
+    assert not isinstance(raised.value, MachineError)  # the rest is done without it
+    assert good.result()
+    assert both(two)
+
+
+def test_a_street_waits_for_room_when_its_worker_is_lost(two: Cluster) -> None:
+    both(two)
+    with two.lease(10) as first, two.lease(10) as second:
+        lost, other = (two.submit(worker, worker=lease).result() for lease in (first, second))
+        os.kill(lost, signal.SIGKILL)
+        moved = two.submit(worker, worker=first).result()  # not beside the other's state
+        assert moved not in (lost, other)
+        assert two.submit(worker, worker=second).result() == other
+
+
+DIES = """
+import os, sys
+if "spawn_main" in " ".join(sys.orig_argv) and len(os.listdir({folder!r})) < {times}:
+    open(os.path.join({folder!r}, str(os.getpid())), "w").close()
+    os._exit(3)
+"""
+
+
+@pytest.mark.parametrize("times", [1, 99])
+def test_a_worker_that_dies_while_it_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, times: int, capfd: pytest.CaptureFixture[str]
+) -> None:
+    """Once: the workers are started again. Again and again: one line."""
+    dead, site = tmp_path / "dead", tmp_path / "site"
+    dead.mkdir()
+    site.mkdir()
+    (site / "sitecustomize.py").write_text(DIES.format(folder=str(dead), times=times))
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(site), *sys.path]))
+    if times == 1:
+        with connect(2, None, str(tmp_path)) as made:
+            assert made.submit(worker).result()
+    else:
+        with (
+            pytest.raises(ClusterGone, match=r"2 local workers do not start: .*--workers"),
+            connect(2, None, str(tmp_path)),
+        ):
+            pass
+    said = capfd.readouterr()
+    assert "Traceback" not in said.out + said.err
+
+
+def test_a_late_worker_of_another_make_is_not_used() -> None:
+    local = {
+        "host": "127.0.0.1",
+        "dashboard_address": "127.0.0.1:0",
+        "processes": False,
+        "protocol": "tcp",
+        "threads_per_worker": 1,
+    }
+    heard: list[str] = []
+    with LocalCluster(n_workers=1, **local) as there, Client(there) as client:
+        (first,) = client.scheduler_info(n_workers=-1)["workers"]
+        client.subscribe_topic("streetloom", lambda event: heard.append(event[1]))
+        asked = make() | {"numpy": "0.9"}
+        client.register_plugin(prepared(asked), name="streetloom")
+        deadline = time.monotonic() + 30
+        while client.scheduler_info(n_workers=-1)["workers"] and time.monotonic() < deadline:
+            time.sleep(0.1)
+        assert not client.scheduler_info(n_workers=-1)["workers"]
+    assert any(f"at {first} has numpy" in line and "and this run 0.9; it is not used" in line for line in heard)

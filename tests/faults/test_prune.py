@@ -1,0 +1,111 @@
+"""What is pruned, and what is not: the current snapshot, what somebody reads, what the store stands on."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+import zarr
+from click.testing import CliRunner
+
+from catalogs.held import being_read
+from facade_core.atlas.check import is_whole
+from facade_core.atlas.store import BRANCH, commit, open_repository
+from facade_core.errors import InputError
+from flows.cli import main
+from flows.lock import locked
+from tasks.history import after_viewpoint
+from tasks.prune import prune
+from tasks.publish import publish_block
+from tasks.published_files import amiss
+from tasks.run import Run
+from tasks.standing import current_snapshot, nothing_due
+
+
+def published_again(run: Run, block: Path) -> str:
+    """The run's next snapshot, published: its panoramas are of before, and a tag holds what only the one before had."""
+    repository = open_repository(run.store)
+    session = repository.writable_session(BRANCH)
+    group = zarr.open_group(session.store)
+    held = group["panoramas/rgb"][0]
+    group["panoramas/rgb"][0] = 255 - held
+    repository.create_tag("street-s9-of-before", commit(session, "of before"))
+    session = repository.writable_session(BRANCH)
+    zarr.open_group(session.store)["panoramas/rgb"][0] = held
+    commit(session, "as it was")
+    session = repository.writable_session(BRANCH)  # the snapshot before the newest is never expired
+    zarr.open_group(session.store).attrs["ingested"] = 1.0
+    commit(session, "of now")
+    publish_block.fn(run, block)
+    return str(current_snapshot(Path(run.out)))
+
+
+def leads_to(folder: Path, name: str) -> list[str]:
+    """The STAC files of a published folder that lead to another."""
+    found = [path for path in (folder / "stac").rglob("*.json") if f"/{name}/" in path.read_text()]
+    for path in (folder / "stac").glob("*/items.parquet"):
+        table = pq.read_table(path)
+        if f"/{name}/" in f"{table.to_pylist()} {table.schema.metadata}":
+            found.append(path)
+    return [path.relative_to(folder).as_posix() for path in found]
+
+
+def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run], run: Run) -> None:
+    out, block = Path(run.out), textured[0]
+    first = str(current_snapshot(out))
+    tags = open_repository(run.store).list_tags()
+    second = published_again(run, block)
+    published = out / "published"
+    assert leads_to(published / second, first)
+    read = "R" * 20
+    shutil.copytree(published / first, published / read)
+    for leftover in (published / ".KILLED.tmp", out / ".doctor-killed.tmp"):
+        (leftover / "pages").mkdir(parents=True)
+    for leftover in (out / ".current.tmp", out / ".seen-killed"):
+        leftover.touch()
+    done = nothing_due(run)
+    assert done is not None
+    size = sum(path.stat().st_size for path in (run.store / "chunks").iterdir())
+
+    with being_read(published / read):
+        said = prune(out, 1)
+    assert "removed 1 published snapshots, 1 tags and 4 leftovers" in said[0]
+    assert said[1:] == [f"{out}: kept {read}, which somebody reads"]
+    assert sorted(path.name for path in published.iterdir()) == sorted([second, read])
+    assert not [path for path in out.iterdir() if path.name.endswith(".tmp") or path.name.startswith(".seen")]
+    assert leads_to(published / second, first) == []
+    assert amiss(published / second, thorough=True) is None
+    assert open_repository(run.store).list_tags() == tags
+    assert sum(path.stat().st_size for path in (run.store / "chunks").iterdir()) < size
+    assert is_whole(open_repository(run.store), run.store)
+    assert after_viewpoint(out, "s1", 1).charts()
+    assert nothing_due(run) == done
+
+    assert "removed 1 published snapshots, 0 tags and 0 leftovers" in prune(out, 1)[0]
+    assert [path.name for path in published.iterdir()] == [second]
+    assert "removed 0 published" in prune(out, 1)[0]
+    assert nothing_due(run) == done
+    links = json.loads((published / second / "stac" / "blocks" / "collection.json").read_text())["links"]
+    assert not [link for link in links if "version" in link["rel"]]
+
+
+def test_what_is_kept_is_the_newest_and_a_run_prunes_too(textured: tuple[Path, Run], run: Run) -> None:
+    out = Path(run.out)
+    first = str(current_snapshot(out))
+    for name in ("A" * 20, "B" * 20):
+        shutil.copytree(out / "published" / first, out / "published" / name)
+    shown = CliRunner().invoke(main, ["run", str(textured[0]), "--out", run.out, "--keep", "2"])
+    assert shown.exit_code == 0, shown.output
+    assert "removed 1 published snapshots" in shown.output
+    assert len(list((out / "published").iterdir())) == 2
+    assert (out / "published" / first).is_dir()
+    with locked(out):  # by this process: a run of another is refused
+        assert CliRunner().invoke(main, ["prune", run.out, "--keep", "0"]).exit_code == 2
+    shown = CliRunner().invoke(main, ["prune", run.out, "--keep", "1"])
+    assert "removed 1 published snapshots" in shown.output
+    (out / "current").unlink()
+    with pytest.raises(InputError, match="nothing is published; `streetloom run"):
+        prune(out, 1)

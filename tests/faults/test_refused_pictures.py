@@ -1,0 +1,131 @@
+"""A picture that cannot be used: its wall is made from the next source, and the reason told. Machine faults are others."""
+
+from __future__ import annotations
+
+import errno
+import os
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace as Value
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from facade_core.errors import FacadeError, ImageError
+from facade_core.types import Pose
+from tasks.due import what_is_set_aside
+from tasks.imagery import Imagery
+from tasks.units import evidence, facade
+from tasks.units.evidence import Evidence, evidence_of
+from tasks.units.images import read_panorama, read_textures
+
+POSE = Pose(0.0, 0.0, 2.5, 0.0)
+SIZE = (24, 32)
+PANORAMAS = ((Path("one.jpg"), POSE), (Path("two.jpg"), POSE))
+
+
+@pytest.fixture
+def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, list[Exception]]]:
+    """Make a facade of some imagery: by the place of the source, the facade, the source and what was refused.
+
+    shown: what each source shows, or is refused by.
+    """
+    plan: Any = Value(
+        facades=Value(id=["a-0"], chart=[0], height=[8.0], width=[10.0], floors=[2]),
+        scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]])),
+    )
+
+    def maker(
+        imagery: Imagery, shown: dict[str, Any], walls: str = "exemplar"
+    ) -> tuple[int, Any, str, list[Exception]]:
+        def evidence_of(source: str, *_: Any) -> Evidence | None:
+            if isinstance(shown[source], Exception):
+                raise shown[source]
+            return shown[source]
+
+        monkeypatch.setattr(facade, "evidence_of", evidence_of)
+        monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None))
+        monkeypatch.setattr(facade, "from_exemplar", lambda *_, **__: "made")
+        refused: list[Exception] = []
+        run: Any = Value(seed=1, walls=walls, texels_per_metre=4.0)
+        group: Any = None
+        depth, made, source, _ = facade._make(run, plan, group, 0, imagery, (), refused)
+        return depth, made, source, refused
+
+    return maker
+
+
+def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
+    broken = ImageError("a-0.png: broken")
+    hidden = Evidence(np.zeros((*SIZE, 3), np.uint8), np.ones(SIZE, bool), np.zeros(SIZE), "p")
+    both = Imagery(photo=Path("a-0.png"), panoramas=PANORAMAS, exemplar=(0, "brick"))
+    depth, made, source, refused = make(both, {"photo": broken, "panoramas": hidden})
+    assert (depth, made, source) == (2, "made", "brick")
+    assert [str(error) for error in refused][:1] == ["a-0.png: broken"]
+    assert str(refused[1]).startswith("p: the whole facade is hidden"), "what is refused later is named too"
+    depth, made, source, refused = make(both, {"photo": None, "panoramas": None})
+    assert (depth, source, refused) == (2, "brick", [])
+    left = Imagery(photo=Path("a-0.png"))
+    assert make(left, {"photo": broken}, walls="translate")[:3] == (1, None, "translator")
+    with pytest.raises(FacadeError, match="no picture of it and no usable exemplar"):
+        make(left, {"photo": broken})
+
+
+@pytest.mark.parametrize("fault", [MemoryError(), OSError(errno.EIO, "Input/output error")])
+def test_a_fault_of_the_machine_refuses_no_picture(make: Callable[..., Any], fault: Exception) -> None:
+    with pytest.raises(type(fault)):
+        make(Imagery(photo=Path("a-0.png"), exemplar=(0, "brick")), {"photo": fault})
+
+
+def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+    taken = []
+
+    def view(plan: Any, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> Path:
+        if path.stem == "one":
+            raise ImageError("one.jpg: broken")
+        taken.append(path.name)
+        return path
+
+    seen = np.ones(SIZE, bool)
+    fused = Value(seen=seen, occluded=~seen, rgb=np.zeros((*SIZE, 3), np.uint8), confidence=np.ones(SIZE))
+    monkeypatch.setattr(evidence, "_view", view)
+    monkeypatch.setattr(evidence, "fuse_views", lambda views: fused)
+    refused: list[Exception] = []
+    plan: Any = None
+    found = evidence_of("panoramas", plan, 0, SIZE, Imagery(panoramas=PANORAMAS), (), refused)
+    assert found is not None
+    assert (found.source, taken) == ("two.jpg", ["two.jpg"])
+    assert list(map(str, refused)) == ["one.jpg: broken"]
+    assert evidence_of("panoramas", plan, 0, SIZE, Imagery(panoramas=PANORAMAS[:1]), (), refused) is None
+
+
+def test_what_is_set_aside_is_told_before_anything_is_done() -> None:
+    aside = [
+        ("photo", "z-9.png", "no facade has the id z-9"),
+        ("building", "7", "crosses itself"),
+        ("photo", "y.png", "r"),
+    ]
+    outline: Any = Value(set_aside=tuple(aside))
+    assert what_is_set_aside(outline) == [
+        "set aside is photo z-9.png: no facade has the id z-9; 1 more photo",
+        "set aside is building 7: crosses itself",
+    ]
+
+
+def test_a_texture_that_cannot_be_read_leaves_the_others(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{name}.png" for name in ("one", "two")]
+    Image.new("RGB", (16, 16), (9, 9, 9)).save(paths[0])
+    paths[1].write_bytes(b"no picture")
+    refused: list[Exception] = []
+    assert read_textures(paths, np.array([-1, 0, 1, 1]), refused).keys() == {0}
+    assert ["two.png" in str(error) for error in refused] == [True]
+
+
+def test_a_panorama_that_changed_is_read_again(tmp_path: Path) -> None:
+    path = tmp_path / "one.png"
+    for number, colour in enumerate((10, 20)):  # a worker serves many runs
+        Image.new("RGB", (32, 16), (colour, 0, 0)).save(path)
+        os.utime(path, ns=(number, number))
+        assert read_panorama(path)[0, 0, 0] == colour
