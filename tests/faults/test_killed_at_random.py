@@ -39,7 +39,8 @@ MOMENTS = ["updated", "seconds", "run"]
 # What a run may end with once something of it was killed: done, the machine's fault, the cluster's loss.
 ENDINGS = (0, 70, 75)
 
-pytestmark = pytest.mark.timeout(300 + 90 * KILLS)
+# Bounds a hang, and no more: a run takes a minute and a half where other work shares the cores.
+pytestmark = pytest.mark.timeout(900 + 300 * KILLS)
 
 
 def test_killed_at_random_moments(tmp_path: Path) -> None:
@@ -64,15 +65,16 @@ def _kill_again_and_again(
     block: Path, out: Path, length: float, draw: random.Random, killed: dict[str, int], folder: Path
 ) -> None:
     redo: str | None = None
+    # What goes on where a run was killed, or does one street again, is shorter than the whole: 0.7 of its length mostly meets it.
     for number in itertools.count():
         if sum(killed.values()) >= KILLS:
             return
         victim = draw.choice(VICTIMS)
         known = {} if redo else committed(out)
         with begun(block, out, folder / f"cluster-{number}", victim, redo) as process:
-            hit = wait_and_kill(process, victim, out, draw.uniform(0.2, 1.1) * length)
+            hit = wait_and_kill(process, victim, out, draw.uniform(0.1, 0.7) * length)
             killed[victim] = killed.get(victim, 0) + hit
-            said = process.communicate(timeout=240)[1]
+            said = process.communicate(timeout=600)[1]
         assert process.returncode in (*ENDINGS, -9) or "no scheduler answers there" in said, said
         assert "Traceback" not in said, said
         assert_not_done_again(known, committed(out))
