@@ -65,7 +65,7 @@ def _kill_again_and_again(
     block: Path, out: Path, length: float, draw: random.Random, killed: dict[str, int], folder: Path
 ) -> None:
     redo: str | None = None
-    # What goes on where a run was killed, or does one street again, is shorter than the whole: 0.7 of its length mostly meets it.
+    # what goes on where a run was killed, or does one street again, is shorter than the whole
     for number in itertools.count():
         if sum(killed.values()) >= KILLS:
             return
