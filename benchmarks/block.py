@@ -17,7 +17,7 @@ from typing import Any
 
 import psutil
 
-from tasks.commits import journal
+from tasks.store.commits import journal
 
 
 def main() -> None:

@@ -1,7 +1,7 @@
 """Scores of a parser: `python -m benchmarks.parsing --data DIR` prints one JSON object.
 
 Each set is measured on the facades that the model's .json does not name as trained on: the shipped model's ecp figures
-are those of the held-out fold of `catalogs.datasets.split`, artdeco and ruemonge2014 (the authors' validation part)
+are those of the held-out fold of `catalogs.learning.datasets.split`, artdeco and ruemonge2014 (the authors' validation part)
 measure transfer. Void is left out, chimneys are roof. seconds_per_image is the median wall time of `parse`.
 elements compares the boxes of `elements` in the parse and in the true labels, one to one at IoU 0.5 or more.
 occluders is measured on street photos of labelmefacade: vegetation and vehicles against all else that is labelled.
@@ -24,7 +24,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.datasets import ARTDECO, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read
+from catalogs.learning.datasets import ARTDECO, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.parse import elements, parse
 from facade_core.parse.model_file import read_record

@@ -204,9 +204,9 @@ def _block(name: str) -> dict[str, Any]:
     import shapely
 
     from catalogs.block import read_block
-    from catalogs.sources import BLOCKS as FOLDER
+    from catalogs.examples.sources import BLOCKS as FOLDER
     from facade_core.geometry.charts import WALL
-    from tasks.planning import plan_of
+    from tasks.stages.planning import plan_of
 
     start = time.perf_counter()
     block = read_block(FOLDER / f"{name}.yaml")

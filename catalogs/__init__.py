@@ -1,5 +1,5 @@
 """What goes in and what comes out: block files, dataset recipes, the catalogue of a block."""
 
-from catalogs.opened import Catalogue, open
+from catalogs.query.opened import Catalogue, open
 
 __all__ = ["Catalogue", "open"]

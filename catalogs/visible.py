@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import unicodedata
+from typing import Any
 
 # Control and format characters, halves of characters, ends of lines and paragraphs.
 _UNSEEN = {"Cc", "Cf", "Cs", "Zl", "Zp"}
@@ -27,3 +28,9 @@ def visible_json(text: str) -> str:
 
 def _unseen(character: str) -> bool:
     return unicodedata.category(character) in _UNSEEN and character not in _SPELLING
+
+
+def shown(value: Any, limit: int = 60) -> str:
+    """A value as one short piece of a message."""
+    text = " ".join(repr(value).split()) if value is not None else "nothing"
+    return text if len(text) <= limit else text[: limit - 3] + "..."

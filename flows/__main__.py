@@ -5,12 +5,12 @@ import os
 import sys
 from contextlib import suppress
 
-from flows.interrupts import end_early
+from flows.cli.interrupts import end_early
 
 
 def main() -> None:
     end_early()
-    from flows.cli import main as commands
+    from flows.cli.commands import main as commands
 
     code = 0
     try:

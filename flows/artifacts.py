@@ -28,9 +28,9 @@ from prefect.client.schemas.actions import ArtifactUpdate
 from facade_core.atlas.journal import STAGES
 from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
-from tasks.commits import journal
 from tasks.progress import listen
 from tasks.run import Run
+from tasks.store.commits import journal
 
 log = logging.getLogger(__name__)
 

@@ -22,32 +22,32 @@ from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block import Block, read_block
-from catalogs.yaml_files import read_yaml
+from catalogs.block.yaml_files import read_yaml
 from facade_core.errors import WithheldError
 from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
-from flows.console import tell
+from flows.cli.console import tell
 from flows.lock import locked
 from flows.log_file import log_to, told_to_prefect
-from tasks.compute import Compute, connect
-from tasks.demo import NAME, write_demo
-from tasks.due import what_is_due, what_is_set_aside
-from tasks.exemplars import exemplars_due
-from tasks.facades import choose, facades_due
-from tasks.fan_out import AT_ONCE, Stage, batches, process_batch
-from tasks.ingest import Outline, ingest_block
+from tasks.compute.connect import Compute, connect
+from tasks.examples.demo import NAME, write_demo
 from tasks.outcome import Outcome, raising_machine_errors, refused, store_fault
-from tasks.poses import poses_due
 from tasks.progress import begin_stage
-from tasks.prune import pruned
-from tasks.publish import publish_block
-from tasks.redo import chosen_streets
-from tasks.room import require_room
+from tasks.published.prune import pruned
 from tasks.run import Run, run_of
-from tasks.standing import nothing_due, record_source
-from tasks.streets import texture_street
-from tasks.textures import textures_due
+from tasks.stages.due import what_is_due, what_is_set_aside
+from tasks.stages.exemplars import exemplars_due
+from tasks.stages.facades import choose, facades_due
+from tasks.stages.fan_out import AT_ONCE, Stage, batches, process_batch
+from tasks.stages.ingest import Outline, ingest_block
+from tasks.stages.poses import poses_due
+from tasks.stages.publish import publish_block
+from tasks.stages.streets import texture_street
+from tasks.stages.textures import textures_due
+from tasks.store.redo import chosen_streets
+from tasks.store.room import require_room
+from tasks.store.standing import nothing_due, record_source
+from tasks.store.wounds import mend, suspect
 from tasks.units.memory import street_memory
-from tasks.wounds import mend, suspect
 
 log = logging.getLogger(__name__)
 

@@ -9,12 +9,12 @@ from pathlib import Path
 import numpy as np
 import zarr
 
+from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError
 from facade_core.plan import Plan
 from facade_core.street.window import Window
-from tasks.plan import read_plan
 from tasks.units.viewpoint import replay
 
 

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tasks.stage_code import stage_code
+from tasks.keys.stage_code import stage_code
 
 if TYPE_CHECKING:
     from catalogs.block import Block, Material
-    from catalogs.readers.aerial import Aerial
+    from catalogs.readers.pictures.aerial import Aerial
 
 VERSION = "0.1.0"
 

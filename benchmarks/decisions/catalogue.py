@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.decisions.timing import bytes_in, figures, seconds
-from catalogs.items import ROW_KEYS, write_items
+from catalogs.published.items import ROW_KEYS, write_items
 from catalogs.query import query
 
 WHERE = "floors >= 6 and occluded > 0.4"

@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.decisions.timing import figures, once, seconds
-from flows.server import server
+from flows.server.starting import server
 
 WORKERS = 2
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.datasets import CMP, ECP, DatasetRecipe, LabelledFacade, read
+from catalogs.learning.datasets import CMP, ECP, DatasetRecipe, LabelledFacade, read
 
 _SIDE = 720  # px, longest side of a facade that is measured
 _LABELLED = 0.85  # share of a facade's pixels that must have a class

@@ -34,7 +34,7 @@ from benchmarks.layout.baselines import (
     policy_search,
 )
 from benchmarks.layout.figures import run
-from catalogs.layouts import LayoutRecord, read_layouts
+from catalogs.learning.layouts import LayoutRecord, read_layouts
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases, load
 from facade_core.layout.completion import start_of

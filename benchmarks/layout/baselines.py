@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from catalogs.layouts import LayoutRecord
+from catalogs.learning.layouts import LayoutRecord
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import complete, grids
 from facade_core.layout.completion import plan, start_of

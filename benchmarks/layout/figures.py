@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from benchmarks.layout.baselines import Method, rows_of
-from catalogs.layouts import LayoutRecord
+from catalogs.learning.layouts import LayoutRecord
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases
 from facade_core.layout.grids import boxes

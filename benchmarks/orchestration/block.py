@@ -7,7 +7,7 @@ from pathlib import Path
 
 import yaml
 
-from tasks.demo import SEED, TEXELS_PER_METRE, paint_exemplars
+from tasks.examples.demo import SEED, TEXELS_PER_METRE, paint_exemplars
 
 # With these, 202 facades are seen from 100 viewpoints, in two waves of two streets; two broken footprints are set aside.
 AREA = [24.9405, 60.1630, 24.9535, 60.1700]

@@ -35,7 +35,7 @@ class Unit:
 
 def units_of(store: Path) -> list[Unit]:
     """Every unit of a store's journal that was done, in groups exemplars, textures, facades, wave 0, wave 1 ..."""
-    from tasks.commits import journal
+    from tasks.store.commits import journal
 
     units = [_unit(stage, r) for stage in ("exemplars", "textures", "facades") for r in _done(journal(store, stage))]
     wave = {}

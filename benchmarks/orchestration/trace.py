@@ -20,12 +20,12 @@ spans: list[Span] = []  # append is atomic: tasks run in threads
 
 def main() -> None:
     """Run the command line with the arguments after the first and write the spans to the first."""
-    import flows.server
-    from flows.cli import main as command
+    import flows.server.starting
+    from flows.cli.commands import main as command
 
     path = Path(sys.argv[1])
     entered = time.time()
-    flows.server.server = _server(flows.server.server)
+    flows.server.starting.server = _server(flows.server.starting.server)
     try:
         command(sys.argv[2:])
     finally:
@@ -76,7 +76,7 @@ def _server(server: Callable[..., AbstractContextManager[Any]]) -> Callable[...,
 
 def _install() -> None:
     import flows.block as flow
-    from tasks import fan_out, streets
+    from tasks.stages import fan_out, streets
 
     flow.city_block.fn = _timed("flow", flow.city_block.fn)
     flow.connect = _entered("cluster", flow.connect)

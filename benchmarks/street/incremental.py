@@ -21,7 +21,7 @@ import yaml
 
 from facade_core.atlas.journal import STAGES
 from facade_core.synth import exemplars
-from tasks.commits import journal
+from tasks.store.commits import journal
 
 CRS = "EPSG:3879"
 EAST, NORTH = 25_496_000.0, 6_672_000.0

@@ -26,7 +26,7 @@ import zarr
 from facade_core.atlas import atlas_digest, open_repository
 from facade_core.atlas.store import BRANCH
 from facade_core.errors import StoreError
-from tasks.commits import journal
+from tasks.store.commits import journal
 
 STREETS, LENGTH_M, APART_M = 16, 60.0, 400.0
 # Houses on either side: their fronts are this far from the centreline, this wide and this deep.
@@ -149,8 +149,8 @@ def _ceiling(block: Path, processes: int) -> float:
 def _walk(block: Path, streets: Sequence[int], ready: Any, results: Any) -> None:
     """Render, translate and propagate every viewpoint of some streets."""
     from catalogs.block import read_block
-    from tasks.planning import plan_of
-    from tasks.workers import limit_threads
+    from tasks.compute.workers import limit_threads
+    from tasks.stages.planning import plan_of
 
     limit_threads()
     read = read_block(block)

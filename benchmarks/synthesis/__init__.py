@@ -19,7 +19,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.datasets import ECP, LabelledFacade, read
+from catalogs.learning.datasets import ECP, LabelledFacade, read
 from facade_core.labels import UNKNOWN, WALL
 from facade_core.parse import lattice
 from facade_core.texture import exemplar_scale, retarget

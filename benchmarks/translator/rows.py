@@ -129,7 +129,7 @@ KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {"full": full_crops
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
     from facade_core.street.translator_distance import features
-    from tasks.train_translator import Places, panoramas
+    from tasks.training.translator import Places, panoramas
 
     held_out = panoramas([data / "panoramas"], Places(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
@@ -158,7 +158,7 @@ def train_rows(data: Path, models: Path, *, seed: int = 0) -> dict[str, float]:
     import torch
 
     from facade_core.street import translator_steps, translator_training
-    from tasks.train_translator import Places, panoramas, renderings
+    from tasks.training.translator import Places, panoramas, renderings
 
     missing = [
         name for name in ("full", "CUT", "PUT 4", "PUT 3", "PUT 2", "PUT 1") if not _file(models, name).is_file()

@@ -5,15 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 from catalogs.features import Footprints, Models
-from catalogs.readers import cityjson, vectors, walls
+from catalogs.readers import walls
+from catalogs.readers.cityjson import buildings as cityjson
 from catalogs.readers.json_text import is_sequence, load_json
+from catalogs.readers.vectors import features as vectors
 from facade_core.errors import InputError
 
 _GEOJSON = {"FeatureCollection", "Feature", "GeometryCollection", "Polygon", "MultiPolygon"}
 
 
 def read_json(path: Path, lod: str | None = None) -> Footprints | Models:
-    """Buildings out of CityJSON, GeoJSON or wall rectangles; `lod` as in catalogs.readers.cityjson.
+    """Buildings out of CityJSON, GeoJSON or wall rectangles; `lod` as in catalogs.readers.cityjson.buildings.
 
     Raises InputError where the file is broken, or is none of these.
     """

@@ -10,8 +10,8 @@ from typing import Any, TypeVar
 import shapely
 
 from catalogs.broken import one_line
+from catalogs.buildings.models import HIGHEST, LOWEST, TALLEST
 from catalogs.features import Centreline, Centrelines, Fault, Footprint, Footprints, Model, Models, Remark
-from catalogs.models import HIGHEST, LOWEST, TALLEST
 from catalogs.readers.faces import MOST_CORNERS
 from facade_core.errors import InputError
 

@@ -11,10 +11,10 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.held import being_read
+from catalogs.published.held import being_read
 from facade_core.errors import StoreError
 from flows.viewer.guard import Guard, in_address, name_in
-from tasks.standing import current_snapshot
+from tasks.store.standing import current_snapshot
 
 if TYPE_CHECKING:
     from viser import ViserServer

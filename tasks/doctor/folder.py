@@ -18,18 +18,18 @@ import zarr
 from catalogs.block import read_block
 from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
 from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, StoreError
-from tasks.digests import differing
 from tasks.doctor.findings import Finding
-from tasks.due import what_is_due
-from tasks.ingest import ingest_block
-from tasks.plan import read_plan
-from tasks.published_files import amiss
+from tasks.published.files import amiss
 from tasks.run import run_of
-from tasks.standing import current_snapshot, recorded_source, unpublished
-from tasks.wounds import find_wounds, is_suspect, suspect
+from tasks.stages.due import what_is_due
+from tasks.stages.ingest import ingest_block
+from tasks.store.digests import differing
+from tasks.store.standing import current_snapshot, recorded_source, unpublished
+from tasks.store.wounds import find_wounds, is_suspect, suspect
 
 # Charts and panoramas whose digests are computed again.
 SAMPLE = 64

@@ -1,7 +1,12 @@
-"""What a unit knows of itself: the worker it runs on, and its seeds."""
+"""What a unit knows of its run and of itself: the run's plan, the worker it runs on, and its seeds."""
 
 from __future__ import annotations
 
+from functools import lru_cache
+
+from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.plan import Plan
 from tasks.run import Run
 
 
@@ -25,3 +30,9 @@ def unit_seed(run: Run, unit: str, stage: str) -> int:
 
     text = f"{run.seed}/{unit}/{stage}"
     return int.from_bytes(hashlib.blake2b(text.encode(), digest_size=4).digest(), "big")
+
+
+@lru_cache(maxsize=2)
+def plan_of_run(run: Run) -> Plan:
+    """A run's plan, read once per process. It is written once, before any unit starts, so the newest snapshot holds it."""
+    return read_plan(open_repository(run.store).readonly_session(BRANCH), run.texels_per_metre)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from catalogs.pictures import LEAST_SIDE
+from catalogs.readers.pictures.opening import LEAST_SIDE
 from facade_core.errors import ImageError
 from facade_core.facade import Box, things_in_front
 from facade_core.parse import parse
@@ -20,7 +20,7 @@ from tasks.outcome import refusing
 from tasks.units.images import focal_length, read_panorama, read_textures, read_whole
 
 if TYPE_CHECKING:
-    from tasks.imagery import Imagery
+    from tasks.units.imagery import Imagery
 
 # Texels around a photo's holes that count as hidden.
 RIM = 2

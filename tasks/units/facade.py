@@ -20,14 +20,13 @@ from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
 from facade_core.labels import CLASSES
 from facade_core.plan import Plan
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
-from tasks.plan import plan_of_run
 from tasks.run import Run
-from tasks.units.context import unit_seed, worker_name
+from tasks.units.context import plan_of_run, unit_seed, worker_name
 from tasks.units.evidence import evidence_of
 from tasks.units.exemplar import read_exemplar
 
 if TYPE_CHECKING:
-    from tasks.imagery import Imagery
+    from tasks.units.imagery import Imagery
 
 
 def facade_unit(

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import numpy as np
 
-from catalogs.pictures import LEAST_SIDE, Picture, opened, read_picture
+from catalogs.readers.pictures.opening import LEAST_SIDE, Picture, opened, read_picture
 from tasks.outcome import refusing
 
 # Of a frame of 35 mm film, 36 x 24 mm.

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from facade_core.errors import InputError
 from facade_core.street.neural import NETWORK_PIXELS
-from tasks.imagery import Imagery
+from tasks.units.imagery import Imagery
 from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS, image_size
 
 # What libraries take once, whatever the size.

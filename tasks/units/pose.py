@@ -8,9 +8,8 @@ from pathlib import Path
 from typing import Any
 
 from facade_core.rectify import refine_pose
-from tasks.plan import plan_of_run
 from tasks.run import Run
-from tasks.units.context import worker_name
+from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_panorama
 
 

@@ -17,11 +17,10 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.rectify import own_texture
 from facade_core.street.overhead import from_above, shown_from_above
 from tasks.outcome import refusal
-from tasks.plan import plan_of_run
-from tasks.roofs import sampler
 from tasks.run import Run
-from tasks.units.context import worker_name
+from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_textures
+from tasks.units.roofs import sampler
 
 
 def texture_unit(

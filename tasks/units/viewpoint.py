@@ -22,10 +22,9 @@ from facade_core.street.propagate import propagate
 from facade_core.street.render import render
 from facade_core.street.translate import Swatches, Translator
 from facade_core.street.window import Window
-from tasks.plan import plan_of_run
-from tasks.roofs import roof_material
 from tasks.run import Run
-from tasks.units.context import worker_name
+from tasks.units.context import plan_of_run, worker_name
+from tasks.units.roofs import roof_material
 
 
 @dataclass(frozen=True)

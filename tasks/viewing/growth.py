@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.provenance import UNSEEN
 from facade_core.errors import InputError
 from facade_core.export import Camera
@@ -15,7 +16,6 @@ from facade_core.geometry.raycast import MISS
 from facade_core.plan import Plan
 from facade_core.street.propagate import propagate
 from facade_core.street.window import Window
-from tasks.plan import read_plan
 from tasks.units.viewpoint import replay
 from tasks.viewing.reading import View
 

@@ -12,17 +12,17 @@ import icechunk
 import numpy as np
 import zarr
 
-from catalogs.items import BBOX, COLUMNS
+from catalogs.published.items import BBOX, COLUMNS
 from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.plan_tables import read_facades
 from facade_core.atlas.store import BRANCH, open_repository, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
-from tasks.facade_report import chart_raster, facts
 from tasks.outcome import refused
-from tasks.plan import read_facades
-from tasks.standing import current_snapshot
+from tasks.published.facade_report import chart_raster, facts
+from tasks.store.standing import current_snapshot
 
 # What a facade may be coloured by: not what names it, nor where it lies.
 _NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}

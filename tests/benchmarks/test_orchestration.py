@@ -68,7 +68,7 @@ def test_units_of_a_journal(monkeypatch: pytest.MonkeyPatch) -> None:
         "viewpoints": [record("a/b/0", 5.0)],
         "streets": [record("a/b", 7.0, wave=2)],
     }
-    monkeypatch.setattr("tasks.commits.journal", lambda store, stage: journals[stage])
+    monkeypatch.setattr("tasks.store.commits.journal", lambda store, stage: journals[stage])
     assert units_of(Path("store")) == [
         Unit("exemplars", "0", 1.0, 2.75, 0.5, 0.25),
         Unit("facades", "0", 3.0, 4.75, 0.5, 0.25),
@@ -81,9 +81,9 @@ def test_the_block_is_of_the_size_it_is_named_for(tmp_path: Path, monkeypatch: p
     from dataclasses import replace
 
     from catalogs.block import read_block
-    from tasks.planning import plan_of
+    from tasks.stages.planning import plan_of
 
-    monkeypatch.setattr("tasks.demo.EXEMPLARS", 1)
+    monkeypatch.setattr("tasks.examples.demo.EXEMPLARS", 1)
     block = read_block(write_block(tmp_path, quick=False))
     # what panoramas show is coarser; facades and viewpoints are the same
     plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))

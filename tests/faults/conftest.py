@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from tasks.publish import publish_block
 from tasks.run import Run
+from tasks.stages.publish import publish_block
 from tests.pipeline.stages import BUILDINGS, STREETS, texture, write_block
 
 # An id longer than any file's name may be.

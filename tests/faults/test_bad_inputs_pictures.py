@@ -19,9 +19,9 @@ import pytest
 import rasterio
 from PIL import Image, ImageOps
 
-from catalogs import pictures
-from catalogs.pictures import MOST_PIXELS, MOST_WEBP_PIXELS, opened, read_picture
-from catalogs.readers.images import image_files, photos_by_facade, whole_picture
+from catalogs.readers.pictures import opening as pictures
+from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
+from catalogs.readers.pictures.opening import MOST_PIXELS, MOST_WEBP_PIXELS, opened, read_picture
 from facade_core.errors import ImageError, InputError
 from tasks.units.evidence import photo_of
 from tasks.units.images import LONGEST_EXEMPLAR, focal_length, read_exemplar_picture, read_image
@@ -420,7 +420,7 @@ BOMB = """
 import resource, sys
 from pathlib import Path
 import numpy, cv2, rasterio
-from catalogs.pictures import read_picture
+from catalogs.readers.pictures.opening import read_picture
 from facade_core.errors import ImageError
 from tasks.units.images import read_exemplar_picture, read_image
 held = int(next(line.split()[1] for line in open("/proc/self/status") if line.startswith("VmSize"))) * 1024

@@ -13,7 +13,7 @@ from PIL.TiffImagePlugin import IFDRational
 from pyproj import CRS
 
 from catalogs.block import read_block
-from catalogs.readers.panoramas import read_panoramas
+from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.errors import InputError
 from tests.faults.test_bad_inputs_pictures import changed
 

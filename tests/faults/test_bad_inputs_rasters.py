@@ -17,8 +17,8 @@ from rasterio import Affine
 from rasterio.transform import from_origin
 
 from catalogs.block import read_block
-from catalogs.readers.aerial import read_aerial
-from catalogs.readers.elevation import read_elevation
+from catalogs.readers.pictures.aerial import read_aerial
+from catalogs.readers.pictures.elevation import read_elevation
 from facade_core.errors import InputError
 from tests.faults.test_bad_inputs_pictures import changed
 

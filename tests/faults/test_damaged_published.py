@@ -6,9 +6,9 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
-from tasks.publish import publish_block
 from tasks.run import Run
-from tasks.standing import current_snapshot, nothing_due
+from tasks.stages.publish import publish_block
+from tasks.store.standing import current_snapshot, nothing_due
 
 
 def cut(path: Path) -> None:

@@ -20,8 +20,8 @@ from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import LostStoreError, StoreError
 from tasks.history import after_viewpoint
 from tasks.run import Run
-from tasks.standing import nothing_due
-from tasks.wounds import find_wounds, mend, suspect
+from tasks.store.standing import nothing_due
+from tasks.store.wounds import find_wounds, mend, suspect
 from tests.pipeline.stages import digests_of, redone, started, texture
 
 

@@ -14,12 +14,12 @@ from click.testing import CliRunner
 
 from facade_core.atlas.journal import forget_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from flows.cli import main
+from flows.cli.commands import main
 from flows.lock import locked
 from tasks.doctor import examine_folder, examine_machine, machine
 from tasks.run import Run
-from tasks.standing import current_snapshot, record_source
-from tasks.wounds import is_suspect, mend
+from tasks.store.standing import current_snapshot, record_source
+from tasks.store.wounds import is_suspect, mend
 
 
 def wrong(out: Path) -> dict[str, str]:

@@ -11,10 +11,11 @@ import pytest
 
 from facade_core.atlas.journal import STAGES
 from facade_core.errors import MachineError
-from tasks import ingest, room
-from tasks.commits import journal
 from tasks.outcome import raising_machine_errors
-from tasks.room import require_room
+from tasks.stages import ingest
+from tasks.store import room
+from tasks.store.commits import journal
+from tasks.store.room import require_room
 from tests.pipeline.runs import ROOT, command, environment
 from tests.pipeline.stages import digests_of, texture, write_block
 

@@ -21,14 +21,16 @@ from PIL import Image
 from rich.console import Console
 
 from catalogs.query import query
-from catalogs.stac_catalog import write_catalog
+from catalogs.stac.catalog import write_catalog
 from catalogs.visible import visible, visible_json
 from facade_core.synth import exemplars
-from flows import artifacts, cli, console
+from flows import artifacts
+from flows.cli import commands as cli
+from flows.cli import console
 from flows.markdown import code, plain
-from tasks.export import FORMATS, export
+from tasks.export.formats import FORMATS, export
 from tasks.outcome import log_units
-from tasks.publish import publish_block
+from tasks.stages.publish import publish_block
 from tests.pipeline.stages import Textured, texture, write_block
 from tests.pipeline.test_viewer import CHROMIUM
 
@@ -60,12 +62,12 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
     )
     with pytest.MonkeyPatch.context() as patch:
         # readers set aside what is no letter, and a store may be older than they: what is shown must not rely on them
-        for refusal in ("limits._too_much", "images._unnamed"):
+        for refusal in ("limits._too_much", "pictures.folders._unnamed"):
             patch.setattr(f"catalogs.readers.{refusal}", lambda item: None)
-        for module in ("limits", "images"):
+        for module in ("limits", "pictures.folders"):
             patch.setattr(f"catalogs.readers.{module}.one_line", lambda text: text)
         textured: Textured = texture(block, top / "out")
-        patch.setattr("tasks.publish._aim", lambda plan, records: {})  # pictures take most of the time
+        patch.setattr("tasks.stages.publish._aim", lambda plan, records: {})  # pictures take most of the time
         summary = publish_block.fn(textured.run, block)
     published = top / "out" / "published" / (top / "out" / "current").read_text().strip()
     yield SimpleNamespace(top=top, out=top / "out", names=names, run=textured.run, summary=summary, published=published)
@@ -106,7 +108,10 @@ def test_the_report_runs_and_shows_nothing_of_others(made: SimpleNamespace) -> N
     page = parser.document_fromstring(text)
     tags = {element.tag for element in page.iter() if isinstance(element.tag, str)}
     known = set(
-        re.findall(r"<([a-z]\w*)", (Path(artifacts.__file__).parents[1] / "catalogs" / "report.html.j2").read_text())
+        re.findall(
+            r"<([a-z]\w*)",
+            (Path(artifacts.__file__).parents[1] / "catalogs" / "published" / "report.html.j2").read_text(),
+        )
     )
     assert tags <= known | {"tbody"}
     for element in page.iter():

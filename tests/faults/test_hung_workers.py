@@ -14,10 +14,10 @@ import pytest
 from distributed import Client, LocalCluster
 
 from facade_core.errors import MachineError
-from tasks import cluster, deadlines, scheduler_view
-from tasks.cluster import Cluster, ClusterGone, UnitOverran
-from tasks.compute import connect
-from tasks.workers import make, prepared
+from tasks.compute import cluster, deadlines, scheduler_view
+from tasks.compute.cluster import Cluster, ClusterGone, UnitOverran
+from tasks.compute.connect import connect
+from tasks.compute.workers import make, prepared
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

@@ -25,7 +25,7 @@ import pytest
 from catalogs.query import query
 from facade_core.atlas.journal import STAGES
 from facade_core.errors import FacadeError, StoreError
-from tasks.commits import journal
+from tasks.store.commits import journal
 from tasks.viewing import Reader
 from tests.pipeline import stages
 from tests.pipeline.runs import ROOT, command, environment, run

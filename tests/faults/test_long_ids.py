@@ -8,7 +8,7 @@ import pytest
 
 from catalogs.features import file_stem
 from catalogs.query import query
-from tasks.export import export
+from tasks.export.formats import export
 from tasks.run import Run
 from tests.faults.conftest import LONG
 

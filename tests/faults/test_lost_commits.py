@@ -14,8 +14,8 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, Repository, commit, create_arrays, open_repository
 from facade_core.errors import StoreError
-from tasks.carry import forget_units
-from tasks.commits import begin, finish
+from tasks.store.carry import forget_units
+from tasks.store.commits import begin, finish
 
 THREADS, ROUNDS = 4, 40
 

@@ -11,8 +11,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from flows import server as server_module
-from flows.server import ServerDown, server
+from flows.server import starting as server_module
+from flows.server.starting import ServerDown, server
 from tests.pipeline.runs import ROOT, command, environment
 from tests.pipeline.stages import digests_of, texture, write_block
 

@@ -14,10 +14,10 @@ import cloudpickle
 import pytest
 
 from facade_core.atlas.store import BRANCH, open_repository
-from tasks import fan_out
-from tasks.commits import journal
-from tasks.compute import connect
-from tasks.fan_out import Work, process_batch
+from tasks.compute.connect import connect
+from tasks.stages import fan_out
+from tasks.stages.fan_out import Work, process_batch
+from tasks.store.commits import journal
 from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])

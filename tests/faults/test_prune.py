@@ -11,18 +11,18 @@ import pytest
 import zarr
 from click.testing import CliRunner
 
-from catalogs.held import being_read
+from catalogs.published.held import being_read
 from facade_core.atlas.check import is_whole
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
-from flows.cli import main
+from flows.cli.commands import main
 from flows.lock import locked
 from tasks.history import after_viewpoint
-from tasks.prune import prune
-from tasks.publish import publish_block
-from tasks.published_files import amiss
+from tasks.published.files import amiss
+from tasks.published.prune import prune
 from tasks.run import Run
-from tasks.standing import current_snapshot, nothing_due
+from tasks.stages.publish import publish_block
+from tasks.store.standing import current_snapshot, nothing_due
 
 
 def published_again(run: Run, block: Path) -> str:

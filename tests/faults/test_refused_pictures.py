@@ -15,10 +15,10 @@ from PIL import Image
 
 from facade_core.errors import FacadeError, ImageError
 from facade_core.types import Pose
-from tasks.due import what_is_set_aside
-from tasks.imagery import Imagery
+from tasks.stages.due import what_is_set_aside
 from tasks.units import evidence, facade
 from tasks.units.evidence import Evidence, evidence_of
+from tasks.units.imagery import Imagery
 from tasks.units.images import read_panorama, read_textures
 
 POSE = Pose(0.0, 0.0, 2.5, 0.0)

@@ -18,7 +18,7 @@ from urllib.request import urlopen
 
 import psutil
 
-from flows.server import QUIET
+from flows.server.starting import QUIET
 from tests.pipeline.runs import ROOT, environment
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ ROOT = Path(__file__).resolve().parents[2]
 
 def write_block(folder: Path) -> Path:
     """Input of a small block cut from the real extract, seeded and complete; returns its block file."""
-    from tasks import demo
+    from tasks.examples import demo
 
     saved = {name: getattr(demo, name) for name in ("AREA", "STREETS", "TEXELS_PER_METRE", "EXEMPLARS")}
     try:

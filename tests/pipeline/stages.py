@@ -15,22 +15,22 @@ from PIL import Image
 
 from catalogs.block import Block, read_block
 from facade_core.atlas.journal import STAGES, atlas_digest, latest_digests, read_journal, seed_records
+from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.synth import exemplars
-from tasks.compute import Serial
-from tasks.due import what_is_due
-from tasks.exemplars import exemplars_due
-from tasks.facades import facade_imagery, facades_due
-from tasks.fan_out import Stage, process_batch
-from tasks.ingest import ingest_block
+from tasks.compute.connect import Serial
 from tasks.outcome import Outcome, refused
-from tasks.plan import read_plan
-from tasks.poses import poses_due
-from tasks.redo import chosen_streets
 from tasks.run import Run, run_of
-from tasks.streets import texture_street
-from tasks.textures import textures_due
+from tasks.stages.due import what_is_due
+from tasks.stages.exemplars import exemplars_due
+from tasks.stages.facades import facade_imagery, facades_due
+from tasks.stages.fan_out import Stage, process_batch
+from tasks.stages.ingest import ingest_block
+from tasks.stages.poses import poses_due
+from tasks.stages.streets import texture_street
+from tasks.stages.textures import textures_due
+from tasks.store.redo import chosen_streets
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 # South-western corner, width along x, depth along y, height of each building, so thin that only the side at the street is a

@@ -13,7 +13,7 @@ from pathlib import Path
 from typing import Any
 
 from facade_core.errors import StoreError
-from tasks.commits import journal
+from tasks.store.commits import journal
 from tests.pipeline.runs import ROOT, command, environment
 
 

@@ -13,11 +13,11 @@ from PIL import Image, ImageOps
 
 from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal
-from tasks.commits import journal
-from tasks.publish import publish_block
+from tasks.keys.stage_code import stage_code
 from tasks.run import run_of
-from tasks.stage_code import stage_code
-from tasks.standing import nothing_due
+from tasks.stages.publish import publish_block
+from tasks.store.commits import journal
+from tasks.store.standing import nothing_due
 from tests.pipeline.stages import (
     BUILDINGS,
     STREETS,
@@ -220,7 +220,7 @@ def test_the_density_reaches_everything(translated: Path, tmp_path: Path) -> Non
 
 def test_units_done_by_other_code_are_due(translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     folder = copied(translated, tmp_path)
-    for reader in ("keys", "street_keys"):
+    for reader in ("keys.units", "keys.streets"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("facades"))
     done, made = again(folder)
     assert done - ALL_STREETS == {unit for stage, unit in started(folder / "out") if stage == "facades"}
@@ -232,7 +232,7 @@ def test_other_code_that_ingests_takes_over_what_is_the_same(
     translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(translated, tmp_path)
-    for reader in ("run", "ingest"):
+    for reader in ("run", "stages.ingest"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("ingest"))
     done, made = again(folder)
     assert done == set()
@@ -249,7 +249,7 @@ def test_other_code_that_publishes_does_nothing_else(
     done = nothing_due(run)
     assert done is not None
     assert done["units_done"] == 0
-    for reader in ("publish", "standing"):
+    for reader in ("stages.publish", "store.standing"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("publish"))
     assert nothing_due(run) is None
     before = started(folder / "out")
@@ -278,8 +278,8 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
     """The ids of all charts, and where they lie."""
     import zarr
 
+    from facade_core.atlas.plan_tables import read_plan
     from facade_core.atlas.store import open_repository
-    from tasks.plan import read_plan
 
     session = open_repository(folder / "out" / "store").readonly_session("main")
     assert read_journal(zarr.open_group(session.store, mode="r"), "streets")
@@ -291,7 +291,7 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
 
 
 def _streets_that_see(made: Textured, facade: str) -> set[str]:
-    from tasks.plan import plan_of_run
+    from tasks.units.context import plan_of_run
 
     plan = plan_of_run(made.run)
     chart = plan.facades.chart[plan.facades.id.index(facade)]

@@ -16,8 +16,8 @@ from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
-from tasks.publish import publish_block
 from tasks.run import run_of
+from tasks.stages.publish import publish_block
 
 
 def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
@@ -45,7 +45,7 @@ def test_a_later_snapshot_is_published_beside_the_first(
     undisturbed: tuple[Path, dict[str, Any]], block: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """Also where the first was published without its Collections, as an earlier version did."""
-    monkeypatch.setattr("tasks.publish._aim", lambda plan, records: {})  # pictures take most of the time
+    monkeypatch.setattr("tasks.stages.publish._aim", lambda plan, records: {})  # pictures take most of the time
     out = tmp_path / "out"
     shutil.copytree(undisturbed[0], out, ignore=shutil.ignore_patterns("prefect"))
     run = run_of(read_block(block), out)

@@ -10,9 +10,9 @@ import pytest
 
 from catalogs.query import query
 from facade_core.errors import InputError
-from tasks.commits import journal
-from tasks.publish import publish_block
-from tasks.redo import find_redo, redo_street, street_chunks
+from tasks.stages.publish import publish_block
+from tasks.store.commits import journal
+from tasks.store.redo import find_redo, redo_street, street_chunks
 from tests.pipeline.stages import digests_of, redone, started, texture, write_block
 
 

@@ -11,10 +11,10 @@ import zarr
 from PIL import Image
 
 from facade_core.atlas import PHOTO, UNSEEN, open_repository
+from facade_core.atlas.plan_tables import read_plan
 from facade_core.geometry.charts import ROOF
 from facade_core.street.overhead import raster_points
-from tasks.plan import read_plan
-from tasks.publish import publish_block
+from tasks.stages.publish import publish_block
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, texture, write_block
 
 rasterio = pytest.importorskip("rasterio")

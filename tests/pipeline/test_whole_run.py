@@ -22,8 +22,8 @@ from catalogs.query import query
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, atlas_digest, open_repository
 from facade_core.atlas.journal import STAGES, VOLATILE
 from facade_core.errors import StoreError
-from tasks.commits import journal
-from tasks.publish import publish_block
+from tasks.stages.publish import publish_block
+from tasks.store.commits import journal
 from tests.pipeline import stages
 from tests.pipeline.runs import ALONE, ROOT, command, environment, run
 from tests.pipeline.stages import texture, write_photo

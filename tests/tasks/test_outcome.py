@@ -17,11 +17,11 @@ import pytest
 from zarr.errors import GroupNotFoundError
 
 from facade_core.errors import FacadeError, ImageError, MachineError, ModelError, StoreError
-from tasks import fan_out
-from tasks.cluster import ClusterGone, WorkersDied
-from tasks.compute import connect
-from tasks.fan_out import Work, process_batch
+from tasks.compute.cluster import ClusterGone, WorkersDied
+from tasks.compute.connect import connect
 from tasks.outcome import failure, machine_error, machine_fault
+from tasks.stages import fan_out
+from tasks.stages.fan_out import Work, process_batch
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 

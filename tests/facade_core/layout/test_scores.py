@@ -75,7 +75,7 @@ def test_a_regular_layout_scores_higher_than_disturbed_ones_on_average():
 
 @pytest.mark.realdata
 def test_real_layouts_score_higher_than_the_same_disturbed(data):
-    from catalogs.layouts import read_layouts, split_layouts
+    from catalogs.learning.layouts import read_layouts, split_layouts
 
     records = split_layouts(list(read_layouts(data / "layouts" / "cmp.jsonl")))[1][::3]
     higher = []

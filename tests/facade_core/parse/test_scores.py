@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from benchmarks.parsing import confusion, f1, matches, measure_behind, measure_occluders, put_in_front, scores, unseen
-from catalogs.datasets import LabelledFacade
+from catalogs.learning.datasets import LabelledFacade
 from facade_core.labels import UNKNOWN, WALL, WINDOW
 from facade_core.types import Element
 

@@ -153,7 +153,7 @@ def test_refuses_a_missing_model(tmp_path):
 
 @pytest.mark.realdata
 def test_held_out_facades_and_their_lower_storeys(data):
-    from catalogs.datasets import ecp, split
+    from catalogs.learning.datasets import ecp, split
 
     _, held_out = split(list(ecp(data / "facades" / "ecp")))
     whole = [agreement(facade.labels, parse(facade.image).labels) for facade in held_out[::4]]

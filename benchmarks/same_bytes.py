@@ -1,0 +1,100 @@
+"""Whether a change of the code changed any result: a small block through this checkout and through another revision.
+
+Both run as a user runs them, on the same input files: all stages, the published table, and every export. What may differ is
+named: when something was done, how long that took, which code did it.
+
+    python -m benchmarks.same_bytes --before HEAD~1
+"""
+
+from __future__ import annotations
+
+import argparse
+import hashlib
+import json
+import os
+import re
+import subprocess
+import sys
+import tarfile
+from io import BytesIO
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+import pandas as pd
+
+from tests.pipeline import stages
+from tests.pipeline.runs import environment
+
+ROOT = Path(__file__).resolve().parent.parent
+FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "geopackage")
+# Columns that say when something was done, how long that took, where, and by which code.
+VOLATILE = ["updated", "seconds", "run"]
+# Likewise in the text of exports: times, the version with its digest of code, names of snapshots.
+VOLATILE_TEXT = re.compile(rb"\d{4}-\d\d-\d\d(T[\d:.]+(Z|\+00:00)?)?|0\.1\.0\+[0-9a-f]{12}|[0-9A-Z]{20}")
+
+
+def measure(before: str) -> dict[str, Any]:
+    """The results of both revisions, and in which of them they differ."""
+    with TemporaryDirectory() as name:
+        folder = Path(name)
+        stages.write_photo(folder / "in", "a-0", 1)
+        block = stages.write_block(folder / "in")
+        _check_out(before, folder / "before")
+        results = {
+            side: _results(checkout, block, folder / f"out-{side}")
+            for side, checkout in (("before", folder / "before"), ("after", ROOT))
+        }
+    names = sorted(results["before"].keys() | results["after"].keys())
+    differ = [one for one in names if results["before"].get(one) != results["after"].get(one)]
+    return {"before": before, "compared": len(names), "differ": differ, "results": results["after"]}
+
+
+def _check_out(revision: str, folder: Path) -> None:
+    archive = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True).stdout
+    with tarfile.open(fileobj=BytesIO(archive)) as tar:
+        tar.extractall(folder, filter="data")
+
+
+def _results(checkout: Path, block: Path, out: Path) -> dict[str, str]:
+    """Digests of what a checkout makes of a block, by name."""
+    settings = environment(out.parent) | {"PYTHONPATH": str(checkout)}
+
+    def command(*words: str) -> str:
+        done = subprocess.run(
+            [sys.executable, "-m", "flows", *words], cwd=checkout, env=settings, capture_output=True, text=True
+        )
+        if done.returncode:
+            raise SystemExit(f"{checkout}: {' '.join(words)}: {done.stderr[-2000:]}")
+        return done.stdout
+
+    summary = json.loads(command("run", str(block), "--out", str(out), "--json").strip().splitlines()[-1])
+    rows = pd.read_parquet(summary["outputs"]["items"]).drop(columns=VOLATILE, errors="ignore")
+    found = {"atlas_digest": summary["atlas_digest"], "items": _digest(rows.to_json().encode())}
+    for model in summary["outputs"]["glb"]:
+        found[f"published/{Path(model).name}"] = _digest(Path(model).read_bytes())
+    for form in FORMATS:
+        folder = out.with_name(f"{out.name}-{form}")
+        command("export", str(out), "--format", form, "--out", str(folder))
+        files = [path for path in sorted(folder.rglob("*")) if path.is_file()] if folder.is_dir() else [folder]
+        for path in files:
+            found[f"{form}/{path.relative_to(folder).as_posix()}"] = _digest(path.read_bytes())
+    return found
+
+
+def _digest(content: bytes) -> str:
+    return hashlib.sha256(VOLATILE_TEXT.sub(b"", content)).hexdigest()[:16]
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--before", default="HEAD", help="the revision to compare this checkout with")
+    parser.add_argument("--json", action="store_true", help="(what is printed is JSON in any case)")
+    found = measure(parser.parse_args().before)
+    print(json.dumps(found, indent=2))
+    sys.exit(bool(found["differ"]))
+
+
+if __name__ == "__main__":
+    os.environ.setdefault("NO_COLOR", "1")
+    main()

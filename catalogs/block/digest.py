@@ -1,0 +1,78 @@
+"""Digests of what determines a block's result: of all that was read of it, and of single pictures.
+
+What counts is what was understood, not the bytes or names of the files that it is from: neither another order of keys, nor a
+file beside the one that is named, is missed or taken for a change. Pictures count by their bytes.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping
+from dataclasses import fields, is_dataclass, replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from catalogs.file_digest import file_digest
+
+if TYPE_CHECKING:
+    from catalogs.block.reading import Block
+
+
+def block_digest(block: Block) -> str:
+    """The sha256 of a block's values; its own digest does not count.
+
+    Names of pictures count where a result tells them: a facade's source, an exemplar's or a panorama's id.
+    """
+    material, aerial = block.roof_material, block.aerial
+    values: dict[str, Any] = {field.name: getattr(block, field.name) for field in fields(block)} | {
+        "digest": None,
+        "failed_limit": None,  # decides what becomes of a result, not what it is
+        "crs": block.crs.to_string(),
+        "texture": replace(block.texture, roof_material=None),
+        "exemplars": [(path.stem, file_digest(path)) for path in block.exemplars],
+        "photos": [(facade, path.name, file_digest(path)) for facade, path in sorted(block.photos.items())],
+        "panoramas": [(one.id, one.path.name, one.pose, file_digest(one.path)) for one in block.panoramas],
+        "textures": list(map(file_digest, block.textures)),
+        "aerial": aerial and (aerial.content, aerial.crs, aerial.frame),
+        "roof_material": material and (file_digest(material[0]), material[1]),
+    }
+    digest = hashlib.sha256()
+    _say(values, digest.update)
+    return digest.hexdigest()
+
+
+def _say(value: Any, add: Callable[[bytes], object]) -> None:
+    """A value as bytes, one after the other, each with its kind and length: no two values are the same bytes.
+
+    Numbers that are equal are the same, whole or not. Raises TypeError for what this knows nothing of, such as a path.
+    """
+    value = value.item() if isinstance(value, np.generic) else value
+    if value is None or isinstance(value, bool | str):
+        text = repr(value).encode(errors="surrogatepass")
+        add(b"%d %s" % (len(text), text))
+    elif isinstance(value, int | float):
+        exact = abs(value) < 2**53 or isinstance(value, float)
+        add(f"n{(value + 0.0).hex() if exact else value} ".encode())  # no -0
+    elif isinstance(value, np.ndarray):
+        add(f"a{value.dtype.str}{value.shape}".encode())
+        add(np.ascontiguousarray(value).tobytes())
+    elif isinstance(value, shapely.Geometry):
+        text = shapely.to_wkb(value)
+        add(b"g%d " % len(text))
+        add(text)
+    elif is_dataclass(value):
+        add(b"v")
+        _say({field.name: getattr(value, field.name) for field in fields(value)}, add)
+    elif isinstance(value, Mapping):
+        add(b"m%d " % len(value))
+        for name, one in value.items():
+            _say(name, add)
+            _say(one, add)
+    elif isinstance(value, list | tuple):
+        add(b"l%d " % len(value))
+        for one in value:
+            _say(one, add)
+    else:
+        raise TypeError(f"no digest of {type(value).__name__}")

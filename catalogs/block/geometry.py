@@ -1,0 +1,179 @@
+"""The geometry that a block file names: its frame, the buildings in it, and the streets between them."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import shapely
+
+from catalogs.block.file import BlockFile
+from catalogs.block.keys import BlockKeys
+from catalogs.block.streets import block_streets, followed
+from catalogs.buildings.extents import Bounds, Source, check_area, places_of, together
+from catalogs.buildings.outlines import Buildings, block_buildings
+from catalogs.features import Centrelines, Fault, notes_by_reason
+from catalogs.frames import area_outline, block_frame, check_axes, check_scale, known_frame, named_frame, outside
+from catalogs.readers.files import read_buildings, read_centrelines
+from facade_core.errors import BlockFileError
+from facade_core.types import Building, Street
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+    from shapely import Polygon
+
+Files = Mapping[str, tuple[Path, ...]]
+# Ground is wanted this far around the buildings, and panoramas further away belong to another site.
+SURROUNDINGS_M = 200.0
+# Streets are followed this far from the box around the buildings: four times as far as a viewpoint may see.
+FOLLOWED_M = 1000.0
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """What a block is made of. crs: its frame; extent: (xmin, ymin, xmax, ymax) around the buildings and their surroundings."""
+
+    crs: CRS
+    built: Buildings
+    streets: tuple[Street, ...]
+    extent: tuple[float, float, float, float]
+    notes: tuple[str, ...]
+    faults: tuple[Fault, ...]
+
+
+def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
+    """Read the buildings and streets. Raises BlockFileError where nothing that can be used is left of either."""
+    sources = _building_sources(keys, files, file)
+    centrelines = _centrelines(keys, files, sources, file) if keys.streets else None
+    if keys.area:
+        file.read("area", check_area, keys.area)
+    sources, bounds = file.read("buildings.path", together, sources, keys.area, centrelines)
+    if not any(source.items for source in sources):
+        raise _nothing("buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file)
+    frame, area, notes = _frame(keys, sources, bounds, file)
+    built = block_buildings(sources, frame, area=area, storey=keys.storey)
+    if not built.items:
+        raise _nothing("buildings", keys, files, bounds, built.faults, file)
+    extent = _extent(built.items)
+    if centrelines is None:
+        return Geometry(frame, built, (), extent, notes, built.faults)
+    streets, cut, broken = _streets(keys, files, centrelines, frame, area, extent, file)
+    return Geometry(frame, built, streets, extent, notes + cut, (*built.faults, *broken))
+
+
+def _building_sources(keys: BlockKeys, files: Files, file: BlockFile) -> list[Source]:
+    """What each building file holds, where the block file says that it lies."""
+    sources: list[Source] = []
+    for path in files["buildings.path"]:
+        source = file.read("buildings.path", read_buildings, path, keys.buildings.lod)
+        crs = keys.buildings.crs or source.crs or keys.crs
+        if crs is None:
+            raise file.fault("buildings.crs", f"missing, and {path} states no frame; write crs: EPSG:...")
+        file.read("buildings.crs", known_frame, crs)
+        source = replace(source, crs=crs, faults=tuple(_located(fault, path) for fault in source.faults))
+        sources.append(source.moved(keys.buildings.offset) if keys.buildings.offset else source)
+    if not any(source.items or source.faults for source in sources):
+        names = ", ".join(map(str, files["buildings.path"]))
+        raise file.fault("buildings.path", f"{names} holds no buildings; give a file that does")
+    return sources
+
+
+def _centrelines(keys: BlockKeys, files: Files, sources: Sequence[Source], file: BlockFile) -> Centrelines:
+    assert keys.streets is not None
+    source = file.read("streets.path", read_centrelines, *files["streets.path"])
+    faults = tuple(_located(fault, files["streets.path"][0]) for fault in source.faults)
+    source = replace(source, crs=keys.streets.crs or source.crs or keys.crs or sources[0].crs, faults=faults)
+    file.read("streets.crs", known_frame, source.crs)
+    if not source.items and not source.faults:
+        raise file.fault("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
+    return _named_streets(source, keys.streets.names, file) if keys.streets.names else source
+
+
+def _frame(
+    keys: BlockKeys, sources: Sequence[Source], bounds: Bounds | None, file: BlockFile
+) -> tuple[CRS, Polygon | None, tuple[str, ...]]:
+    """The metric frame, the area in it, and a note where the frame was chosen."""
+    west, south, east, north = keys.area or bounds or (0.0, 0.0, 0.0, 0.0)
+    middle = (((west + east) / 2 + 180.0) % 360.0 - 180.0, (south + north) / 2)
+    notes: tuple[str, ...] = ()
+    if keys.crs:
+        frame = file.read("crs", named_frame, keys.crs)
+        file.read("crs", check_scale, frame, *middle)
+        file.read("crs", check_axes, frame, *middle)
+    else:
+        frame = file.read("crs", block_frame, sources[0].crs, *middle)
+        notes = (f"crs not given: {frame.to_string()} ({frame.name}) chosen",)
+    notes += outside(frame, *middle)
+    return frame, area_outline(keys.area, frame) if keys.area else None, notes
+
+
+def _streets(
+    keys: BlockKeys,
+    files: Files,
+    centrelines: Centrelines,
+    frame: CRS,
+    area: Polygon | None,
+    extent: tuple[float, float, float, float],
+    file: BlockFile,
+) -> tuple[tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
+    """The streets, a note on those that lead away from the block, and the broken ones."""
+    around = shapely.box(*extent).buffer(FOLLOWED_M - SURROUNDINGS_M, join_style="mitre")
+    near, cut = file.read("streets.path", followed, centrelines, frame, around, area)
+    streets, faults = block_streets(near, frame, area=area)
+    if not streets and not cut:
+        raise _nothing("streets", keys, files, _bounds(centrelines), faults, file)
+    if not any(street.line.intersects(shapely.box(*extent)) for street in streets):
+        span = ", ".join(f"{value:.4f}" for value in _bounds(centrelines) or ())
+        raise file.fault(
+            "streets.path",
+            f"no street comes within {SURROUNDINGS_M:g} m of a building (streets span [{span}]); "
+            "check streets.crs, or leave streets out",
+        )
+    return streets, notes_by_reason({f"streets cut off over {FOLLOWED_M:g} m from the buildings": cut}), faults
+
+
+def _bounds(centrelines: Centrelines) -> Bounds | None:
+    assert centrelines.crs is not None
+    places = places_of(centrelines.crs, centrelines.boxes())
+    return places.bounds(places.known) if places.known.any() else None
+
+
+def _nothing(
+    key: str, keys: BlockKeys, files: Files, bounds: Bounds | None, faults: Sequence[Fault], file: BlockFile
+) -> BlockFileError:
+    """Why a block is left without buildings or streets."""
+    path = ", ".join(map(str, files[f"{key}.path"]))
+    if faults:
+        more = f" and {len(faults) - 1} more" if len(faults) > 1 else ""
+        return file.fault(
+            f"{key}.path", f"{path} has no {key} that can be used: {faults[0].id}: {faults[0].reason}{more}"
+        )
+    if keys.area:
+        named = " of these names" if key == "streets" and keys.streets and keys.streets.names else ""
+        span = f"; they span [{', '.join(f'{value:.4f}' for value in bounds)}]" if bounds else ""
+        return file.fault("area", f"{path} has no {key}{named} inside area {keys.area}{span}; mend area")
+    return file.fault(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
+
+
+def _located(fault: Fault, path: Path) -> Fault:
+    """A fault whose reason names the file."""
+    return fault if path.name in fault.reason else replace(fault, reason=f"{path.name}: {fault.reason}")
+
+
+def _named_streets(source: Centrelines, names: list[str], file: BlockFile) -> Centrelines:
+    known = sorted({piece.name for piece in source.items if piece.name})
+    for name in names:
+        if name not in known:
+            close = difflib.get_close_matches(name, known, n=1, cutoff=0.5)
+            remedy = f"did you mean {close[0]}?" if close else f"known are e.g. {', '.join(known[:5])}"
+            raise file.fault("streets.names", f"no street is named {name!r}; {remedy}")
+    return replace(source, items=tuple(piece for piece in source.items if piece.name in names))
+
+
+def _extent(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
+    """The buildings' surroundings in the frame: (xmin, ymin, xmax, ymax)."""
+    xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
+    return xmin - SURROUNDINGS_M, ymin - SURROUNDINGS_M, xmax + SURROUNDINGS_M, ymax + SURROUNDINGS_M

@@ -1,0 +1,239 @@
+"""The keys of a block file: their types, defaults and ranges, and one line for each way to get them wrong."""
+
+from __future__ import annotations
+
+import difflib
+import types
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, is_dataclass
+from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_type_hints
+
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
+
+from catalogs.visible import shown
+
+
+def _even(value: int) -> int:
+    if value % 2:
+        raise ValueError("must be even, since the height of a panorama is half its width")
+    return value
+
+
+def _box(area: list[float]) -> list[float]:
+    west, south, east, north = area
+    if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
+        raise ValueError("must be [west, south, east, north] in degrees of longitude and latitude")
+    return area
+
+
+def _between(low: float, high: float) -> Any:
+    return Field(strict=True, ge=low, le=high, allow_inf_nan=False)
+
+
+def _whole(low: int, high: int) -> Any:
+    return Field(strict=True, ge=low, le=high)
+
+
+@dataclass(frozen=True, slots=True)
+class MaterialSettings:
+    """A picture of a material, seen straight on."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    path: Annotated[str, Field(min_length=1)]
+    metres_per_pixel: Annotated[float, _between(0.0001, 1)]
+
+
+@dataclass(frozen=True, slots=True)
+class TextureSettings:
+    """How a block is textured; lengths in metres, panorama_width in pixels. The README says what each key means."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    texels_per_metre: Annotated[float, _between(1, 100)] = 20.0
+    viewpoint_spacing: Annotated[float, _between(0.5, 50)] = 5.0
+    viewpoint_height: Annotated[float, _between(0.5, 20)] = 2.5
+    visibility_range: Annotated[float, _between(5, 200)] = 40.0
+    walls: Literal["exemplar", "translate"] = "exemplar"
+    translator: Literal["exemplar", "neural"] = "exemplar"
+    panorama_width: Annotated[int, _whole(64, 8192), AfterValidator(_even)] = 1024
+    levelling: Annotated[bool, Field(strict=True)] = True
+    roof_material: MaterialSettings | None = None
+
+
+class _Keys(BaseModel):
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True)
+
+
+class PathKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)]
+
+
+class BuildingKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
+    crs: str | None = None
+    offset: Annotated[list[Annotated[float, _between(-1e8, 1e8)]], Field(min_length=3, max_length=3)] | None = None
+    lod: str | None = None
+
+
+class StreetKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)]
+    crs: str | None = None
+    names: Annotated[list[str], Field(min_length=1)] | None = None
+
+
+class PanoramaKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)]
+    poses: str | None = None
+
+
+class AerialKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)]
+    crs: str | None = None
+
+
+class PhotoKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)]
+    rectified: bool = True
+
+
+class ImageryKeys(_Keys):
+    exemplars: PathKeys | None = None
+    panoramas: PanoramaKeys | None = None
+    photos: PhotoKeys | None = None
+    aerial: AerialKeys | None = None
+
+
+class BlockKeys(_Keys):
+    """A block file as written, checked key by key; no file has been looked at."""
+
+    name: Annotated[str, Field(pattern=r"^\w[\w.-]{0,79}$")]
+    crs: str | None = None
+    area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_box)] | None = None
+    buildings: BuildingKeys
+    streets: StreetKeys | None = None
+    terrain: PathKeys | None = None
+    imagery: ImageryKeys = ImageryKeys()
+    texture: TextureSettings = TextureSettings()
+    storey: Annotated[float, _between(2, 8)] = 3.2
+    geoid_separation: Annotated[float, _between(-120, 120)] | None = None
+    failed_limit: Annotated[float, _between(0, 1)] = 0.2
+    seed: Annotated[int, _whole(0, 2**32 - 1)] = 0
+
+
+def known_keys(model: type = BlockKeys, prefix: str = "") -> dict[str, str]:
+    """Every key in dotted form with its range ("1 to 100"), "" where it has none."""
+    found: dict[str, str] = {}
+    for name, hint in get_type_hints(model, include_extras=True).items():
+        if name.startswith("_") or name == "model_config":
+            continue
+        found[prefix + name] = _range(hint)
+        for nested in _members(hint):
+            if isinstance(nested, type) and (issubclass(nested, _Keys) or is_dataclass(nested)):
+                found |= known_keys(nested, f"{prefix}{name}.")
+    return found
+
+
+def check_keys(values: Any) -> BlockKeys:
+    """Validate the content of a block file; ValueError with one line "key: problem; remedy" for the first fault."""
+    if not isinstance(values, Mapping):
+        raise ValueError("holds no keys; write at least name and buildings")
+    try:
+        return BlockKeys.model_validate(values)
+    except ValidationError as error:
+        # A mistyped key also shows as a missing one: the unknown key is the one to tell about.
+        faults = sorted(error.errors(include_url=False), key=lambda fault: fault["type"] not in _UNKNOWN)
+        raise ValueError(_line(faults[0])) from None
+
+
+_UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
+_OUTSIDE = ("greater_than_equal", "less_than_equal", "finite_number")
+_EXPECTED = {
+    "float_type": ("a number", "write it in digits, without quotes"),
+    "int_type": ("a whole number", "write it in digits, without quotes"),
+    "int_from_float": ("a whole number", "write it without a fraction"),
+    "string_type": ("text", "write it in quotes"),
+    "bool_type": ("true or false", "write one of them, without quotes"),
+    "list_type": ("a list", "write [first, second, ...]"),
+}
+
+
+def _line(fault: Mapping[str, Any]) -> str:
+    kind, value = fault["type"], fault["input"]
+    key = str(fault["loc"][-1]) if kind == "invalid_key" else dotted(fault["loc"])
+    if kind in _UNKNOWN:
+        return f"{key if len(key) <= 60 else key[:57] + '...'}: unknown key; {_suggestion(key[:60])}"
+    if kind == "missing":
+        example = f"{key}: {{path: FILE}}" if "." not in key else "path: FILE"
+        example = {"name": "name: my-block", "metres_per_pixel": "metres_per_pixel: 0.01"}.get(
+            key.rpartition(".")[2], example
+        )
+        return f"{key}: missing; write {example}"
+    if kind in ("model_type", "dataclass_type"):
+        inner = [k.removeprefix(key + ".") for k in known_keys() if k.startswith(key + ".")]
+        example = (
+            f"path: {' '.join(value.split())[:60]}"
+            if "path" in inner and isinstance(value, str)
+            else f"{inner[0]}: ..."
+        )
+        return f"{key}: holds {shown(value)} where keys are expected; write {key}: {{{example}}}"
+    if kind in _OUTSIDE:
+        return f"{key}: {shown(value)} is out of range; allowed is {_allowed(key)}"
+    if kind == "literal_error":
+        return f"{key}: {shown(value)} is not known; choose {fault['ctx']['expected']}"
+    if kind == "value_error":
+        return f"{key}: {fault['ctx']['error']}, got {shown(value)}"
+    if kind in ("too_short", "too_long"):
+        wanted = (
+            "[west, south, east, north] in degrees" if key == "area" else "at least one entry, or leave the key out"
+        )
+        return f"{key}: wrong number of entries, got {shown(value)}; give {wanted}"
+    if kind == "string_pattern_mismatch":
+        return f"{key}: {shown(value)} is no usable name; use letters, digits, '.', '_' and '-' only"
+    if kind == "string_too_short" or (kind == "string_type" and value is None):
+        return f"{key}: is empty; fill it in"
+    expected, remedy = _EXPECTED.get(kind, ("understood", "give another value"))
+    return f"{key}: {shown(value)} is not {expected}; {remedy}"
+
+
+def _allowed(key: str) -> str:
+    """The range of a key, or of the entries of a list."""
+    return known_keys().get(key) or "up to 100 000 km either way"
+
+
+def dotted(loc: Sequence[str | int]) -> str:
+    """("area", 1) -> area[1]; ("texture", "walls") -> texture.walls"""
+    end = loc.index("path") + 1 if "path" in loc else len(loc)  # pydantic goes on with which of text and list it tried
+    parts = (*loc[:end], *(part for part in loc[end:] if isinstance(part, int)))
+    key = "".join(f"[{part}]" if isinstance(part, int) else f".{part}" for part in parts)
+    return key.lstrip(".")
+
+
+def _suggestion(key: str) -> str:
+    known = known_keys()
+    parent, _, leaf = key.rpartition(".")
+    siblings = {k.rpartition(".")[2]: k for k in known if k.rpartition(".")[0] == parent}
+    leaves = {k.rpartition(".")[2]: k for k in known}
+    for candidates in (siblings, leaves):
+        # the same leaf at another level comes before a merely similar one
+        if close := difflib.get_close_matches(leaf.lower(), candidates, n=1, cutoff=0.7):
+            return f"did you mean {candidates[close[0]]}?"
+    return f"known here are {', '.join(siblings) or 'none'}"
+
+
+def _members(hint: Any) -> list[Any]:
+    """A hint without its Optional and Annotated wrapping, as a list of the alternatives."""
+    if get_origin(hint) is Annotated:
+        return _members(get_args(hint)[0])
+    if get_origin(hint) in (Union, types.UnionType):
+        return [member for arg in get_args(hint) for member in _members(arg)]
+    return [hint]
+
+
+def _range(hint: Any) -> str:
+    bounds: dict[str, float] = {}
+    for part in (hint, *get_args(hint)):
+        for info in getattr(part, "__metadata__", ()):
+            for bound in getattr(info, "metadata", ()):
+                bounds |= {name: getattr(bound, name) for name in ("ge", "le") if hasattr(bound, name)}
+    return f"{bounds['ge']} to {bounds['le']}" if len(bounds) == 2 else ""

@@ -1,0 +1,94 @@
+"""The paths that a block file names: where they lie, and one line for each that is not there."""
+
+from __future__ import annotations
+
+import difflib
+import os
+import re
+import stat
+from itertools import islice
+from pathlib import Path
+
+from catalogs.block.keys import BlockKeys
+
+# Keys that name a folder of pictures; the others name a file.
+FOLDERS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path")
+
+
+def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
+    """Dotted key -> the paths it names, relative to the block file, all of which exist.
+
+    `${NAME}` in a path stands for an environment variable. Raises ValueError, "key: problem; remedy".
+    """
+    buildings = [keys.buildings.path] if isinstance(keys.buildings.path, str) else keys.buildings.path
+    named = {"buildings.path": buildings}
+    imagery = keys.imagery
+    for key, holder in (
+        ("streets.path", keys.streets),
+        ("terrain.path", keys.terrain),
+        ("imagery.exemplars.path", imagery.exemplars),
+        ("imagery.photos.path", imagery.photos),
+        ("imagery.panoramas.path", imagery.panoramas),
+        ("imagery.aerial.path", imagery.aerial),
+        ("texture.roof_material.path", keys.texture.roof_material),
+    ):
+        if holder:
+            named[key] = [holder.path]
+    if imagery.panoramas and imagery.panoramas.poses:
+        named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
+    return {key: tuple(_existing(key, text, block) for text in texts) for key, texts in named.items()}
+
+
+def _existing(key: str, text: str, block: Path) -> Path:
+    path = block.parent / _home(key, _expanded(key, text))
+    try:
+        kind = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError):
+        remedy = _nearest(path) or "paths are relative to the block file"
+        raise ValueError(f"{key}: {shortened(path)} does not exist; {remedy}") from None
+    except OSError as error:  # a name that is too long, links in a circle, a folder that may not be entered
+        raise ValueError(f"{key}: {shortened(path)} cannot be opened ({error.strerror}); name another path") from error
+    except ValueError as error:  # a name that no file can have
+        raise ValueError(f"{key}: {ascii(text)[:60]} is no path ({error}); name another one") from error
+    if key not in FOLDERS and not stat.S_ISREG(kind):
+        what = "is a folder; name a file in it" if stat.S_ISDIR(kind) else "is no file but a device; name a file"
+        raise ValueError(f"{key}: {path} {what}")
+    return path
+
+
+def shortened(path: Path, limit: int = 240) -> str:
+    """A path in a message: its end where it is so long that nobody reads it."""
+    text = str(path)
+    return text if len(text) <= limit else f"...{text[-limit:]}"
+
+
+def _nearest(path: Path) -> str | None:
+    """What the folder of a missing file holds instead; of the first thousand of its files."""
+    try:
+        near = [found.name for found in islice(path.parent.iterdir(), 1000)]
+    except OSError:
+        return None
+    close = difflib.get_close_matches(path.name, near, n=1)
+    return f"did you mean {close[0]}?" if close else None
+
+
+def _home(key: str, text: str) -> Path:
+    try:
+        return Path(text).expanduser()
+    except RuntimeError:
+        user = text.partition("/")[0]
+        raise ValueError(
+            f"{key}: {text[:60]}: there is no user {user}; name the folder, or write ./ before it"
+        ) from None
+
+
+def _expanded(key: str, text: str) -> str:
+    def value(match: re.Match[str]) -> str:
+        found = os.environ.get(match[1])
+        if not found:
+            raise ValueError(
+                f"{key}: the environment variable {match[1]} is not set; set it to the folder that is meant"
+            )
+        return str(_home(key, found).absolute())
+
+    return re.sub(r"\$\{(\w+)\}", value, text)

@@ -1,0 +1,166 @@
+"""Reading a block file: the YAML, the files it names, and what they hold, as one frozen value."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import shapely
+
+from catalogs.block.digest import block_digest
+from catalogs.block.file import BlockFile
+from catalogs.block.geometry import Files, read_geometry
+from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
+from catalogs.block.paths import named_paths
+from catalogs.block.yaml_files import read_yaml
+from catalogs.features import Fault, by_reason, notes_by_reason
+from catalogs.frames import known_frame
+from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
+from facade_core.errors import BlockFileError
+from facade_core.types import Building, Elevation, Street
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+    from catalogs.readers.pictures.aerial import Aerial
+    from catalogs.readers.pictures.panoramas import PosedPanorama
+
+__all__ = ["Block", "TextureSettings", "read_block"]
+
+# A picture of a material, and its metres per pixel.
+Material = tuple[Path, float]
+
+
+@dataclass(frozen=True)
+class Block:
+    """One city block, ready to be textured.
+
+    crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
+    streets they are derived from the gaps between the buildings when the block is ingested. photos: facade id -> file, as taken
+    from the street unless photos_rectified; textures: the pictures that the buildings' own texture indices count; aerial: the
+    block from straight above; roof_material: a picture of one, and its metres per pixel. notes says
+    what was left out or assumed, one line each; faults are the units that are broken. digest is the sha256 of all of that: of
+    what was read, not of files, their names or dates.
+    """
+
+    name: str
+    crs: CRS
+    buildings: tuple[Building, ...]
+    streets: tuple[Street, ...]
+    terrain: Elevation | None
+    exemplars: tuple[Path, ...]
+    photos: dict[str, Path]
+    photos_rectified: bool
+    panoramas: tuple[PosedPanorama, ...]
+    textures: tuple[Path, ...]
+    aerial: Aerial | None
+    roof_material: Material | None
+    texture: TextureSettings
+    storey: float
+    geoid_separation: float | None
+    failed_limit: float
+    seed: int
+    notes: tuple[str, ...]
+    faults: tuple[Fault, ...]
+    digest: str
+
+
+def read_block(path: Path | str) -> Block:
+    """Read and check a block file; the README of this package documents its keys.
+
+    Raises BlockFileError: one line with the block file, the key, the file concerned and the remedy. A unit that is broken
+    (a building, a street, a picture) is no reason to raise: it is in `faults`.
+    """
+    file = BlockFile(Path(path))
+    try:
+        keys = check_keys(read_yaml(file.path))
+        files = named_paths(keys, file.path)
+    except ValueError as error:
+        raise BlockFileError(f"{file.path}: {error}") from error
+    if keys.texture.translator == "neural" and keys.texture.panorama_width % 8:
+        raise file.fault(
+            "texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at"
+        )
+
+    exemplars, photos, broken_pictures = _pictures(keys, files, file)
+    geometry = read_geometry(keys, files, file)
+    frame, built, extent = geometry.crs, geometry.built, geometry.extent
+    terrain = None
+    if "terrain.path" in files:
+        from catalogs.readers.pictures.elevation import read_elevation
+
+        terrain = file.read("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
+    panoramas: tuple[PosedPanorama, ...] = ()
+    broken_panoramas: tuple[Fault, ...] = ()
+    far: tuple[str, ...] = ()
+    if "imagery.panoramas.path" in files:
+        from catalogs.readers.pictures.panoramas import read_panoramas
+
+        poses = files.get("imagery.panoramas.poses", (None,))[0]
+        found = file.read("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
+        panoramas, broken_panoramas = found.items, found.faults
+        far = notes_by_reason(by_reason(found.remarks))
+    block = Block(
+        name=keys.name,
+        crs=frame,
+        buildings=built.items,
+        streets=geometry.streets,
+        terrain=terrain,
+        exemplars=exemplars,
+        photos=photos,
+        photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
+        panoramas=panoramas,
+        textures=built.textures,
+        aerial=_aerial(keys, files, frame, built.items, file),
+        roof_material=_roof_material(keys, files, file),
+        texture=keys.texture,
+        storey=keys.storey,
+        geoid_separation=keys.geoid_separation,
+        failed_limit=keys.failed_limit,
+        seed=keys.seed,
+        notes=geometry.notes + built.notes + far,
+        faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
+        digest="",
+    )
+    return replace(block, digest=file.read("imagery", block_digest, block))
+
+
+def _pictures(
+    keys: BlockKeys, files: Files, file: BlockFile
+) -> tuple[tuple[Path, ...], dict[str, Path], tuple[Fault, ...]]:
+    exemplars: tuple[Path, ...] = ()
+    photos: dict[str, Path] = {}
+    faults: tuple[Fault, ...] = ()
+    if "imagery.exemplars.path" in files:
+        exemplars, broken = file.read(
+            "imagery.exemplars.path", image_files, *files["imagery.exemplars.path"], "exemplar"
+        )
+        faults += broken
+    if "imagery.photos.path" in files:
+        photos, absent = file.read("imagery.photos.path", photos_by_facade, *files["imagery.photos.path"])
+        faults += absent
+    if keys.texture.walls == "exemplar" and not exemplars:
+        raise file.fault("imagery.exemplars", "missing, but texture.walls is exemplar; write exemplars: {path: FOLDER}")
+    return exemplars, photos, faults
+
+
+def _aerial(keys: BlockKeys, files: Files, frame: CRS, buildings: Iterable[Building], file: BlockFile) -> Aerial | None:
+    if keys.imagery.aerial is None:
+        return None
+    from catalogs.readers.pictures.aerial import read_aerial
+
+    crs = keys.imagery.aerial.crs
+    if crs is not None:
+        file.read("imagery.aerial.crs", known_frame, crs)
+    places = shapely.get_coordinates([building.footprint for building in buildings])
+    return file.read("imagery.aerial.path", read_aerial, *files["imagery.aerial.path"], crs, frame, places)
+
+
+def _roof_material(keys: BlockKeys, files: Files, file: BlockFile) -> Material | None:
+    if keys.texture.roof_material is None:
+        return None
+    path = files["texture.roof_material.path"][0]
+    file.read("texture.roof_material.path", whole_picture, path)
+    return path.absolute(), keys.texture.roof_material.metres_per_pixel

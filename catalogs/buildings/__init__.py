@@ -1,0 +1,1 @@
+"""From what sources state of buildings to the buildings of a block."""

@@ -1,0 +1,253 @@
+"""From outlines and models as sources state them to the buildings of a block: cut, projected, repaired, a height each."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from itertools import count
+from pathlib import Path
+from statistics import median
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from shapely import MultiPolygon, Polygon
+
+from catalogs.broken import reason_of
+from catalogs.buildings.models import models_in_frame
+from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
+from catalogs.frames import between
+from facade_core.types import Building
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+SMALLEST = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
+FALLBACK_HEIGHT = 12.0  # m; where no building of the block has a height
+SLIVER = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
+SAME = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
+BESIDE = 0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
+
+
+@dataclass(frozen=True)
+class Buildings:
+    """The buildings of a block, the pictures that their shells' textures count, what was assumed, and what is broken."""
+
+    items: tuple[Building, ...]
+    textures: tuple[Path, ...]
+    notes: tuple[str, ...]
+    faults: tuple[Fault, ...]
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A building before heights are assumed: of a model it is ready, of a footprint `stated` says what is known."""
+
+    building: Building
+    stated: Footprint | None
+
+
+def block_buildings(
+    sources: Sequence[Footprints | Models], crs: CRS, *, area: Polygon | None, storey: float
+) -> Buildings:
+    """Buildings in the metric frame, ordered by id. Every source states its crs.
+
+    area: polygon in the frame; a building is in if its representative point is. A MultiPolygon becomes one building per
+    part, id-0, id-1, ..., from west to east. Height of a footprint: the stated one, else levels x storey (roof levels lie
+    behind the eaves and do not count), else the median of the known heights, else FALLBACK_HEIGHT. A building that an
+    earlier source states too (SAME of its outline, or over BESIDE and the same id) is left out with a note. One elsewhere
+    that merely has another's id, such as a row's number, is numbered: id-2, id-3, ..., with a note.
+    """
+    reasons: dict[str, list[str]] = defaultdict(list)
+    faults: list[Fault] = []
+    found: list[_Candidate] = []
+    textures: list[Path] = []
+    stated: dict[str, list[Any]] = defaultdict(list)
+    for source in sources:
+        assert source.crs is not None, "the block gives a frame to every source"
+        places = _projected([remark.outline for remark in source.remarks], source.crs, crs)
+        for remark, place in zip(source.remarks, places, strict=True):
+            if _touches(place, area):
+                reasons[remark.reason].append(remark.id)
+        places = _projected([fault.place for fault in source.faults], source.crs, crs)
+        faults += [fault for fault, place in zip(source.faults, places, strict=True) if _touches(place, area)]
+        if isinstance(source, Models):
+            candidates = _modelled(source, crs, area, len(textures), reasons, faults)
+            textures += source.textures
+        else:
+            candidates = _outlined(source, crs, area, reasons, faults)
+        found += _new(candidates, found, stated, reasons)
+
+    found.sort(key=lambda candidate: natural_order(candidate.building.id))
+    buildings, notes = _with_heights(found, storey)
+    return Buildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
+
+
+def _outlined(
+    source: Footprints, crs: CRS, area: Polygon | None, reasons: dict[str, list[str]], faults: list[Fault]
+) -> list[_Candidate]:
+    assert source.crs is not None
+    candidates = []
+    outlines = _projected([footprint.outline for footprint in source.items], source.crs, crs)
+    for footprint, stated in zip(source.items, outlines, strict=True):
+        outline = stated
+        try:
+            outline = _without_stray_holes(stated)
+            if outline is not stated:
+                reasons["holes outside their outlines ignored"].append(footprint.id)
+            reason = _broken(outline)
+            large, small = ([], []) if reason else _parts(outline)
+        except Exception as error:  # what GEOS makes of it is no other outline's fault
+            reason = reason_of(error)
+        if reason:
+            if _touches(outline, area):
+                faults.append(Fault(footprint.id, "building", reason))
+            continue
+        if not large and _touches(outline, area):
+            reason = f"footprints under {SMALLEST:g} m2" if small else "footprints that enclose no area"
+            reasons[f"{reason} set aside"].append(footprint.id)
+        for index, part in enumerate(large):
+            if area is None or area.contains(part.representative_point()):
+                id = footprint.id if len(large) == 1 else f"{footprint.id}-{index}"
+                levels = max(1, int(footprint.levels)) if footprint.levels else None
+                building = Building(id, part, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
+                candidates.append(_Candidate(building, footprint))
+    return candidates
+
+
+def _modelled(
+    source: Models,
+    crs: CRS,
+    area: Polygon | None,
+    first_texture: int,
+    reasons: dict[str, list[str]],
+    faults: list[Fault],
+) -> list[_Candidate]:
+    candidates = []
+    for model, shell, outline in models_in_frame(source, crs, first_texture):
+        if isinstance(outline, str):
+            faults.append(Fault(model.id, "building", outline))
+        elif area is not None and not area.contains(outline.representative_point()):
+            continue
+        elif outline.area < SMALLEST:
+            reasons[f"models that cover under {SMALLEST:g} m2 set aside"].append(model.id)
+        else:
+            low, high = float(shell.vertices[:, 2].min()), float(shell.vertices[:, 2].max())
+            base = model.base if model.base is not None and low - 2.0 <= model.base < high else low
+            levels = max(1, int(model.levels)) if model.levels else None
+            height = round(high - base, 2)
+            building = Building(model.id, outline, height, "model", levels, model.name, base, shell=shell)
+            candidates.append(_Candidate(building, None))
+    return candidates
+
+
+def _new(
+    candidates: list[_Candidate],
+    found: list[_Candidate],
+    stated: dict[str, list[Any]],
+    reasons: dict[str, list[str]],
+) -> list[_Candidate]:
+    """The candidates that no earlier source, and no earlier feature of their own, states too, each with an id of its own.
+
+    stated: the outlines so far by the id that their source gives them.
+    """
+    used = {candidate.building.id for candidate in found}
+    taken = used | {candidate.building.id for candidate in candidates}
+    tree = shapely.STRtree([candidate.building.footprint for candidate in found])
+    kept = []
+    for candidate in candidates:
+        id, outline = candidate.building.id, candidate.building.footprint
+        others = [found[i].building.footprint for i in tree.query(outline, predicate="intersects")]
+        shared = max((outline.intersection(other).area for other in others), default=0.0)
+        if shared > SAME * outline.area or any(_overlap(outline, other) for other in stated[id]):
+            reasons["buildings stated twice, the first kept"].append(id)
+            continue
+        stated[id].append(outline)
+        if id in used:
+            number = next(number for number in count(2) if f"{id}-{number}" not in taken)
+            taken.add(f"{id}-{number}")
+            candidate = replace(candidate, building=replace(candidate.building, id=f"{id}-{number}"))
+            reasons["buildings numbered since one elsewhere has their id"].append(candidate.building.id)
+        used.add(candidate.building.id)
+        kept.append(candidate)
+    return kept
+
+
+def _overlap(outline: Any, other: Any) -> bool:
+    return bool(outline.intersection(other).area > BESIDE * min(outline.area, other.area))
+
+
+def _with_heights(found: list[_Candidate], storey: float) -> tuple[tuple[Building, ...], tuple[str, ...]]:
+    stated = [candidate.stated for candidate in found if candidate.stated]
+    known = [height for footprint in stated if (height := _height(footprint, storey)[0]) is not None]
+    default = round(median(known), 2) if known else FALLBACK_HEIGHT
+    buildings = []
+    for candidate in found:
+        building = candidate.building
+        if candidate.stated:
+            height, origin = _height(candidate.stated, storey)
+            building = replace(building, height=default if height is None else height, height_source=origin)
+        buildings.append(building)
+    assumed = sum(building.height_source == "default" for building in buildings)
+    if not assumed:
+        return tuple(buildings), ()
+    origin = f"the median of the {len(known)} known" if known else "since none is known"
+    return tuple(buildings), (
+        f"{assumed} of {len(buildings)} buildings state no height: {default:g} m assumed, {origin}",
+    )
+
+
+def _height(footprint: Footprint, storey: float) -> tuple[float | None, str]:
+    if footprint.height is not None:
+        return round(footprint.height, 2), "height"
+    if footprint.levels is not None:
+        return round(footprint.levels * storey, 2), "levels"
+    return None, "default"
+
+
+def _projected(outlines: Sequence[Any], source: str, crs: CRS) -> np.ndarray:
+    flat = np.empty(len(outlines), dtype=object)
+    flat[:] = outlines
+    return shapely.transform(shapely.force_2d(flat), between(source, crs), interleaved=False)
+
+
+def _touches(outline: Any, area: Polygon | None) -> bool:
+    """Whether an outline, however broken, reaches into the area; one without a place counts."""
+    if area is None or outline is None or outline.is_empty or not np.isfinite(outline.bounds).all():
+        return True
+    return bool(shapely.box(*outline.bounds).intersects(area))
+
+
+def _without_stray_holes(outline: Any) -> Any:
+    """An outline less the holes that lie outside of it, which make it invalid; itself where there is none."""
+    if not shapely.is_valid_reason(outline).startswith("Hole lies outside shell"):
+        return outline
+    polygons = []
+    for part in shapely.get_parts(outline):
+        shell = _repaired(Polygon(part.exterior))
+        holes = [hole for hole in part.interiors if shell.covers(_repaired(Polygon(hole)).representative_point())]
+        polygons.append(Polygon(part.exterior, holes))
+    return polygons[0] if len(polygons) == 1 else MultiPolygon(polygons)
+
+
+def _broken(outline: Any) -> str | None:
+    """Why an outline cannot be believed, with the remedy; None where at most its spelling wants repair."""
+    if not np.isfinite(shapely.get_coordinates(outline)).all():
+        return "a corner of its footprint is not a number; mend or remove it"
+    reason = shapely.is_valid_reason(outline)
+    # a ring that merely touches itself, or crosses itself in a sliver, encloses what was meant
+    if reason.startswith("Self-intersection") and abs(_repaired(outline).area - outline.area) > SLIVER * outline.area:
+        return f"its footprint crosses itself ({reason.partition('[')[2].rstrip(']')}); mend or remove it"
+    return None
+
+
+def _repaired(outline: Any) -> Any:
+    return outline if outline.is_valid else shapely.make_valid(outline, method="structure", keep_collapsed=False)
+
+
+def _parts(outline: Polygon) -> tuple[list[Polygon], list[Polygon]]:
+    """The valid polygons of an outline, courtyards kept, from west to east: large enough ones, and too small ones."""
+    polygons = [part for part in shapely.get_parts(_repaired(outline)) if part.geom_type == "Polygon" and part.area > 0]
+    polygons = sorted(shapely.normalize(polygons), key=lambda part: part.bounds)
+    return [p for p in polygons if p.area >= SMALLEST], [p for p in polygons if p.area < SMALLEST]

@@ -1,0 +1,1 @@
+"""The example blocks, and the public data that they are made of."""

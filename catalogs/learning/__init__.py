@@ -1,0 +1,1 @@
+"""Recipes of data sets that models are trained on and measured with."""

@@ -1,0 +1,250 @@
+"""Labelled photo sets: where their files lie and what their label ids say in terms of the seven classes."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.readers.pictures.opening import opened
+from facade_core.errors import ImageError, InputError
+from facade_core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WINDOW
+
+
+@dataclass(frozen=True, slots=True)
+class LabelledFacade:
+    """A labelled photo: image (H, W, 3) uint8 RGB and three (H, W) uint8 maps.
+
+    labels: class ids, UNKNOWN where the set does not tell one. possible: bit i is set where class i may be; all bits
+    where nothing is told. occluder: 1 where something stands in front of the facade, 0 where not, else UNKNOWN.
+    """
+
+    name: str
+    image: np.ndarray
+    labels: np.ndarray
+    possible: np.ndarray
+    occluder: np.ndarray
+
+
+@dataclass(frozen=True, slots=True)
+class Meaning:
+    """What a set's id says of its pixels: the classes they may be (none: not told), and whether they show something
+    in front of the facade (None: not told)."""
+
+    classes: tuple[int, ...] = ()
+    occluder: bool | None = None
+
+    @property
+    def values(self) -> tuple[int, int, int]:
+        """The values of LabelledFacade's labels, possible and occluder."""
+        label = self.classes[0] if len(self.classes) == 1 else UNKNOWN
+        possible = sum(1 << number for number in self.classes or range(len(CLASSES)))
+        return label, possible, UNKNOWN if self.occluder is None else int(self.occluder)
+
+
+@dataclass(frozen=True, slots=True)
+class DatasetRecipe:
+    """A set of images and label maps that share file stems.
+
+    classes says what the set's ids mean; ids that a file shows and the table lacks are an error. may_train says
+    whether the licence lets weights trained on the set be shipped.
+    """
+
+    name: str
+    images: str
+    labels: str
+    classes: Mapping[int, Meaning]
+    may_train: bool
+
+
+def _shows(*classes: int) -> Meaning:
+    return Meaning(classes, occluder=False)
+
+
+_NOTHING, _IN_FRONT = Meaning(), Meaning(occluder=True)
+_PARIS = {
+    **{number: _shows(number) for number in (WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP, SKY)},
+    7: _shows(ROOF),  # chimneys
+    255: _NOTHING,
+}
+
+ECP = DatasetRecipe("ecp", "images", "labels", _PARIS, may_train=True)
+# Its labels run straight through trees and cars: what stands in front of the facade is not told.
+ARTDECO = DatasetRecipe(
+    "artdeco", "images", "labels", {number: Meaning(told.classes) for number, told in _PARIS.items()}, may_train=False
+)
+# Facades of many styles, without classes for sky and roof; ornament is wall, shutters and cornices may be either.
+CMP = DatasetRecipe(
+    "cmp",
+    "images",
+    "labels",
+    {
+        1: _NOTHING,  # what is not the facade: sky, neighbours, street
+        2: Meaning((WALL,)),
+        3: Meaning((WINDOW,)),
+        4: Meaning((DOOR,)),
+        5: Meaning((WALL, ROOF)),  # cornice
+        6: Meaning((WALL, BALCONY)),  # sill
+        7: Meaning((BALCONY,)),
+        8: Meaning((WINDOW, WALL)),  # blind
+        9: Meaning((WALL,)),
+        10: Meaning((WALL,)),
+        11: Meaning((WALL, SHOP)),  # pillar
+        12: Meaning((SHOP,)),
+    },
+    may_train=True,
+)
+RUEMONGE = DatasetRecipe(
+    "ruemonge2014",
+    "images",
+    "labels",
+    {
+        0: _NOTHING,
+        **{n + 1: _shows(label) for n, label in enumerate((WINDOW, WALL, BALCONY, DOOR, ROOF, SKY, SHOP))},
+    },
+    may_train=False,
+)
+LABELMEFACADE = DatasetRecipe(
+    "labelmefacade",
+    "images",
+    "labels",
+    {
+        0: _NOTHING,
+        1: _shows(WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP),
+        2: _IN_FRONT,  # cars
+        3: _shows(DOOR),
+        4: Meaning(occluder=False),  # pavement
+        5: Meaning(occluder=False),  # road
+        6: _shows(SKY),
+        7: _IN_FRONT,  # vegetation
+        8: _shows(WINDOW),
+    },
+    may_train=False,
+)
+
+RECIPES = {recipe.name: recipe for recipe in (ECP, ARTDECO, CMP, RUEMONGE, LABELMEFACADE)}
+
+# The Swiss street photos come as polygons with a category. Of what no polygon covers most is sky.
+_SWISS = {
+    "facade": _shows(WALL, ROOF, DOOR),
+    "window": _shows(WINDOW),
+    "balcony-fence": _shows(BALCONY),
+    "shop": _shows(SHOP),
+    "street": Meaning(occluder=False),
+    "non-building-infrastructure": _NOTHING,
+    "vegetation": _IN_FRONT,
+    "car": _IN_FRONT,
+    "fence": _IN_FRONT,
+    "traffic-infrastructure": _IN_FRONT,
+}
+_SWISS_REST = Meaning(occluder=False)
+
+_IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
+
+
+def ecp(folder: str | Path) -> Iterator[LabelledFacade]:
+    """The 83 Haussmann facades of the ECP set; chimneys count as roof."""
+    return read(ECP, folder)
+
+
+def artdeco(folder: str | Path) -> Iterator[LabelledFacade]:
+    """The 63 Art-Deco facades (Gadde et al. 2016), for evaluation only: no licence is stated."""
+    return read(ARTDECO, folder)
+
+
+def swiss(folder: str | Path) -> Iterator[LabelledFacade]:
+    """Street photos with annotations.coco.json beside them, in the order of that file.
+
+    Smaller polygons lie over larger ones; where a part of a facade lies over a tree or a car, which of both is in
+    front is not told. Raises InputError for a file that is not such a list and ImageError for a photo that is missing.
+    """
+    folder = Path(folder)
+    path = folder / "annotations.coco.json"
+    try:
+        record = json.loads(path.read_text(encoding="utf-8"))
+        meaning = {category["id"]: _SWISS[category["name"]] for category in record["categories"]}
+        polygons: dict[int, list[dict[str, Any]]] = {photo["id"]: [] for photo in record["images"]}
+        for polygon in sorted(record["annotations"], key=lambda polygon: -polygon["area"]):
+            polygons[polygon["image_id"]].append(polygon)
+    except (OSError, ValueError, KeyError, TypeError) as error:
+        raise InputError(f"{path}: not the polygons of the swiss set ({error!r}); fetch the file again") from error
+    for photo in record["images"]:
+        image = _read_image(folder / photo["file_name"], "RGB")
+        maps = _draw(path, polygons[photo["id"]], meaning, image.shape[:2])
+        yield LabelledFacade(Path(photo["file_name"]).stem, image, *maps)
+
+
+def read(recipe: DatasetRecipe, folder: str | Path) -> Iterator[LabelledFacade]:
+    """Read a set in the order of its file names.
+
+    Raises InputError for a folder without the set's files and ImageError for a file that does not fit, both when the
+    facade is reached.
+    """
+    folder = Path(folder)
+    images = {path.stem: path for path in _image_files(folder / recipe.images)}
+    labels = {path.stem: path for path in _image_files(folder / recipe.labels)}
+    if not images:
+        raise InputError(f"{folder}: no images in {recipe.images}/; give the folder of the {recipe.name} set")
+    if images.keys() != labels.keys():
+        odd = min(images.keys() ^ labels.keys())
+        raise InputError(f"{folder}: {odd} has an image or a label map but not both; complete the pair or remove it")
+    for name, path in images.items():
+        image, label_map = _read_image(path, "RGB"), _read_image(labels[name], None)
+        yield LabelledFacade(name, image, *_map_labels(recipe, labels[name], label_map, image.shape[:2]))
+
+
+def split(facades: Sequence[LabelledFacade], every: int = 5) -> tuple[list[LabelledFacade], list[LabelledFacade]]:
+    """The fixed division for measuring: (training, held out), every fifth facade held out from the first on."""
+    held_out = list(facades[::every])
+    return [facade for index, facade in enumerate(facades) if index % every], held_out
+
+
+def _image_files(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        return []
+    return sorted(path for path in folder.iterdir() if path.suffix.lower() in _IMAGE_SUFFIXES)
+
+
+def _read_image(path: Path, mode: str | None) -> np.ndarray:
+    try:
+        with opened(path) as image:
+            return np.asarray(image.convert(mode) if mode else image)
+    except (ImageError, OSError) as error:
+        raise ImageError(f"{path}: cannot be read as an image; fetch it again or remove the pair") from error
+
+
+def _map_labels(recipe: DatasetRecipe, path: Path, label_map: np.ndarray, size: tuple[int, ...]) -> list[np.ndarray]:
+    if label_map.dtype != np.uint8 or label_map.shape != size:
+        raise ImageError(f"{path}: must be one byte a pixel at the image's size {size}, not {label_map.shape}")
+    strange = sorted(set(np.unique(label_map).tolist()) - recipe.classes.keys())
+    if strange:
+        raise ImageError(f"{path}: label ids {strange} are not in the table of {recipe.name}; add or correct them")
+    table = np.zeros((256, 3), np.uint8)
+    table[list(recipe.classes)] = [meaning.values for meaning in recipe.classes.values()]
+    return [table[:, part][label_map] for part in range(3)]
+
+
+def _draw(
+    path: Path, polygons: Sequence[Mapping[str, Any]], meaning: Mapping[int, Meaning], size: tuple[int, ...]
+) -> list[np.ndarray]:
+    import cv2
+
+    labels, possible, occluder = (np.full(size, value, np.uint8) for value in _SWISS_REST.values)
+    for polygon in polygons:
+        try:
+            corners = np.rint(np.array(polygon["segmentation"], np.float64).reshape(-1, 1, 2)).astype(np.int32)
+            told = meaning[polygon["category_id"]]
+        except (KeyError, ValueError, TypeError) as error:
+            raise InputError(
+                f"{path}: polygon {polygon.get('id')} has no corners or category; fetch it again"
+            ) from error
+        inside = cv2.fillPoly(np.zeros(size, np.uint8), [corners], 1) == 1
+        behind = inside & (occluder == 1) if told.occluder is False else np.zeros(size, bool)
+        for layer, value in zip((labels, possible, occluder), told.values, strict=True):
+            layer[inside] = value
+        occluder[behind] = UNKNOWN
+    return [labels, possible, occluder]

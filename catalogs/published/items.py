@@ -1,0 +1,226 @@
+"""items.parquet: one row per facade, and one per unit that was set aside.
+
+The columns are defined once, here; the README's table is tested against them.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from numbers import Integral, Real
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.features import natural_order
+from catalogs.frames import LONLAT
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    import pyarrow as pa
+    from shapely import LineString
+
+
+@dataclass(frozen=True, slots=True)
+class Column:
+    """A column of the catalogue. type is pyarrow's way to show it; required columns hold a value in every row."""
+
+    name: str
+    type: str
+    unit: str
+    meaning: str
+    required: bool = False
+
+
+COLUMNS = (
+    Column("id", "string", "", "unit, unique among those of its kind in the block", required=True),
+    Column("block", "string", "", "name of the block", required=True),
+    Column(
+        "kind",
+        "string",
+        "",
+        "facade; or building, street, panorama, photo, exemplar: set aside, see reason",
+        required=True,
+    ),
+    Column("building", "string", "", "building that the facade belongs to"),
+    Column("geometry", "binary", "degrees", "foot line of a facade, WKB LineString in lon/lat (OGC:CRS84)"),
+    Column("xmin", "double", "degrees", "west end of the foot line"),
+    Column("ymin", "double", "degrees", "south end of the foot line"),
+    Column("xmax", "double", "degrees", "east end of the foot line"),
+    Column("ymax", "double", "degrees", "north end of the foot line"),
+    Column("street", "string", "", "street that sees the facade: its name, or its id where it has none"),
+    Column("height_m", "double", "metres", "height from the ground to the eaves"),
+    Column("width_m", "double", "metres", "width along the ground"),
+    Column("azimuth_deg", "double", "degrees", "direction the facade faces, clockwise from north of the grid"),
+    Column("floors", "int32", "", "storeys"),
+    Column("columns", "int32", "", "columns of windows"),
+    Column("windows", "int32", "", "windows in the completed layout"),
+    Column("doors", "int32", "", "doors in the completed layout"),
+    Column("balconies", "int32", "", "balconies in the completed layout"),
+    Column("shops", "int32", "", "shop fronts in the completed layout"),
+    Column("window_to_wall", "double", "0 to 1", "window area over facade area"),
+    Column("occluded", "double", "0 to 1", "share of the evidence that was hidden"),
+    Column(
+        "masked", "int32", "", "things in front (trees, cars, people) that the parser found and that were made anew"
+    ),
+    Column("photo", "double", "0 to 1", "share of texels seen in a photo"),
+    Column("inpainted", "double", "0 to 1", "share of texels inpainted"),
+    Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),
+    Column("translated", "double", "0 to 1", "share of texels written by the translator"),
+    Column("source", "string", "", "photo or exemplar that the texture comes from"),
+    Column("variation_types", "int32", "", "element types of the variation hierarchy"),
+    Column("variation_levels", "int32", "", "levels of the variation hierarchy"),
+    Column("variation_bytes", "int64", "bytes", "size of the encoded hierarchy"),
+    Column("lattice_rows", "int32", "", "horizontal lattice lines, borders included"),
+    Column("lattice_columns", "int32", "", "vertical lattice lines, borders included"),
+    Column("layout_score", "double", "", "score of the completed layout, higher is better"),
+    Column(
+        "quality",
+        "string",
+        "",
+        "good, or what to look at: mostly-hidden, no-windows, unsure-parse, rows-differ, height-assumed",
+    ),
+    Column(
+        "parents", "string", "", "what it is made from: block/, building/, street/ with their ids, image/ with names"
+    ),
+    Column("status", "string", "", "done or failed", required=True),
+    Column("reason", "string", "", "why the unit failed, or what of its pictures was refused"),
+    Column("seconds", "double", "seconds", "time spent on the facade"),
+    Column("updated", "timestamp[us, UTC]", "", "when the unit was made", required=True),
+    Column("code_version", "string", "", "code that made the block", required=True),
+    Column("config_digest", "string", "", "digest of the inputs and settings", required=True),
+)
+BBOX = ("xmin", "ymin", "xmax", "ymax")
+# What a row to be written holds: the box follows from the geometry.
+ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
+STATUSES = ("done", "failed")
+KINDS = ("facade", "building", "street", "panorama", "photo", "exemplar")
+_PYTHON_TYPES: dict[str, type] = {
+    "string": str,
+    "binary": bytes,
+    "int32": Integral,
+    "int64": Integral,
+    "double": Real,
+    "timestamp[us, UTC]": datetime,
+}
+
+
+def write_items(path: Path | str, rows: Sequence[Mapping[str, Any]], crs: Any) -> None:
+    """Write the catalogue as GeoParquet, ordered by id, in one step: a reader sees the old file or the new one.
+
+    A row holds ROW_KEYS; `geometry` of a facade is a shapely LineString in `crs` (any user input of pyproj), `updated` a time
+    with its zone; None stands for unknown, and so does a foot line with a corner that is not a number.
+    Raises InputError naming the facade and the column for an unknown or missing key, a wrong type, or a second row of one id.
+    """
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    path = Path(path)
+    for row in rows:
+        _check(row, path)
+    rows = sorted(rows, key=lambda row: (KINDS.index(row["kind"]), natural_order(row["id"])))
+    for one, two in zip(rows, rows[1:], strict=False):
+        if one["kind"] == two["kind"] == "facade" and one["id"] == two["id"]:
+            raise InputError(f"{path.name}: facade {one['id']} has two rows; give each facade one")
+    values = _columns(rows, crs)
+    arrays = [_array(column, values[column.name], rows, path) for column in COLUMNS]
+    table = pa.Table.from_arrays(arrays, schema=_schema(values))
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        pq.write_table(table, temporary, compression="zstd")
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def _check(row: Mapping[str, Any], path: Path) -> None:
+    facade = f"{path.name}: facade {row.get('id')}"
+    if unknown := sorted(row.keys() - set(ROW_KEYS)):
+        raise InputError(
+            f"{facade}: no such column {unknown[0]}; add it to catalogs.published.items.COLUMNS or leave it out"
+        )
+    if missing := [key for key in ROW_KEYS if key not in row]:
+        raise InputError(f"{facade}: column {missing[0]} is missing; give None where it is unknown")
+    if empty := [column.name for column in COLUMNS if column.required and row.get(column.name, 0) is None]:
+        raise InputError(f"{facade}: column {empty[0]} is None; it needs a value in every row")
+    if row["kind"] not in KINDS:
+        raise InputError(f"{facade}: kind is {row['kind']!r}; give one of {', '.join(KINDS)}")
+    if row["kind"] != "facade":
+        if row["geometry"] is not None or row["status"] != "failed" or not row["reason"]:
+            raise InputError(f"{facade}: a {row['kind']} has a row only when it is set aside, with a reason")
+        return
+    if getattr(row["geometry"], "geom_type", None) != "LineString" or row["geometry"].is_empty:
+        raise InputError(f"{facade}: geometry is no LineString; give the facade's foot line")
+    if row["status"] not in STATUSES:
+        raise InputError(f"{facade}: status is {row['status']!r}; give {' or '.join(STATUSES)}")
+    if row["status"] == "failed" and not row["reason"]:
+        raise InputError(f"{facade}: failed without a reason; say why")
+
+
+def feet_in(feet: Sequence[LineString | None], crs: Any, target: Any) -> np.ndarray:
+    """Foot lines (N,) in `crs` as such in `target`, without heights; None where a corner is or becomes no finite number."""
+    import shapely
+    from pyproj import Transformer
+
+    lines = np.empty(len(feet), dtype=object)
+    lines[:] = feet
+    lines = shapely.force_2d(lines)
+    lines = shapely.transform(lines, Transformer.from_crs(crs, target, always_xy=True).transform, interleaved=False)
+    ends, line = shapely.get_coordinates(lines, return_index=True)
+    lines[line[~np.isfinite(ends).all(axis=1)]] = None
+    return lines
+
+
+def _columns(rows: Sequence[Mapping[str, Any]], crs: Any) -> dict[str, Sequence[Any]]:
+    import shapely
+
+    feet = feet_in([row["geometry"] for row in rows], crs, LONLAT)
+    values: dict[str, Sequence[Any]] = {key: [row[key] for row in rows] for key in ROW_KEYS}
+    values["geometry"] = [None if foot is None else shapely.to_wkb(foot) for foot in feet]
+    return values | dict(zip(BBOX, shapely.bounds(feet).reshape(-1, 4).T.tolist(), strict=True))
+
+
+def _array(column: Column, values: Sequence[Any], rows: Sequence[Mapping[str, Any]], path: Path) -> pa.Array:
+    import pyarrow as pa
+
+    values = [None if value is None or value != value else value for value in values]  # NaN is unknown too
+    for row, value in zip(rows, values, strict=True):
+        # Arrow would cut 3.5 to 3, and take a time without a zone for one in UTC
+        if value is not None and (
+            not isinstance(value, _PYTHON_TYPES[column.type]) or (isinstance(value, datetime) and not value.tzinfo)
+        ):
+            raise InputError(f"{path.name}: facade {row['id']}: {column.name} is {value!r}; give {column.type}")
+    return pa.array(values, arrow_type(column))
+
+
+def arrow_type(column: Column) -> pa.DataType:
+    """The Arrow type of a column."""
+    import pyarrow as pa
+
+    return pa.timestamp("us", "UTC") if column.type.startswith("timestamp") else pa.type_for_alias(column.type)
+
+
+def _schema(values: Mapping[str, Sequence[Any]]) -> pa.Schema:
+    """Types, units and meanings of the columns, and the GeoParquet 1.1 header (no crs means OGC:CRS84)."""
+    import pyarrow as pa
+
+    geometry: dict[str, Any] = {"encoding": "WKB", "geometry_types": ["LineString"]}
+    found = {name: [value for value in values[name] if value == value] for name in BBOX}
+    if found["xmin"]:
+        ends = zip(BBOX, (min, min, max, max), strict=True)
+        geometry["bbox"] = [extreme(found[name]) for name, extreme in ends]
+    geo = {"version": "1.1.0", "primary_column": "geometry", "columns": {"geometry": geometry}}
+    fields = [
+        pa.field(
+            column.name,
+            arrow_type(column),
+            nullable=not column.required,
+            metadata={"unit": column.unit, "meaning": column.meaning},
+        )
+        for column in COLUMNS
+    ]
+    return pa.schema(fields, metadata={"geo": json.dumps(geo)})

@@ -1,0 +1,80 @@
+"""Runs that have published, in a folder on this machine or in a bucket."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Generic, TypeAlias, TypeVar, cast
+
+from catalogs.features import natural_order
+from catalogs.published.s3 import S3Folder
+from facade_core.errors import InputError
+
+Folder: TypeAlias = Path | S3Folder
+F = TypeVar("F", bound=Folder)
+
+
+@dataclass(frozen=True)
+class Run(Generic[F]):
+    """A run's folder and its name: relative to the folder of runs that was asked for, else the folder's own."""
+
+    folder: F
+    name: str
+
+
+def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
+    """The runs that have published, and a line about each that has not: `folder` itself, else those at most two levels down.
+
+    A run is known by its `current`, or by its store before it has published, and is not searched for others. Raises
+    InputError where there is no run that has published.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: no such folder; {_remedy(folder, 'makes it')}")
+    if (folder / "current").is_file():
+        return [Run(folder, folder.resolve().name)], []
+    runs: list[Run[F]] = []
+    left_out: list[str] = []
+    waiting = [folder]
+    while waiting:
+        parent = waiting.pop()
+        try:
+            for child in sorted(_folders(parent), key=str):
+                name = str(child)[len(str(folder)) :].strip("/")
+                if (child / "current").is_file():
+                    runs.append(Run(child, name))
+                elif (child / "store").is_dir():
+                    left_out.append(f"{name} is left out: nothing is published there yet")
+                elif parent == folder:
+                    waiting.append(child)
+        except OSError as error:
+            left_out.append(f"{parent} is left out: {error.strerror}")
+    if not runs:
+        raise InputError(f"{folder}: nothing is published there; {_remedy(folder, 'finishes and publishes')}")
+    runs.sort(key=lambda run: natural_order(run.name))
+    return runs, sorted(left_out, key=natural_order)
+
+
+def items_path(out: F) -> F:
+    """The catalogue that `current` of the run in folder `out` points at; InputError where it points at none."""
+    pointer = out / "current"
+    try:
+        snapshot = pointer.read_text(encoding="utf-8", errors="replace").strip()
+    except OSError as error:
+        raise InputError(f"{pointer} cannot be read: {error.strerror}; `streetloom run` writes it") from error
+    if not re.fullmatch(r"[A-Za-z0-9_-]+", snapshot):
+        raise InputError(f"{pointer} does not hold a snapshot id; {_remedy(out, 'publishes again')}")
+    path = pointer.parent / "published" / snapshot / "items.parquet"
+    if not path.is_file():
+        raise InputError(f"{path} is missing; {_remedy(out, 'publishes again')}")
+    return cast(F, path)
+
+
+def _folders(parent: F) -> list[F]:
+    return [cast(F, path) for path in parent.iterdir() if not path.name.startswith(".") and path.is_dir()]
+
+
+def _remedy(folder: Folder, what: str) -> str:
+    if isinstance(folder, S3Folder):
+        return f"`streetloom catalog OUT --to {folder}` copies a run there"
+    return f"`streetloom run BLOCK.yaml --out {folder}` {what}"

@@ -1,0 +1,124 @@
+"""Showing what a query found: as a table, JSON, GeoJSON or GeoParquet."""
+
+from __future__ import annotations
+
+import io
+import json
+import math
+from collections import Counter
+from collections.abc import Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from catalogs.frames import LONLAT
+from catalogs.published.items import BBOX
+from catalogs.visible import visible, visible_json
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+    import pandas as pd
+
+FORMATS = ("table", "json", "geojson", "parquet")
+# What fits a terminal; --format json shows everything.
+_TABLE = (
+    "id",
+    "street",
+    "height_m",
+    "width_m",
+    "floors",
+    "windows",
+    "doors",
+    "balconies",
+    "shops",
+    "window_to_wall",
+    "occluded",
+    "status",
+)
+
+
+def format_items(items: pd.DataFrame, format: str = "table") -> str:
+    """The facades as aligned text, a JSON array, or a GeoJSON FeatureCollection (lon/lat, 7 decimals, about 1 cm)."""
+    if format == "table":
+        return _table(items)
+    if format == "json":
+        return visible_json(json.dumps(_records(items), indent=1, ensure_ascii=False, allow_nan=False))
+    if format == "geojson":
+        return visible_json(json.dumps(_collection(items), ensure_ascii=False, allow_nan=False))
+    raise InputError(f"--format {format}: not text, or not known; choose table, json, geojson")
+
+
+def located(items: pd.DataFrame) -> gpd.GeoDataFrame:
+    """The facades with their foot lines as geometry, in lon/lat."""
+    import geopandas as gpd
+    import shapely
+
+    feet = shapely.from_wkb(items["geometry"].to_numpy(dtype=object))
+    return gpd.GeoDataFrame(items.drop(columns="geometry"), geometry=feet, crs=LONLAT)
+
+
+def parquet_bytes(items: pd.DataFrame) -> bytes:
+    """The facades as a GeoParquet file."""
+    buffer = io.BytesIO()
+    located(items).to_parquet(buffer, compression="zstd")
+    return buffer.getvalue()
+
+
+def _records(items: pd.DataFrame) -> list[dict[str, Any]]:
+    """Rows without their geometry; what JSON cannot say (missing, infinite) is None."""
+    records = items.drop(columns="geometry").astype(object).to_dict("records")
+    return [{str(name): _plain(value) for name, value in record.items()} for record in records]
+
+
+def _plain(value: Any) -> Any:
+    import pandas as pd
+
+    if pd.isna(value) or (isinstance(value, float) and math.isinf(value)):
+        return None
+    return value.isoformat().replace("+00:00", "Z") if isinstance(value, datetime) else value
+
+
+def _collection(items: pd.DataFrame) -> dict[str, Any]:
+    import shapely
+
+    feet = shapely.transform(shapely.from_wkb(items["geometry"].to_numpy(dtype=object)), lambda ends: ends.round(7))
+    features = [
+        {
+            "type": "Feature",
+            "id": row["id"],
+            **({} if foot is None else {"bbox": [round(row[side], 7) for side in BBOX]}),
+            "geometry": None if foot is None else shapely.geometry.mapping(foot),
+            "properties": {key: value for key, value in row.items() if key not in ("id", *BBOX)},
+        }
+        for row, foot in zip(_records(items), feet, strict=True)
+    ]
+    return {"type": "FeatureCollection", "features": features}
+
+
+def _table(items: pd.DataFrame) -> str:
+    if items.empty:
+        return "no facade matches"
+    head = [name for name in _TABLE if name in items]
+    if "run" in items and items["run"].nunique() > 1:
+        head.insert(0, "run")
+    if "kind" in items and (items["kind"] != "facade").any():
+        head.insert(head.index("id") + 1, "kind")
+    if "reason" in items and items["reason"].notna().any():
+        head.append("reason")
+    rows = [[_cell(name, row[name]) for name in head] for row in _records(items)]
+    widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
+    text = {"run", "id", "kind", "street", "status", "reason"}
+
+    def line(cells: Sequence[str]) -> str:
+        parts = zip(head, cells, widths, strict=True)
+        return "  ".join(c.ljust(w) if name in text else c.rjust(w) for name, c, w in parts).rstrip()
+
+    kinds = Counter(items["kind"]) if "kind" in items else {"facade": len(rows)}
+    count = ", ".join(f"{n} {kind}{'s' if n != 1 else ''}" for kind, n in kinds.items())
+    return "\n".join([line(head), line(["-" * width for width in widths]), *map(line, rows), count])
+
+
+def _cell(name: str, value: Any) -> str:
+    if value is None:
+        return "-"
+    return f"{value:.2f}" if isinstance(value, float) else visible(str(value))

@@ -1,0 +1,139 @@
+"""A published run, or a folder of them, for Python: facades as a GeoDataFrame, one facade as an xarray Dataset."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.published.held import being_read
+from catalogs.published.runs import Folder, items_path, runs_in
+from catalogs.published.s3 import S3Folder, folder_at
+from catalogs.query.answers import located
+from catalogs.query.asking import query
+from facade_core.errors import InputError, StoreError
+
+if TYPE_CHECKING:
+    import geopandas as gpd
+    import xarray as xr
+
+# Arrays of the store that a facade's Dataset holds: variable -> array, and what its values mean.
+RASTERS = {
+    "colour": "atlas/colour",
+    "provenance": "atlas/provenance",
+    "texture": "atlas/seed",
+    "evidence": "facade_maps/evidence",
+    "labels": "facade_maps/labels",
+    "occluded": "facade_maps/occluded",
+    "confidence": "facade_maps/confidence",
+}
+
+
+@dataclass(frozen=True)
+class Catalogue:
+    """What the runs in folder `out`, on this machine or in a bucket, published."""
+
+    out: Folder
+
+    def search(
+        self, where: str | None = None, *, bbox: Sequence[float] | None = None, since: str | None = None
+    ) -> gpd.GeoDataFrame:
+        """The facades, and the units set aside, that `catalogs.query.query` finds; geometry are foot lines in lon/lat.
+
+        Raises InputError in one line that names the argument.
+        """
+        try:
+            return located(query(self.out, where=where, bbox=bbox, since=since))
+        except InputError as error:  # said for the command line, whose options have the same names
+            raise InputError(str(error).removeprefix("--")) from error
+
+    def facade(self, id: str, *, run: str | None = None) -> xr.Dataset:
+        """A facade's rasters (y, x) in the snapshot that was published, in metres along the wall and down from its top.
+
+        attrs: id, crs, origin (3,) of its upper left corner, axis_x and axis_y (3,), elements of its completed layout as JSON.
+        to_zarr keeps it as it is. NetCDF 3, which is what xarray writes where neither netCDF4 nor h5netcdf is installed, has no
+        unsigned bytes: `facade.astype("int16").to_netcdf(path)` works everywhere.
+        run: name of the run, as in the column `run`, where more than one has a facade of that id. Raises InputError for a
+        facade that there is not, StoreError where the run's store is gone.
+        """
+        folder = self._folder(id, run)
+        with being_read(items_path(folder).parent):
+            return _facade(_published_group(folder), id)
+
+    def _folder(self, id: str, run: str | None) -> Folder:
+        rows = query(self.out, where="kind = 'facade'")
+        rows = rows[rows["id"] == id]
+        if run is not None:
+            rows = rows[rows["run"] == run]
+        names = rows["run"].tolist()
+        if not names:
+            raise InputError(
+                f"{self.out}: no facade {id}{f' in run {run}' if run else ''}; search() lists those there are"
+            )
+        if len(names) > 1:
+            raise InputError(f"{self.out}: facade {id} is in the runs {', '.join(names)}; name one with run=")
+        return next(found.folder for found in runs_in(self.out)[0] if found.name == names[0])
+
+
+def _facade(group: Any, id: str) -> xr.Dataset:
+    import xarray as xr
+
+    facades = xr.open_zarr(group.store, group="facades", consolidated=False, chunks=None).load()
+    index = list(map(str, facades.id.values)).index(id)
+    charts = xr.open_zarr(group.store, group="charts", consolidated=False, chunks=None)
+    chart = charts.isel(chart=int(facades.chart.values[index])).load()
+    y, x, height, width = (int(chart[name]) for name in ("y", "x", "height", "width"))
+    place = int(chart.page), slice(y, y + height), slice(x, x + width)
+    density = float(group["atlas"].attrs["texels_per_metre"])
+    variables: dict[str, Any] = {}
+    for name, path in RASTERS.items():
+        array = group[path]
+        dimensions = ("y", "x", "band") if array.ndim == 4 else ("y", "x")
+        variables[name] = (dimensions, np.asarray(array[place]), {"long_name": array.attrs["long_name"]})
+    record = json.loads(group["journal/facades"][index].item() or "{}")
+    return xr.Dataset(
+        variables,
+        coords={
+            "y": ("y", (np.arange(height) + 0.5) / density, {"units": "m", "long_name": "down from the top"}),
+            "x": ("x", (np.arange(width) + 0.5) / density, {"units": "m", "long_name": "along the wall"}),
+        },
+        attrs={
+            "id": id,
+            "crs": group["atlas"].attrs["crs"],
+            "origin": chart.origin.values.tolist(),
+            "axis_x": chart.axis_u.values.tolist(),
+            "axis_y": chart.axis_v.values.tolist(),
+            "elements": json.dumps(record.get("elements", [])),
+        },
+    )
+
+
+def open(out: Folder | str) -> Catalogue:
+    """The catalogue of a run's folder, or of a folder of runs, which may be s3://bucket/prefix.
+
+    Raises InputError where nothing is published.
+    """
+    folder = folder_at(out)
+    runs_in(folder)
+    return Catalogue(folder)
+
+
+def _published_group(folder: Folder) -> Any:
+    """The store of a run as it was when it was published last."""
+    import icechunk
+    import zarr
+
+    snapshot = items_path(folder).parent.name
+    icechunk.set_logs_filter("off")  # it warns of writers at every opening
+    try:
+        store = folder / "store"
+        if isinstance(store, S3Folder):
+            repository = icechunk.Repository.open(store.icechunk_storage())
+        else:
+            repository = icechunk.Repository.open(icechunk.local_filesystem_storage(str(store)))
+        return zarr.open_group(repository.readonly_session(snapshot_id=snapshot).store, mode="r")
+    except (icechunk.IcechunkError, OSError, ValueError) as error:
+        raise StoreError(f"{folder / 'store'}: {str(error).splitlines()[0]}; run the block again") from error

@@ -1,0 +1,1 @@
+"""CityGML, read as a stream."""

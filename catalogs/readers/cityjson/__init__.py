@@ -1,0 +1,1 @@
+"""CityJSON, whole files and sequences."""

@@ -1,0 +1,282 @@
+"""Buildings out of CityJSON 1.0, 1.1 and 2.0, whole files and sequences: shells with their semantics and own textures."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from catalogs.broken import reason_of
+from catalogs.features import Fault, Model, Models, Remark, numbered
+from catalogs.readers.axes import Axes, axes_of
+from catalogs.readers.beside import OUTSIDE, beside, outside, spellings
+from catalogs.readers.cityjson.parts import Lod, families, lod_name, lod_of, pieces_of
+from catalogs.readers.cityjson.surfaces import Appearance, faces_of, instance_points
+from catalogs.readers.cityjson.values import list_of, mapping_of, number_of, points_of, transformed
+from catalogs.readers.faces import Face, shell_of
+from catalogs.readers.json_text import is_sequence, load_json, parse_json
+from facade_core.errors import GeometryError, InputError
+
+_VERSION = re.compile(r"(1\.0|1\.1|2\.0)(\.\d+)?")
+_FLAT = 0.01  # m
+_TALLEST, _HIGHEST, _MOST_LEVELS = 1500.0, 9000.0, 200.0  # m, m; beyond them is a code for unknown, such as 9999
+
+
+@dataclass(slots=True)
+class _Reading:
+    """What the head of a file says, and what is found in it. pictures: path as written -> index in shells so far."""
+
+    path: Path
+    asked: Lod | None
+    head: Mapping[str, Any]
+    axes: Axes | None = None
+    pictures: dict[str, int] = field(default_factory=dict)
+    ids: Counter[str] = field(default_factory=Counter)
+    models: list[Model] = field(default_factory=list)
+    remarks: list[Remark] = field(default_factory=list)
+    faults: list[Fault] = field(default_factory=list)
+
+
+def read_cityjson(path: Path, lod: str | None = None) -> Models:
+    """Every building of a CityJSON file or CityJSONSeq, in the order of the file, its parts and installations included.
+
+    lod: "2.2", or "2" for the highest of 2.x, picks a level of detail, else the nearest lower one that a building has, else the
+    nearest higher; None takes each building's highest. A sequence is read line by line.
+    Raises InputError where the file is no CityJSON of a version that is read.
+    """
+    if not is_sequence(path):
+        return models_of(load_json(path), path, lod)
+    reading = None
+    try:
+        with path.open("rb") as lines:
+            for number, line in enumerate(lines, 1):
+                if not line.strip():
+                    continue
+                if reading is None:
+                    reading = _begun(parse_json(line, f"{path}, line {number}"), path, lod, sequence=True)
+                    _read(reading.head, reading)
+                else:
+                    _read_line(line, number, reading)
+    except OSError as error:
+        raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
+    if reading is None:
+        raise InputError(f"{path} is empty; get the file again")
+    return _finished(reading)
+
+
+def models_of(document: Any, path: Path, lod: str | None = None) -> Models:
+    """As read_cityjson, for a document that is read already; path: its file, which textures are looked for beside."""
+    reading = _begun(document, path, lod)
+    _read(reading.head, reading)
+    return _finished(reading)
+
+
+def _begun(head: Any, path: Path, lod: str | None, *, sequence: bool = False) -> _Reading:
+    asked = None if lod is None else lod_of(lod)
+    if asked is not None and not (asked and asked[0] > 0):
+        raise InputError(f"{path}: LoD {lod!r} is not a level of models; give one such as 1, 2 or 2.2")
+    kind = head.get("type") if isinstance(head, dict) else None
+    if kind == "CityJSONFeature":
+        raise InputError(
+            f"{path} begins with a feature; a CityJSONSeq needs a first line of type CityJSON with its transform"
+        )
+    if kind != "CityJSON":
+        raise InputError(f"{path} is not CityJSON: its type is {kind!r}; export it as CityJSON")
+    version = str(head.get("version"))
+    if not _VERSION.fullmatch(version):
+        raise InputError(f"{path} is CityJSON {version}; 1.0, 1.1 and 2.0 are read: upgrade it, e.g. with cjio")
+    if not sequence and not (isinstance(head.get("CityObjects"), dict) and isinstance(head.get("vertices"), list)):
+        raise InputError(f"{path} has no CityObjects or no vertices; export it anew")
+    transform = head.get("transform")
+    if transform is None and sequence:
+        raise InputError(f"{path} has no transform in its first line, which every feature needs; export it anew")
+    numbers = points_of([mapping_of(transform).get(key) for key in ("scale", "translate")])
+    if transform is not None and not np.isfinite(numbers).all():
+        raise InputError(f"{path}: its transform is not a scale and a translate of three numbers each; export it anew")
+    return _Reading(path, asked, head)
+
+
+def _read_line(line: bytes, number: int, reading: _Reading) -> None:
+    """One feature of a sequence; a broken one is set aside."""
+    try:
+        document = parse_json(line, f"{reading.path.name}, line {number}")
+    except InputError as error:
+        reading.faults.append(Fault(f"line {number}", "building", str(error)))
+        return
+    kind = document.get("type") if isinstance(document, dict) else None
+    if kind == "CityJSON":
+        raise InputError(f"{reading.path}: line {number} begins a second sequence; split the file there")
+    if kind != "CityJSONFeature" or not isinstance(document.get("CityObjects"), dict):
+        reason = f"{reading.path.name}, line {number} is no CityJSONFeature with CityObjects; export it anew"
+        reading.faults.append(Fault(f"line {number}", "building", reason))
+        return
+    _read(document, reading)
+
+
+def _read(document: Mapping[str, Any], reading: _Reading) -> None:
+    """The buildings of a file, or of one feature of a sequence."""
+    corners = transformed(points_of(document.get("vertices")), reading.head.get("transform"))
+    reading.axes = axes = reading.axes or _axes(corners, reading)
+    points = axes.applied(corners) if axes else corners
+    store = mapping_of(reading.head.get("geometry-templates"))
+    templates = list_of(store.get("templates"))
+    template_points = points_of(store.get("vertices-templates"))
+    appearance = _appearance(document, reading)
+
+    def placed(geometry: Mapping[str, Any]) -> list[Face]:
+        if geometry["type"] != "GeometryInstance":
+            return faces_of(geometry, points, appearance)
+        moved = instance_points(geometry, template_points, corners)
+        return faces_of(templates[geometry["template"]], axes.applied(moved) if axes else moved, appearance)
+
+    objects: dict[str, Mapping[str, Any]] = {}
+    for id, thing in mapping_of(document.get("CityObjects")).items():
+        if isinstance(thing, dict):
+            objects[id] = thing
+        else:
+            reading.faults.append(Fault(id, "building", f"{reading.path.name}: it is no CityObject; export it anew"))
+    for root, ids in families(objects):
+        id = numbered(root, reading.ids, reading.remarks)
+        try:
+            pieces, other = pieces_of(ids, objects, templates, reading.asked)
+            faces = [face for geometries in pieces for face in _once([placed(g) for g in _best_first(geometries)])]
+            model = _model(id, faces, [objects[i] for i in ids], axes or Axes())
+        except GeometryError as reason:
+            place = _place([objects[i] for i in ids], points)
+            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason}", place))
+            continue
+        except Exception as error:  # whatever it holds, the others are read
+            reading.faults.append(Fault(id, "building", f"{reading.path.name}: {reason_of(error)}"))
+            continue
+        reading.models.append(model)
+        if other is not None and reading.asked is not None:
+            asked = lod_name(reading.asked)
+            outline = shapely.box(*model.shell.vertices[:, :2].min(axis=0), *model.shell.vertices[:, :2].max(axis=0))
+            reading.remarks.append(Remark(id, f"buildings without LoD {asked} read at LoD {lod_name(other)}", outline))
+
+
+def _model(id: str, faces: Sequence[Face], things: Sequence[Mapping[str, Any]], axes: Axes) -> Model:
+    shell = shell_of(faces, axes.scale)
+    if shell is None:
+        raise GeometryError("its surfaces enclose no area; repair or remove it")
+    if np.ptp(shell.vertices[:, 2]) < _FLAT:
+        raise GeometryError("all of it lies at one height; give a model with walls, or footprints with heights")
+    attributes = [mapping_of(thing.get("attributes")) for thing in things]
+
+    def stated(key: str, low: float, high: float, unit: float = 1.0) -> list[float]:
+        """The building's own number, else those of its parts."""
+        numbers = [number_of(attribute.get(key)) * unit for attribute in attributes]
+        fit = [number for number in numbers if low < number < high]
+        return numbers[:1] if numbers[0] in fit else fit
+
+    heights = stated("measuredHeight", 0.0, _TALLEST, axes.vertical)
+    bases = stated("TerrainHeight", -_HIGHEST, _HIGHEST, axes.vertical)
+    names = [attributes[0].get(key) for key in ("name", "gml_name", "gml:name")]
+    return Model(
+        id,
+        shell,
+        height=max(heights, default=None),
+        levels=max(stated("storeysAboveGround", 0.0, _MOST_LEVELS), default=None),
+        name=next((name.strip() for name in names if isinstance(name, str) and name.strip()), None),
+        base=min(bases, default=None),
+    )
+
+
+def _best_first(geometries: Sequence[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """Geometries of one object in one LoD, those with textures and semantics first."""
+    return sorted(geometries, key=lambda g: (not g.get("texture"), not g.get("semantics")))
+
+
+def _once(geometries: Sequence[list[Face]]) -> list[Face]:
+    """The faces of all geometries, without those that an earlier one has: a solid may repeat what its surfaces show."""
+    faces = list(geometries[0])
+    known: set[bytes] = set()
+    for before, after in pairwise(geometries):
+        known |= {_key(face) for face in before}
+        faces += [face for face in after if _key(face) not in known]
+    return faces
+
+
+def _key(face: Face) -> bytes:
+    return np.unique(face.rings[0], axis=0).tobytes() if face.rings else b""
+
+
+def _axes(corners: np.ndarray, reading: _Reading) -> Axes | None:
+    """How to read the coordinates; None while there is no point that would tell."""
+    finite = corners[np.isfinite(corners).all(axis=1)]
+    if len(finite) == 0:
+        return None
+    first, second = np.median(finite[:, :2], axis=0).tolist()
+    name = _frame_name(reading)
+    axes, remark = axes_of(name, (first, second), reading.path)
+    if remark:
+        reading.remarks.append(Remark(f"{name} of {reading.path.name}", remark, None))
+    return axes
+
+
+def _frame_name(reading: _Reading) -> str | None:
+    name = mapping_of(reading.head.get("metadata")).get("referenceSystem")
+    return str(name) if isinstance(name, str | int) else None
+
+
+def _appearance(document: Mapping[str, Any], reading: _Reading) -> Appearance:
+    """Pictures of a document, or of the head where it has none of its own."""
+    stated = mapping_of(document.get("appearance") or reading.head.get("appearance"))
+    images = [mapping_of(texture).get("image") for texture in list_of(stated.get("textures"))]
+    numbers = [
+        reading.pictures.setdefault(image, len(reading.pictures)) if isinstance(image, str) and image else -1
+        for image in images
+    ]
+    theme = stated.get("default-theme-texture")
+    return Appearance(points_of(stated.get("vertices-texture"), 2), numbers, theme if isinstance(theme, str) else None)
+
+
+def _finished(reading: _Reading) -> Models:
+    """All that was read, with the pictures that are used and exist."""
+    shown = [np.unique(model.shell.texture) for model in reading.models]
+    used = {int(number) for numbers in shown for number in numbers if number >= 0}
+    found: dict[Path, int] = {}
+    numbers = np.full(len(reading.pictures) + 1, -1, np.int32)  # the last one stands for -1
+    missing, refused = 0, []
+    for image, number in reading.pictures.items():
+        if number in used:
+            path = beside(reading.path, *spellings(image))
+            if path is None and outside(reading.path, *spellings(image)):
+                refused.append(image)
+            missing += path is None
+            numbers[number] = -1 if path is None else found.setdefault(path, len(found))
+    if missing:
+        reason = f"files with textures that are missing ({missing} of {len(used)}): their surfaces are read without"
+        reading.remarks.append(Remark(reading.path.name, reason, None))
+    reading.remarks += [Remark(image, OUTSIDE, None) for image in refused]
+    models = []
+    for model in reading.models:
+        texture = numbers[model.shell.texture]
+        uv = np.where(texture[:, None, None] >= 0, model.shell.uv, np.float32(0))
+        models.append(replace(model, shell=replace(model.shell, texture=texture, uv=uv)))
+    axes = reading.axes or axes_of(_frame_name(reading), None, reading.path)[0]
+    return Models(axes.crs, tuple(models), tuple(found), tuple(reading.remarks), tuple(reading.faults))
+
+
+def _place(things: Sequence[Mapping[str, Any]], points: np.ndarray) -> shapely.Polygon | None:
+    """The box around the corners that can be read of a building that is set aside."""
+    stack: list[Any] = [thing.get("geometry") for thing in things]
+    index = set()
+    while stack:
+        entry = stack.pop()
+        if isinstance(entry, dict):
+            stack.append(entry.get("boundaries"))
+        elif isinstance(entry, list):
+            stack += entry
+        elif type(entry) is int and 0 <= entry < len(points):
+            index.add(entry)
+    corners = points[sorted(index)]
+    corners = corners[np.isfinite(corners).all(axis=1), :2]
+    return shapely.box(*corners.min(axis=0), *corners.max(axis=0)) if len(corners) else None

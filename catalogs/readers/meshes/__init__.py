@@ -1,0 +1,1 @@
+"""Mesh files: triangles, sorted into buildings."""

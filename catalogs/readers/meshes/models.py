@@ -1,0 +1,101 @@
+"""Building models out of mesh files: OBJ, glTF, PLY, STL, and arrays of triangles (.npz)."""
+
+from __future__ import annotations
+
+import io
+import zipfile
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.broken import is_machines
+from catalogs.features import Fault, Models, Remark
+from catalogs.readers.limits import MOST_TRIANGLES
+from catalogs.readers.meshes.gltf import read_gltf
+from catalogs.readers.meshes.npz import check_arrays
+from catalogs.readers.meshes.obj import read_obj
+from catalogs.readers.meshes.surfaces import Surface, models_of
+from facade_core.errors import InputError
+
+
+def read_meshes(path: Path, lod: str | None = None) -> Models:
+    """Every building of a mesh file (.obj, .glb, .gltf, .ply, .stl, .npz), in the file's coordinates in metres, z up.
+
+    One model per named group, object or node: its name up to a | is the building's id, the name behind it, or that of the
+    material, the kind of surface. Without several names one model per connected part, those that lie over one another
+    taken together, called by the one name or the file's, -0, -1, ... from west to east. glTF is turned z-up. Mesh files
+    state no level of detail: `lod` is not looked at. Raises InputError where the file cannot be read or holds no
+    triangle.
+    """
+    kind = path.suffix.lower()
+    crs: str | None = None
+    textures: tuple[Path, ...] = ()
+    remarks: list[Remark] = []
+    faults: list[Fault] = []
+    if kind == ".npz":
+        surfaces, crs = _read_npz(path)
+    elif kind == ".obj":
+        surfaces, textures, remarks, faults = read_obj(path)
+    elif kind in (".glb", ".gltf"):
+        surfaces, textures, remarks = read_gltf(path)
+    else:
+        surfaces = _read_mesh(path)
+    if not any(len(surface.corners) for surface in surfaces) and not faults:
+        raise InputError(f"{path} holds no triangles; export the buildings as a mesh")
+    models, broken = models_of(surfaces, path.stem)
+    used = sorted({int(index) for model in models for index in np.unique(model.shell.texture)} - {-1})
+    if len(used) < len(textures):
+        number = np.full(len(textures) + 1, -1, np.int32)  # the last is for -1
+        number[used] = np.arange(len(used))
+        models = tuple(replace(m, shell=replace(m.shell, texture=number[m.shell.texture])) for m in models)
+        textures = tuple(textures[index] for index in used)
+    return Models(crs, models, textures, tuple(remarks), (*faults, *broken))
+
+
+def _read_mesh(path: Path) -> list[Surface]:
+    """PLY and STL: one mesh without names or pictures."""
+    import trimesh
+
+    try:
+        # not by its path: trimesh would open the pictures that it names, wherever they are
+        content, kind = io.BytesIO(path.read_bytes()), path.suffix.lower()[1:]
+        scene: Any = trimesh.load(content, file_type=kind, force="scene", process=False)
+    except Exception as error:  # trimesh lets the errors of its parsers through
+        if is_machines(error):
+            raise
+        reason = " ".join(str(error).split())[:120] or type(error).__name__
+        raise InputError(f"{path} cannot be read as a mesh ({reason}); export it again") from error
+    meshes = [mesh for mesh in scene.geometry.values() if isinstance(mesh, trimesh.Trimesh)]
+    return [Surface(None, "unknown", np.asarray(mesh.vertices, np.float64)[mesh.faces]) for mesh in meshes]
+
+
+def _read_npz(path: Path) -> tuple[list[Surface], str | None]:
+    """triangles (n, 3, 3) and feature (n,), the number of each one's building; optional origin (3,) and epsg ()."""
+    wanted = "triangles (n, 3, 3), feature (n,) of integers and, if needed, origin (3,) and epsg"
+    names = ("triangles", "feature", "origin", "epsg")
+    check_arrays(path, names)
+    try:
+        with np.load(path, allow_pickle=False) as file:
+            arrays = {name: file[name] for name in names if name in file}
+        triangles = np.asarray(arrays["triangles"])
+        feature = np.asarray(arrays["feature"])
+        origin = np.asarray(arrays.get("origin", np.zeros(3)), np.float64)
+        crs = f"EPSG:{int(arrays['epsg'])}" if "epsg" in arrays else None
+    except (OSError, EOFError, KeyError, ValueError, TypeError, AttributeError, zipfile.BadZipFile) as error:
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(f"{path} cannot be read as arrays of triangles ({reason}); give {wanted}") from error
+    if triangles.size > 9 * MOST_TRIANGLES:
+        raise InputError(f"{path} holds over {MOST_TRIANGLES} triangles; cut out the block that is meant")
+    fits = triangles.ndim == 3 and triangles.shape[1:] == (3, 3) and triangles.dtype.kind in "fiu"
+    if not (fits and feature.shape == triangles.shape[:1] and feature.dtype.kind in "iu" and origin.shape == (3,)):
+        raise InputError(
+            f"{path}: triangles {triangles.shape}, feature {feature.shape}, {feature.dtype}; give {wanted}"
+        )
+    order = np.argsort(feature, kind="stable")
+    ends = np.flatnonzero(np.diff(feature[order])) + 1
+    parts = np.split(order, ends) if len(order) else []
+    return [
+        Surface(str(feature[part[0]]), "unknown", np.asarray(triangles[part], np.float64) + origin) for part in parts
+    ], crs

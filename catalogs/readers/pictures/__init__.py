@@ -1,0 +1,1 @@
+"""Pictures and rasters: photos, panoramas with their poses, orthophotos, elevation models."""

@@ -1,0 +1,210 @@
+"""A picture from straight above (orthophoto), sampled at places of the block's frame."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.file_digest import file_digest
+from catalogs.frames import to_lonlat
+from catalogs.readers.pictures.rasters import PICTURES, check_place, driver_of, frame_of
+from catalogs.readers.pictures.rasters import raster as opened_raster
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    from pyproj import CRS, Transformer
+
+# Beside them, where their pixels lie.
+WORLD_FILES = frozenset({".wld", ".tfw", ".tifw", ".pgw", ".pngw", ".jgw", ".jpgw", ".jpegw", ".j2w", ".jp2w"})
+REMEDY = "give a GeoTIFF, or a PNG or JPEG with its world file beside it"
+# Pixels that are read at once at most; a larger part is read coarser.
+MOST_PIXELS = 4_000_000
+# Pixels of which such a part is made: 150 m at 1 cm.
+MOST_READ = 225_000_000
+
+
+@dataclass(frozen=True)
+class Aerial:
+    """An orthophoto on this machine: `crs` its frame, `frame` the block's, both as WKT; content, a digest of its pixels and
+    of where they lie."""
+
+    path: Path
+    crs: str
+    frame: str
+    content: str
+
+    def covers(self, points: np.ndarray) -> np.ndarray:
+        """Whether places (n, 2) of the block's frame lie on the picture, transparent or not: (n,) bool."""
+        with _opened(self.path) as raster:
+            return _inside(raster, *_pixels(raster, _transformer(self.frame, self.crs), points))
+
+    def sample(self, points: np.ndarray, spacing: float) -> tuple[np.ndarray, np.ndarray]:
+        """Colour (n, 3) uint8 at places (n, 2) of the block's frame that lie `spacing` metres apart, and whether it is known.
+
+        Bilinear between the pixels' middles, of means of pixels where these are much finer than the spacing; unknown beyond the
+        picture and where it is transparent. Only the part around the places is read. Raises InputError where that is broken.
+        """
+        colour, known = np.zeros((len(points), 3), np.uint8), np.zeros(len(points), bool)
+        with _opened(self.path) as raster:
+            x, y = _pixels(raster, _transformer(self.frame, self.crs), points)
+            near = _inside(raster, x, y)
+            if not near.any():
+                return colour, known
+            x, y = x[near], y[near]
+            rgb, alpha, (left, top, across, down) = _part(raster, x, y, self._coarser(raster, points, spacing))
+        colour[near], known[near] = _bilinear(rgb, alpha, (x - left) / across - 0.5, (y - top) / down - 0.5)
+        return colour, known
+
+    def _coarser(self, raster: Any, points: np.ndarray, spacing: float) -> int:
+        """How many pixels a side go into one at a spacing in metres."""
+        middle = points.mean(axis=0)
+        ends = middle + np.array([[0.0, 0.0], [spacing, 0.0], [0.0, spacing]])
+        x, y = _pixels(raster, _transformer(self.frame, self.crs), ends)
+        steps = np.hypot(x[1:] - x[0], y[1:] - y[0])
+        return max(1, int(steps.min())) if np.isfinite(steps).all() else 1
+
+
+def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> Aerial:
+    """Check an orthophoto against places (n, 2) of the frame, such as the corners of all buildings.
+
+    crs is the picture's frame, for a file that states none or a wrong one. Raises InputError, one line with the remedy, where
+    it cannot be read, is not placed on the ground, is of another depth than 8 bits, or shows none of the places.
+    """
+    with _opened(path) as raster:
+        check_place(raster, path, REMEDY)
+        own = frame_of(raster, path, crs)
+        if own is None:
+            raise InputError(f"{path} states no frame; write imagery.aerial.crs: EPSG:...")
+        if set(raster.dtypes) != {"uint8"}:
+            raise InputError(
+                f"{path} has pixels of {raster.dtypes[0]}; convert it to 8 bits with gdal_translate -ot Byte -scale"
+            )
+        x, y = _pixels(raster, _transformer(frame.to_wkt(), own.to_wkt()), places)
+        inside = _inside(raster, x, y)
+        if not inside.any():
+            raise InputError(_beside(raster, path, own, frame, places))
+        rows, columns = raster.block_shapes[0]
+        blocks = np.unique(np.column_stack([y[inside] // rows, x[inside] // columns]).astype(np.int64), axis=0)
+        for row, column in blocks.tolist():  # what is broken is told now, not when a roof comes to it
+            _read(raster, (column * columns, row * rows, columns, rows), (1, 1))
+        content = _content(raster)
+    return Aerial(path.absolute(), own.to_wkt(), frame.to_wkt(), content)
+
+
+def _content(raster: Any) -> str:
+    """Of the bytes of all files that hold pixels or say what they mean (overviews, masks), and of the transform, wherever that
+    is written: decoding every pixel of a city would take minutes."""
+    digest = hashlib.sha256(repr(tuple(raster.transform)[:6]).encode())
+    for path in map(Path, raster.files):
+        if path.suffix.lower() not in WORLD_FILES:
+            digest.update(f"{path.name.removeprefix(Path(raster.name).name)} {file_digest(path)}".encode())
+    return digest.hexdigest()
+
+
+@contextmanager
+def _opened(path: Path) -> Iterator[Any]:
+    driver = driver_of(path, PICTURES)
+    if driver is None:
+        raise InputError(f"{path} is no orthophoto; {REMEDY}")
+    with opened_raster(path, driver, "an orthophoto", REMEDY) as raster:
+        yield raster
+
+
+def _transformer(frame: str, crs: str) -> Transformer:
+    """From one frame to another, for this thread: a transformer may not be shared."""
+    return _made(frame, crs, threading.get_ident())
+
+
+@lru_cache(maxsize=16)
+def _made(frame: str, crs: str, thread: int) -> Transformer:
+    from pyproj import CRS, Transformer
+
+    return Transformer.from_crs(CRS.from_wkt(frame), CRS.from_wkt(crs), always_xy=True)
+
+
+def _pixels(raster: Any, transformer: Transformer, points: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Places (n, 2) of the frame in pixels of the raster, (n,) each: 0 is the left or upper edge; inf where there is none."""
+    x, y = transformer.transform(points[:, 0], points[:, 1])
+    back = ~raster.transform
+    return back.a * x + back.b * y + back.c, back.d * x + back.e * y + back.f
+
+
+def _inside(raster: Any, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    return (x >= 0) & (x < raster.width) & (y >= 0) & (y < raster.height)
+
+
+def _part(
+    raster: Any, x: np.ndarray, y: np.ndarray, coarser: int
+) -> tuple[np.ndarray, np.ndarray, tuple[float, float, float, float]]:
+    """The pixels around places in pixels (n,): colour, alpha, and their left and upper edge and size in the raster's pixels."""
+    left, top = max(int(x.min()) - coarser, 0), max(int(y.min()) - coarser, 0)
+    right, bottom = min(int(x.max()) + coarser + 1, raster.width), min(int(y.max()) + coarser + 1, raster.height)
+    if (right - left) * (bottom - top) > MOST_READ:
+        raise InputError(
+            f"{raster.name} has {right - left} x {bottom - top} pixels where one surface lies; resample it to 1 cm, or coarser"
+        )
+    coarser = max(coarser, int(np.ceil(np.sqrt((right - left) * (bottom - top) / MOST_PIXELS))))
+    size = (max(1, (bottom - top) // coarser), max(1, (right - left) // coarser))
+    rgb, alpha = _read(raster, (left, top, right - left, bottom - top), size if coarser > 1 else None)
+    return rgb, alpha, (left, top, (right - left) / rgb.shape[1], (bottom - top) / rgb.shape[0])
+
+
+def _read(raster: Any, box: tuple[int, int, int, int], size: tuple[int, int] | None) -> tuple[np.ndarray, np.ndarray]:
+    """Colour (h, w, 3) and alpha (h, w) uint8 of a box (left, top, width, height), of means down to `size` (h, w) if given."""
+    from rasterio.enums import ColorInterp, Resampling
+    from rasterio.windows import Window
+
+    left, top, width, height = box
+    width, height = min(width, raster.width - left), min(height, raster.height - top)
+    options = {"window": Window(left, top, width, height)}
+    shape = size or (height, width)
+    palette = raster.colorinterp[0] == ColorInterp.palette
+    how = Resampling.nearest if palette else Resampling.average
+    bands = [1, 2, 3] if raster.count >= 3 else [1]
+    values = raster.read(bands, out_shape=(len(bands), *shape), resampling=how, **options)
+    alpha = raster.dataset_mask(out_shape=shape, resampling=Resampling.nearest, **options)
+    if palette:
+        table = np.zeros((256, 4), np.uint8)
+        for index, colour in raster.colormap(1).items():
+            table[index] = colour
+        values = np.moveaxis(table[values[0]][..., :3], -1, 0)
+    return np.ascontiguousarray(np.moveaxis(np.broadcast_to(values, (3, *shape)), 0, -1)), alpha
+
+
+def _bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Colour (n, 3) uint8 at places x, y (n,) in pixels from the first one's middle, of the opaque ones around; and whether the
+    nearest one is opaque."""
+    height, width = alpha.shape
+    x0, y0 = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
+    total, weight = np.zeros((len(x), 3)), np.zeros(len(x))
+    for down in (0, 1):
+        for across in (0, 1):
+            row, column = np.clip(y0 + down, 0, height - 1), np.clip(x0 + across, 0, width - 1)
+            share = (1 - np.abs(x - x0 - across)) * (1 - np.abs(y - y0 - down)) * (alpha[row, column] > 127)
+            total += share[:, None] * rgb[row, column]
+            weight += share
+    nearest = alpha[np.clip(np.round(y).astype(int), 0, height - 1), np.clip(np.round(x).astype(int), 0, width - 1)]
+    known = (nearest > 127) & (weight > 0)
+    return np.round(total / np.maximum(weight, 1e-9)[:, None]).astype(np.uint8), known
+
+
+def _beside(raster: Any, path: Path, own: CRS, frame: CRS, places: np.ndarray) -> str:
+    """Why a raster that shows nothing of the block is refused."""
+    spans = []
+    for crs, (west, south, east, north) in (
+        (own, (*np.minimum(raster.bounds[:2], raster.bounds[2:]), *np.maximum(raster.bounds[:2], raster.bounds[2:]))),
+        (frame, (*places.min(axis=0), *places.max(axis=0))),
+    ):
+        box = to_lonlat(crs.to_wkt(), (float(west), float(south), float(east), float(north)))
+        spans.append("[" + ", ".join(f"{value:.4f}" for value in box) + "]")
+    return (
+        f"{path} shows none of the buildings: it spans {spans[0]} degrees and they {spans[1]}; check imagery.aerial.crs"
+    )

@@ -1,0 +1,116 @@
+"""Folders of pictures that a block file names: exemplar facades, photos of single facades, panoramas."""
+
+from __future__ import annotations
+
+import mmap
+from pathlib import Path
+
+from catalogs.broken import one_line
+from catalogs.features import Fault
+from catalogs.readers.pictures.opening import LEAST_SIDE, REMEDY, opened
+from facade_core.errors import InputError
+
+SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
+_START_OF_SCAN = 0xDA
+_END_OF_IMAGE = b"\xff\xd9"
+
+
+def image_files(folder: Path, kind: str) -> tuple[tuple[Path, ...], tuple[Fault, ...]]:
+    """The pictures of a folder by name, and a fault of `kind` by file name for each that cannot be used: cannot be opened, is
+    cut off, too large or too small.
+
+    Raises InputError where no picture is left.
+    """
+    found = _pictures(folder)
+    damage = {path: _unnamed(path) or _absent(path) or _damage(path, LEAST_SIDE) for path in found}
+    usable = tuple(path for path, problem in damage.items() if problem is None)
+    if not usable:
+        raise InputError(f"{folder} holds no picture that can be used: {damage[found[0]]}")
+    return usable, tuple(
+        Fault(one_line(path.name), kind, problem) for path, problem in damage.items() if problem is not None
+    )
+
+
+def whole_picture(path: Path) -> None:
+    """Raise InputError where a picture cannot be opened or is cut off."""
+    if problem := _damage(path, 1):
+        raise InputError(f"{path.parent}: {problem}")
+
+
+def photos_by_facade(folder: Path) -> tuple[dict[str, Path], tuple[Fault, ...]]:
+    """Facade id -> photo; the id is the file's name without suffix. And a fault for each name behind which there is no file.
+
+    A photo that is cut off is among the first: it is its facade that fails when it comes to it. Raises InputError where two
+    files name one facade, or there is no picture.
+    """
+    photos: dict[str, Path] = {}
+    faults = []
+    for path in _pictures(folder):
+        if problem := _unnamed(path):
+            raise InputError(f"{folder}: {problem}")
+        if path.stem in photos:
+            raise InputError(f"{photos[path.stem]} and {path.name} both name facade {path.stem}; remove one")
+        if problem := _absent(path):
+            faults.append(Fault(path.name, "photo", problem))
+        else:
+            photos[path.stem] = path
+    return photos, tuple(faults)
+
+
+def _pictures(folder: Path) -> list[Path]:
+    if not folder.is_dir():
+        raise InputError(f"{folder} is not a folder; give the folder that holds the pictures")
+    found = sorted((p for p in folder.iterdir() if _is_image(p)), key=lambda p: p.name)
+    if not found:
+        inside = sorted(p for p in folder.iterdir() if p.is_dir() and any(_is_image(q) for q in p.iterdir()))
+        remedy = f"did you mean {inside[0]}?" if inside else f"put {', '.join(SUFFIXES[:4])} files there"
+        raise InputError(f"{folder} holds no pictures; {remedy}")
+    return found
+
+
+def _unnamed(path: Path) -> str | None:
+    """Why a picture cannot be named in a report or a catalogue; None where it can."""
+    name = one_line(path.name)
+    return None if name == path.name else f"{name}: its name holds what is no letter, such as a line break; rename it"
+
+
+def _absent(path: Path) -> str | None:
+    """Why a name leads to no file, such as a link into a folder that is not mounted; None where it does."""
+    if path.is_file():
+        return None
+    return f"{path.name} leads to no file; mend what it links to, or remove it"
+
+
+def _is_image(path: Path) -> bool:
+    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and not path.is_dir()
+
+
+def _damage(path: Path, least: int) -> str | None:
+    """What keeps a picture from being used, told without decoding it: that would take longer than the rest of reading."""
+    try:
+        with opened(path) as image:
+            layout, (width, height) = image.format, image.size
+        with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as content:
+            whole = {"JPEG": _whole_jpeg, "MPO": _whole_jpeg, "PNG": _whole_png}.get(str(layout), bool)(content)
+    except InputError as error:
+        return str(error)
+    if min(width, height) < least:
+        return f"{path.name} is {width} x {height} pixels, and {least} a side are the least; give a larger picture"
+    return None if whole else f"{path.name} is cut off; {REMEDY}"
+
+
+def _whole_png(content: mmap.mmap) -> bool:
+    return content.find(b"IEND", max(0, len(content) - 4096)) >= 0
+
+
+def _whole_jpeg(content: mmap.mmap) -> bool:
+    """Whether an end marker follows the first scan; the segments before it may hold a thumbnail with one of its own."""
+    position = 2
+    while position + 4 <= len(content) and content[position] == 0xFF:
+        if content[position + 1] == _START_OF_SCAN:
+            return content.find(_END_OF_IMAGE, position) >= 0
+        if content[position + 1] == 0xFF:  # fill byte
+            position += 1
+        else:
+            position += 2 + int.from_bytes(content[position + 2 : position + 4], "big")
+    return False

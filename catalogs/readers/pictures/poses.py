@@ -1,0 +1,293 @@
+"""Files that say where pictures were taken: a poses file of our own, or what capture and reconstruction tools write."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from collections.abc import Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from itertools import chain
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.broken import is_machines, one_line, said
+from catalogs.frames import known_frame, points_east_and_north
+from catalogs.visible import shown
+from facade_core.errors import InputError
+
+LONLAT = "EPSG:4326"
+# Bytes of a file: read, a small one of lists in lists takes twenty times its size.
+LARGEST = 40_000_000
+# Metres of a place in a frame and above the sea, and degrees of a heading (cameras count on after a turn) and of the others.
+MOST = {"x": 1e8, "y": 1e8, "z": 1e4, "heading": 3600.0, "pitch": 360.0, "roll": 360.0}
+_NAMES = {
+    "file": ("file", "filename", "image", "picture", "name", "id"),
+    "x": ("x", "easting"),
+    "y": ("y", "northing"),
+    "z": ("z",),
+    "lon": ("lon", "lng", "longitude"),
+    "lat": ("lat", "latitude"),
+    "heading": ("heading", "heading_deg", "computed_compass_angle", "compass_angle", "view:azimuth", "azimuth"),
+    "pitch": ("pitch", "pers:pitch"),
+    "roll": ("roll", "pers:roll"),
+}
+_FORMATS = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": {"FILE": {"x", "y", "heading"}}}'
+
+
+@dataclass(frozen=True, slots=True)
+class SourcePose:
+    """A pose in its source's frame: crs None is the block's own; heading None where only the place is known.
+
+    heading is clockwise from true north where crs is geographic, else from that frame's grid north; angles in degrees, z in
+    metres or None.
+    """
+
+    crs: str | None
+    x: float
+    y: float
+    z: float | None = None
+    heading: float | None = None
+    pitch: float = 0.0
+    roll: float = 0.0
+
+
+def read_poses(path: Path) -> dict[str, SourcePose | str]:
+    """Poses by the name of the picture (with or without suffix); in place of a pose that cannot be used, what is wrong with it.
+
+    Understood are
+    - CSV with a header: file, x, y or lon, lat; heading; optional z, pitch, roll. Separated by comma, semicolon or tab.
+    - JSON {"crs": "EPSG:...", "poses": {"file or stem": {x, y or lon, lat; heading; optional z, pitch, roll}}}. Without crs,
+      x and y are in the block's frame; lon and lat are WGS 84.
+    - JSON {"crs": ..., "camera_positions": {"stem": [x, y, z]}}: pictures whose centre looks to grid north.
+    - a JSON list of {file, lat, lon, heading_deg, exif_gps: {GPSLatitude, GPSLatitudeRef, ..., GPSImgDirection}}, where the
+      GPS tags stand in for what is null.
+    - GeoJSON points, or Mapillary's image records (computed_geometry, computed_compass_angle, computed_rotation).
+    - OpenSfM's reconstruction.json: equirectangular shots with reference_lla.
+
+    x is east or longitude, y north or latitude. Raises InputError for a file that is none of these.
+    """
+    try:
+        if path.stat().st_size > LARGEST:
+            raise InputError(
+                f"{path} has more than {LARGEST // 1_000_000} MB; keep the poses alone, without points and tracks"
+            )
+        text = path.read_text(encoding="utf-8-sig")
+    except OSError as error:
+        raise InputError(
+            f"{path} cannot be read ({error.strerror}); give the file with the panoramas' poses"
+        ) from error
+    except UnicodeDecodeError as error:
+        raise InputError(f"{path} is not UTF-8 text; give {_FORMATS}") from error
+    try:
+        if text.lstrip().startswith(("{", "[")):
+            crs, records = _json_records(json.loads(text, object_pairs_hook=_without_twins))
+        else:
+            crs, records = None, list(_csv_records(text))
+    except Exception as error:  # what a file can hold in a place, libraries meet with errors of every kind
+        if is_machines(error):
+            raise
+        raise InputError(f"{path} is not a poses file ({said(error)}); give {_FORMATS}") from error
+    crs = _frame_of(path, crs)
+    poses: dict[str, SourcePose | str] = {}
+    for name, record in records:
+        if name in poses:
+            poses[name] = f"{path.name} gives {name} twice; remove one"
+            continue
+        try:
+            if isinstance(record, Exception):
+                raise record
+            poses[name] = _pose(record, crs)
+        except (ValueError, TypeError, AttributeError, KeyError, IndexError, ArithmeticError) as error:
+            problem = f"{error}" if type(error) is ValueError else f"no pose ({type(error).__name__}: {error})"
+            poses[name] = f"{path.name}: {one_line(name[:80])}: {one_line(problem)[:160]}; mend that entry"
+    if not poses:
+        raise InputError(f"{path} holds no poses; give {_FORMATS}")
+    return poses
+
+
+def dms_degrees(value: Any, reference: Any) -> float:
+    """Degrees of an EXIF coordinate: a number, or degrees, minutes and seconds; negative for the references S and W."""
+    parts = value if isinstance(value, list | tuple) else [value]
+    total = sum(float(part) / 60**power for power, part in enumerate(parts))
+    letter = (reference.decode("ascii", "ignore") if isinstance(reference, bytes) else str(reference or "")).strip(
+        "\0 "
+    )
+    return -total if letter.upper()[:1] in ("S", "W") else total
+
+
+def _csv_records(text: str) -> Iterator[tuple[str, Any]]:
+    header = text.split("\n", 1)[0]
+    separator = max(",;\t", key=header.count)
+    for row in csv.DictReader(text.splitlines(), delimiter=separator):
+        record = {(key or "").strip().lower(): (value or "").strip() for key, value in row.items() if key}
+        if any(record.values()):
+            yield _name(record), record
+
+
+def _json_records(content: Any) -> tuple[str | None, list[tuple[str, Any]]]:
+    if isinstance(content, dict) and "camera_positions" in content:
+        positions = content["camera_positions"].items()
+        return content.get("crs"), [
+            (name, {**dict(zip("xyz", p, strict=False)), "heading": 0.0}) for name, p in positions
+        ]
+    if isinstance(content, dict) and "poses" in content:
+        poses = content["poses"]
+        named = poses.items() if isinstance(poses, dict) else ((_name(record), record) for record in poses)
+        return content.get("crs"), list(named)
+    if isinstance(content, dict):
+        lists = [content[key] for key in ("data", "features") if isinstance(content.get(key), list)]
+        content = lists[0] if lists else [content]
+    if content and all("shots" in part for part in content):
+        return None, list(chain.from_iterable(map(_shots, content)))
+    return None, [(_name(record), record) for record in map(_flat, content)]
+
+
+def _name(record: Mapping[str, Any]) -> str:
+    name = _first(record, "file")
+    if name is None:
+        raise ValueError("an entry does not name its picture")
+    return Path(str(name)).name
+
+
+def _first(record: Mapping[str, Any], key: str) -> Any:
+    return next((record[name] for name in _NAMES[key] if record.get(name) not in (None, "")), None)
+
+
+def _flat(record: dict[str, Any]) -> dict[str, Any]:
+    """A GeoJSON feature or Mapillary record with its coordinates and properties as plain fields."""
+    flat = {**record, **(record.get("properties") or {})}
+    place = flat.get("computed_geometry") or flat.get("geometry")
+    if place:
+        flat |= dict(zip(("lon", "lat"), place["coordinates"], strict=False))
+    if flat.get("computed_rotation"):
+        flat |= dict(zip(("heading", "pitch", "roll"), _angles(_rotation(flat["computed_rotation"])), strict=True))
+    return flat
+
+
+def _pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
+    """A record as a pose; ValueError saying what is missing or not a number."""
+    value = {key: _number(_first(record, key), key) for key in _NAMES if key != "file"}
+    x, y, heading = value["x"], value["y"], value["heading"]
+    lon, lat = value["lon"], value["lat"]
+    gps = record.get("exif_gps") or {}
+    if (lon is None or lat is None) and "GPSLongitude" in gps and "GPSLatitude" in gps:
+        lon = dms_degrees(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
+        lat = dms_degrees(gps["GPSLatitude"], gps.get("GPSLatitudeRef"))
+    tagged = _number(gps.get("GPSImgDirection"), "GPSImgDirection")
+    # the list's own heading is the tag rounded to whole degrees
+    if tagged is not None and (heading is None or abs(tagged - heading) <= 0.5):
+        heading = tagged
+    if lon is not None and lat is not None:
+        x, y, crs = lon, lat, LONLAT
+    if x is None or y is None:
+        raise ValueError("neither x and y nor lon and lat are given")
+    return SourcePose(crs, x, y, value["z"], heading, value["pitch"] or 0.0, value["roll"] or 0.0)
+
+
+def _number(value: Any, key: str) -> float | None:
+    if value is None:
+        return None
+    try:
+        number = math.nan if isinstance(value, bool) else float(value)
+    except (ValueError, TypeError, ArithmeticError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ValueError(f"{key} is {shown(value)}, not a finite number")
+    return number
+
+
+def implausible(pose: SourcePose) -> str | None:
+    """What of a pose no camera can have; None where all of it may be."""
+    for key, most in MOST.items():
+        value = getattr(pose, key)
+        if value is not None and not abs(value) <= most:
+            return f"{key} is {value:g}, and at most {most:g} either way can be"
+    return None
+
+
+def _shots(reconstruction: Mapping[str, Any]) -> Iterable[tuple[str, Any]]:
+    """Equirectangular shots of an OpenSfM reconstruction, whose world is east, north, up around reference_lla."""
+    from pyproj import Transformer
+
+    reference = reconstruction["reference_lla"]
+    found = [_number(reference.get(key), key) for key in ("longitude", "latitude")]
+    if None in found:
+        raise ValueError("its reference_lla states no longitude or no latitude")
+    place = [value or 0.0 for value in (*found, _number(reference.get("altitude"), "altitude"))]
+    if not (abs(place[0]) <= 360.0 and abs(place[1]) <= 90.0 and abs(place[2]) <= MOST["z"]):
+        raise ValueError(f"its reference_lla {shown(place)} is no place on earth")
+    to_lonlat = Transformer.from_pipeline(
+        "+proj=pipeline +step +inv +proj=topocentric +ellps=WGS84"
+        f" +lon_0={place[0]} +lat_0={place[1]} +h_0={place[2]}"
+        " +step +inv +proj=cart +ellps=WGS84 +step +proj=unitconvert +xy_in=rad +xy_out=deg"
+    )
+    for name, shot in reconstruction["shots"].items():
+        try:
+            camera = reconstruction["cameras"][shot["camera"]]
+            if camera.get("projection_type") not in ("equirectangular", "spherical"):
+                continue
+            rotation = _rotation(shot["rotation"])
+            centre = -rotation.T @ _three(shot["translation"])
+            lon, lat, _ = to_lonlat.transform(*centre)
+            heading, pitch, roll = _angles(rotation)
+        except (ValueError, TypeError, KeyError, AttributeError, ArithmeticError) as error:
+            yield Path(name).name, error
+        else:
+            # heights are left out: they are above the GPS's datum, not the block's
+            yield Path(name).name, dict(lon=lon, lat=lat, heading=heading, pitch=pitch, roll=roll)
+
+
+def _three(values: Iterable[float]) -> np.ndarray:
+    found = np.array([_number(value, "a rotation or translation") for value in values], np.float64)
+    if found.shape != (3,) or not (np.abs(found) <= MOST["x"]).all():
+        raise ValueError(f"{shown(found.tolist())} is no rotation or translation; three numbers are")
+    return found
+
+
+def _rotation(axis_angle: Iterable[float]) -> np.ndarray:
+    """The rotation (3, 3), camera_from_world, of an axis-angle vector in radians."""
+    import cv2
+
+    return cv2.Rodrigues(_three(axis_angle).reshape(3, 1))[0]
+
+
+def _angles(camera_from_world: np.ndarray) -> tuple[float, float, float]:
+    """Heading, pitch and roll in degrees of a camera with x right, y down, z forward in a world of east, north, up."""
+    right, _, forward = camera_from_world
+    heading = math.atan2(forward[0], forward[1])
+    pitch = math.asin(min(max(forward[2], -1.0), 1.0))
+    level = np.array([math.cos(heading), -math.sin(heading), 0.0])
+    roll = math.atan2(-right @ np.cross(level, forward), right @ level)
+    return math.degrees(heading) % 360.0, math.degrees(pitch), math.degrees(roll)
+
+
+def _frame_of(path: Path, crs: Any) -> str | None:
+    """The frame that a file names, as text; InputError where none of the Earth is of that name."""
+    if crs is None:
+        return None
+    text = str(crs) if isinstance(crs, int) and not isinstance(crs, bool) else crs
+    if not isinstance(text, str):
+        raise InputError(f"{path}: crs is {shown(crs)}, which is no name of a frame; give e.g. EPSG:4326")
+    name = f"EPSG:{text}" if text.isdigit() else text
+    try:
+        found = known_frame(name)
+    except InputError as error:
+        raise InputError(f"{path}: crs {error}") from error
+    if not points_east_and_north(found):
+        raise InputError(
+            f"{path}: crs {name} ({found.name}) has axes other than east and north; give one that has these"
+        )
+    return name
+
+
+def _without_twins(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """JSON lets the last of two equal names win in silence."""
+    found = dict(pairs)
+    if len(found) < len(pairs):
+        names = [name for name, _ in pairs]
+        twin = next(name for name in names if names.count(name) > 1)
+        raise ValueError(f"{shown(twin)} is given twice; remove one")
+    return found

@@ -1,0 +1,1 @@
+"""Vector files and OpenStreetMap extracts: footprints and centrelines with their tags."""

@@ -1,0 +1,117 @@
+"""Footprints and centrelines out of vector files: GeoPackage, GeoJSON, GeoParquet, Shapefile, FlatGeobuf."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from catalogs.broken import reason_of
+from catalogs.features import Centrelines, Fault, Footprints, Remark
+from catalogs.readers.faces import FARTHEST
+from catalogs.readers.vectors.centrelines import centrelines_of, place_of
+from catalogs.readers.vectors.layers import Features, read_features
+from catalogs.readers.vectors.osm import footprint_of, is_street, listed
+
+_BUILDINGS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
+_STREETS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
+
+
+def read_footprints(path: Path, lod: str | None = None) -> Footprints:
+    """Building outlines with the height, storeys, name and roof that the columns state, whatever they are called.
+
+    A height is one to the ridge, as in OpenStreetMap: where a roof is stated it is taken off. Parts of the outline keep
+    their z only as the height of the ground, where the whole layer is 3D. Where a column `building` is OpenStreetMap's, only
+    what it marks is read. The frame is None where the file states none, or degrees that its coordinates cannot be.
+    `lod` is not looked at. Raises InputError where the file cannot be read or holds no outlines.
+    """
+    found = read_features(path, "outlines", _BUILDINGS)
+    remarks = _remarks(found)
+    faults = []
+    items = []
+    degrees = found.crs == "EPSG:4326"
+    bases = _bases(found.geometries)
+    from_osm = any(tags.get("building") == "yes" for tags in found.tags)
+    for id, geometry, tags, base in zip(found.ids, found.geometries, found.tags, bases, strict=True):
+        if geometry is None or geometry.is_empty:
+            faults.append(Fault(id, "building", f"footprint {id} has no geometry, or a broken one; draw or remove it"))
+            continue
+        if tags.get("building") == "no" or (from_osm and "building" not in tags):
+            remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
+            continue
+        if not (np.abs(shapely.get_coordinates(geometry)) < FARTHEST).all():
+            reason = (
+                f"footprint {id} has a coordinate that is no finite number, or absurdly far away; mend or remove it"
+            )
+            faults.append(Fault(id, "building", reason, place_of(geometry)))
+            continue
+        try:
+            footprint = footprint_of(id, _outline(geometry), tags, remarks, degrees=degrees)
+        except Exception as error:  # what GEOS or a tag makes of it is no other footprint's fault
+            faults.append(Fault(id, "building", f"footprint {id}: {reason_of(error)}", place_of(geometry)))
+            continue
+        if footprint is not None:
+            ground = tags.get("ground")
+            items.append(replace(footprint, base=float(ground) if ground else base))
+    return Footprints(found.crs, tuple(items), tuple(remarks), tuple(faults))
+
+
+def read_centrelines(path: Path) -> Centrelines:
+    """Street centrelines. Where a column states OpenStreetMap's `highway`, only streets that
+    catalogs.readers.vectors.osm reads: no footways, no service roads, no tunnels; of OpenDRIVE's roads only those outside junctions.
+
+    Raises InputError where the file cannot be read or holds no lines.
+    """
+    found = read_features(path, "lines", _STREETS)
+    opendrive = any(tags.get("junction") == "-1" for tags in found.tags)
+    from_osm = any("highway" in tags for tags in found.tags)
+
+    def streets() -> Iterator[tuple[str, Any, str | None]]:
+        for id, geometry, tags in zip(found.ids, found.geometries, found.tags, strict=True):
+            if opendrive and tags.get("junction") != "-1":
+                continue
+            drawn = geometry is not None and not geometry.is_empty
+            if from_osm and ("highway" not in tags or (drawn and not is_street(geometry, tags))):
+                continue
+            yield id, geometry, listed(tags["name"])[0] if "name" in tags else None
+
+    return centrelines_of(found.crs, streets())
+
+
+def _remarks(found: Features) -> list[Remark]:
+    if not found.others:
+        return []
+    return [Remark(f"{found.layer}, not {', '.join(found.others)}", "layers read of files that have several", None)]
+
+
+def _bases(geometries: Any) -> list[float | None]:
+    """The lowest z of each geometry, where all have one; a layer whose z are all zero states nothing."""
+    drawn = [geometry for geometry in geometries if geometry is not None and not geometry.is_empty]
+    if not drawn or not shapely.has_z(drawn).all():
+        return [None] * len(geometries)
+    lowest = [_lowest(geometry) for geometry in geometries]
+    return lowest if any(lowest) else [None] * len(geometries)
+
+
+def _lowest(geometry: Any) -> float | None:
+    heights = shapely.get_coordinates(geometry, include_z=True)[:, 2]
+    heights = heights[np.isfinite(heights)]
+    return float(heights.min()) if len(heights) else None
+
+
+def _outline(geometry: Any) -> Any:
+    """A geometry in plan. Of a collection the polygons; a solid's faces, drawn as one MultiPolygon, become what they cover."""
+    flat = shapely.force_2d(geometry)
+    if geometry.geom_type == "GeometryCollection":
+        polygons = [part for part in shapely.get_parts(flat) if "Polygon" in part.geom_type]
+        return shapely.multipolygons(shapely.get_parts(polygons)) if polygons else flat
+    if geometry.geom_type == "MultiPolygon" and shapely.has_z(geometry):
+        parts = shapely.get_parts(flat)
+        upright = parts[shapely.area(parts) > 0]
+        if len(upright) < len(parts):
+            return shapely.union_all(shapely.make_valid(upright))
+    return flat

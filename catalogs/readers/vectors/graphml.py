@@ -1,0 +1,100 @@
+"""Street centrelines out of GraphML as OSMnx writes it."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import shapely
+from shapely import LineString
+
+from catalogs.broken import is_machines
+from catalogs.features import Centrelines, Fault
+from catalogs.readers.vectors.centrelines import centrelines_of
+from catalogs.readers.vectors.osm import is_street, listed
+from facade_core.errors import InputError
+
+
+def read_graphml(path: Path) -> Centrelines:
+    """Every edge of a street graph as a centreline, both directions of a street once; an edge without a geometry is a
+    straight line between its nodes. Where edges state `highway`, only the streets that catalogs.readers.vectors.osm reads.
+
+    Raises InputError where the file is no GraphML of a graph.
+    """
+    graph = _graph(path)
+    places = {node: place for node, attributes in graph.nodes(data=True) if (place := _place(attributes)) is not None}
+    edges = [(start, end, _texts(attributes)) for start, end, attributes in graph.edges(data=True)]
+    from_osm = any("highway" in tags for _, _, tags in edges)
+    nowhere: dict[str, None] = {}
+
+    def streets() -> Iterator[tuple[str, Any, str | None]]:
+        for start, end, tags in edges:
+            line = None
+            if "geometry" in tags:
+                line = shapely.from_wkt(tags["geometry"], on_invalid="ignore")
+            elif start in places and end in places:
+                line = LineString([places[start], places[end]])
+            if from_osm and ("highway" not in tags or not is_street(line or LineString(), tags)):
+                continue
+            if "geometry" not in tags and line is None:
+                nowhere.update(dict.fromkeys(node for node in (start, end) if node not in places))
+                continue
+            osmid = listed(tags.get("osmid", ""))[0]
+            name = listed(tags["name"])[0] if "name" in tags else None
+            yield f"w{osmid}" if osmid.isdigit() else f"{start}-{end}", line, name
+
+    found = centrelines_of(_frame(path, graph.graph.get("crs")), streets())
+    reason = "node {} of the street graph has no x and y; give it both, or remove its edges"
+    return replace(found, faults=(*found.faults, *(Fault(node, "street", reason.format(node)) for node in nowhere)))
+
+
+def _graph(path: Path) -> Any:
+    import networkx
+    from defusedxml import DefusedXmlException, ElementTree
+
+    try:
+        ElementTree.parse(str(path), forbid_dtd=True)  # networkx's own parser expands entities
+        return networkx.read_graphml(path)
+    except DefusedXmlException as error:
+        raise InputError(
+            f"{path} declares XML entities or a document type; write it with osmnx.save_graphml"
+        ) from error
+    except Exception as error:  # networkx lets the errors of its conversions through
+        if is_machines(error):
+            raise
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(f"{path} cannot be read as GraphML ({reason}); write it with osmnx.save_graphml") from error
+
+
+def _texts(attributes: dict[str, Any]) -> dict[str, str]:
+    texts = {key: str(value).strip() for key, value in attributes.items()}
+    return {key: text for key, text in texts.items() if text and text.lower() not in ("nan", "none")}
+
+
+def _place(attributes: dict[str, Any]) -> tuple[float, float] | None:
+    try:
+        x, y = float(attributes["x"]), float(attributes["y"])
+    except (KeyError, TypeError, ValueError):
+        return None
+    return (x, y) if math.isfinite(x) and math.isfinite(y) else None
+
+
+def _frame(path: Path, stated: Any) -> str | None:
+    """EPSG:n or WKT of the graph's attribute `crs`, which old versions write as {'init': 'epsg:n'}."""
+    from pyproj import CRS
+    from pyproj.exceptions import CRSError
+
+    if stated is None or str(stated).strip() in ("", "None"):
+        return None
+    text = str(stated).strip()
+    if match := re.search(r"init\W+(epsg:\d+)", text, re.IGNORECASE):
+        text = match[1]
+    try:
+        authority = CRS.from_user_input(text).to_authority()
+    except CRSError as error:
+        raise InputError(f"{path} states the frame {text[:60]!r}, which is not known; write EPSG:n") from error
+    return ":".join(authority) if authority else text

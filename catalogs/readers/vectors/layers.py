@@ -1,0 +1,172 @@
+"""Vector files opened: the layer that is meant, its frame, and of its columns the known ones."""
+
+from __future__ import annotations
+
+import json
+import warnings
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from catalogs.broken import is_machines
+from catalogs.readers.limits import MOST_FEATURES
+from catalogs.readers.vectors.columns import columns_of, identifiers, tags_of
+from catalogs.readers.vectors.shapefile_tables import check_table
+from catalogs.readers.vectors.tables import check_tables
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    from geopandas import GeoDataFrame
+
+_LONLAT = "EPSG:4326"
+# GeoParquet may unpack to the first, a larger file to so many times its size. It is looked at by so many rows.
+_UNPACKED, _PACKED, _ROWS = 64 * 2**20, 50, 500
+_PARQUET = (".parquet", ".geoparquet")
+# What a file of each kind begins with: GDAL goes by the content, and some of its formats fetch other files and addresses.
+_BEGINS = {
+    ".gpkg": (b"SQLite format 3",),
+    ".fgb": (b"fgb",),
+    ".shp": (b"\x00\x00\x27\x0a",),
+    ".geojson": (b"{", b"\x1e"),
+    ".json": (b"{", b"\x1e"),
+    ".parquet": (b"PAR1",),
+    ".geoparquet": (b"PAR1",),
+}
+_DRIVERS = ("GPKG", "FlatGeobuf", "ESRI Shapefile", "GeoJSON", "GeoJSONSeq", "ESRIJSON", "TopoJSON", "JSONFG")
+_KINDS = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "MultiCurve", "CompoundCurve")}
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """A layer's features row by row: ids, geometries and tags; others: the layers of the file that were left alone."""
+
+    crs: str | None
+    ids: Sequence[str]
+    geometries: Sequence[Any]
+    tags: Sequence[dict[str, str]]
+    layer: str
+    others: Sequence[str]
+
+
+def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
+    """The features of one kind, "outlines" or "lines", of a vector file.
+
+    Of several layers the one of that kind is taken, with one of the `words` in its name if possible. The frame is None where
+    the file states none, or degrees that its coordinates cannot be. Raises InputError where the file cannot be read, or
+    where it holds nothing of that kind.
+    """
+    _check_start(path)
+    if path.suffix.lower() == ".gpkg":
+        check_tables(path)
+    elif path.suffix.lower() == ".shp":
+        check_table(path)
+    try:
+        if path.suffix.lower() in _PARQUET:
+            layer, others = path.stem, list[str]()
+            frame, columns = _read_parquet(path)
+        else:
+            layer, others = _layer(path, kind, words)
+            frame, columns = _read_layer(path, layer)
+    except InputError:
+        raise
+    except Exception as error:  # GDAL, Arrow and GEOS each have errors of their own
+        if is_machines(error):
+            raise
+        reason = " ".join(str(error).split())[:160]
+        raise InputError(f"{path} cannot be read ({reason}); export it again, e.g. as GeoPackage") from error
+    geometries = frame.geometry.to_numpy()
+    types = {geometry.geom_type for geometry in geometries if geometry is not None} - {"GeometryCollection"}
+    if types and not any(known in found for found in types for known in _KINDS[kind]):
+        raise InputError(f"{path} holds no {kind} but {', '.join(sorted(types))}; give a file with {kind}")
+    records = frame.drop(columns=frame.geometry.name).to_dict("records")
+    crs = _frame_name(frame.crs)
+    if crs == _LONLAT and not _are_degrees(geometries):
+        crs = None
+    return Features(crs, identifiers(records, columns), geometries, tags_of(records, columns), layer, others)
+
+
+def _check_start(path: Path) -> None:
+    try:
+        with path.open("rb") as file:
+            start = file.read(64).removeprefix(b"\xef\xbb\xbf").lstrip(b" \t\r\n")
+    except OSError as error:
+        raise InputError(f"{path} cannot be opened ({error.strerror}); check the path") from error
+    if not start.startswith(_BEGINS[path.suffix.lower()]):
+        raise InputError(f"{path} is no {path.suffix} file by its content; export it again, e.g. as GeoPackage")
+
+
+def _layer(path: Path, kind: str, words: Sequence[str]) -> tuple[str, list[str]]:
+    import pyogrio
+
+    listed = {str(name): str(geometry) for name, geometry in pyogrio.list_layers(path) if geometry is not None}
+    fitting = [name for name, found in listed.items() if any(known in found for known in _KINDS[kind])]
+    fitting = fitting or [name for name, found in listed.items() if found in ("Unknown", "GeometryCollection")]
+    if not fitting:
+        others = ", ".join(f"{name} ({found})" for name, found in listed.items()) or "no layer with geometry"
+        raise InputError(f"{path} holds no {kind} but {others}; give a file with {kind}")
+    chosen = min(fitting, key=lambda name: not any(word in name.lower() for word in words))
+    return chosen, [name for name in listed if name != chosen]
+
+
+def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
+    import pyogrio
+
+    info = pyogrio.read_info(path, layer=layer)
+    if (
+        info["driver"] not in _DRIVERS
+    ):  # GDAL goes by the content, and other formats of it read other files and addresses
+        raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
+    columns = columns_of(info["fields"], cut=path.suffix.lower() == ".shp")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", RuntimeWarning)  # on what is broken, which becomes a fault of its own
+        warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # which is read as the text that it is
+        frame = pyogrio.read_dataframe(path, layer=layer, columns=sorted(set(columns.values())), on_invalid="ignore")
+    return frame, columns
+
+
+def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
+    import geopandas
+    from pyarrow import parquet
+
+    file = parquet.ParquetFile(path)
+    if file.metadata.num_rows > MOST_FEATURES:
+        raise InputError(f"{path} holds {file.metadata.num_rows} rows; cut out the area that is meant")
+    schema = file.schema_arrow
+    geo = (schema.metadata or {}).get(b"geo")
+    if geo is None:
+        raise InputError(f"{path} is Parquet without GeoParquet's metadata; write it with geopandas or GDAL")
+    columns = columns_of(schema.names, cut=False)
+    wanted = {*columns.values(), json.loads(geo)["primary_column"]}
+    unpacked, most = 0, max(_UNPACKED, _PACKED * path.stat().st_size)
+    for batch in file.iter_batches(batch_size=_ROWS, columns=sorted(wanted.intersection(schema.names))):
+        # a dictionary's text is held once, until it is written out
+        unpacked += sum(
+            c.dictionary_decode().nbytes if hasattr(c, "dictionary_decode") else c.nbytes for c in batch.columns
+        )
+        if unpacked > most:
+            raise InputError(f"{path} unpacks to over {_PACKED} times its size; export it again")
+    return geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted]), columns
+
+
+def _frame_name(crs: Any) -> str | None:
+    """EPSG:n where the frame has a number, else WKT; only its horizontal part. None where it is not of this Earth."""
+    if crs is None:
+        return None
+    if crs.is_compound:
+        crs = crs.sub_crs_list[0]
+    if crs.is_engineering or crs.name.lower().startswith("undefined"):
+        return None
+    authority = crs.to_authority()
+    if authority in (("OGC", "CRS84"), ("OGC", "CRS84h"), ("EPSG", "4979")):
+        return _LONLAT
+    return ":".join(authority) if authority else crs.to_wkt()
+
+
+def _are_degrees(geometries: np.ndarray) -> bool:
+    bounds = shapely.bounds(geometries)
+    bounds = np.abs(bounds[np.isfinite(bounds).all(axis=1)])
+    return bool((bounds[:, [0, 2]] <= 360.0).all() and (bounds[:, [1, 3]] <= 90.0).all())

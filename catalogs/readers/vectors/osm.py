@@ -1,0 +1,187 @@
+"""Buildings and streets out of an OpenStreetMap .pbf extract, read with pyrosm.
+
+Tag meanings are those of the OSM wiki ("Simple 3D Buildings", "Key:highway").
+"""
+
+from __future__ import annotations
+
+import ast
+import json
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from catalogs.broken import is_machines, reason_of
+from catalogs.features import Centrelines, Fault, Footprint, Footprints, Remark
+from catalogs.readers.vectors.centrelines import centrelines_of, place_of
+from catalogs.readers.vectors.lengths import parse_length, parse_levels
+from catalogs.readers.vectors.roofs import roof_of, tagged_rise
+from facade_core.errors import InputError
+from facade_core.types import Roof
+
+# Streets that a camera can travel between facades. Service roads are driveways and parking aisles, mostly inside blocks.
+STREETS = frozenset(
+    [
+        "residential",
+        "unclassified",
+        "tertiary",
+        "secondary",
+        "primary",
+        "pedestrian",
+        "living_street",
+        "tertiary_link",
+        "secondary_link",
+        "primary_link",
+    ]
+)
+WITHOUT_WALLS = frozenset(("roof", "carport"))
+TALLEST = 1000.0  # m; what is tagged as higher is a slip
+LOWEST = 2.0  # m; walls
+_LONGEST_LIST = 10_000  # letters
+
+
+def read_footprints(path: Path, lod: str | None = None) -> Footprints:
+    """Every building outline of a .pbf, in lon/lat (EPSG:4326); outlines have no level of detail, `lod` is not looked at.
+
+    The height is the one to the eaves: `height` less that of the roof. Roofs without walls, buildings under ground and
+    those that start above it (bridges, overhangs) are set aside, since extruding them from the ground would put walls
+    where there are none. Raises InputError where the file is no readable .pbf.
+    """
+    remarks: list[Remark] = []
+    items = []
+    faults = []
+    for feature, geometry, tags in _features(path, lambda osm: osm.get_buildings()):
+        if tags.get("building") == "no":
+            continue
+        try:
+            footprint = footprint_of(feature, geometry, tags, remarks, degrees=True)
+        except Exception as error:  # what GEOS or a tag makes of it is no other building's fault
+            faults.append(Fault(feature, "building", reason_of(error), place_of(geometry)))
+            continue
+        if footprint is not None:
+            items.append(footprint)
+    return Footprints("EPSG:4326", tuple(items), tuple(remarks), tuple(faults))
+
+
+def footprint_of(
+    feature: str, geometry: Any, tags: Mapping[str, str], remarks: list[Remark], *, degrees: bool
+) -> Footprint | None:
+    """A building with its tags understood; None where it cannot be extruded. `remarks` takes what there is to say of it."""
+    if reason := _unusable(geometry, tags):
+        remarks.append(Remark(feature, f"{reason} set aside", geometry))
+        return None
+    height = parse_length(tags.get("height", ""))
+    if height is None or not LOWEST <= height <= TALLEST:
+        height = None
+        if "height" in tags:
+            remarks.append(Remark(f"{feature} ({tags['height']})", "heights not understood and ignored", geometry))
+    roof = roof_of(tags, geometry, degrees=degrees)
+    if height is not None:
+        height, roof = _eaves(height, roof, tags)
+    levels = parse_levels(tags.get("building:levels", ""))
+    return Footprint(feature, geometry, height, levels, tags.get("name"), roof=roof)
+
+
+def _eaves(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[float, Roof | None]:
+    """Height of the walls under a roof: `height` is tagged from the ground to the ridge.
+
+    A roof whose tagged height leaves no storey under it is not believed; one whose height is only assumed is made lower.
+    """
+    tagged = tagged_rise(tags)
+    rise = roof.height if roof else tagged or 0.0
+    if height - rise >= LOWEST:
+        return height - rise, roof
+    left = height - LOWEST
+    if roof and tagged is None and left > 0.5:
+        return LOWEST, replace(roof, height=round(left, 2))
+    return height, None
+
+
+def read_centrelines(path: Path) -> Centrelines:
+    """Every street centreline of a .pbf that a camera can travel above ground, in lon/lat (EPSG:4326).
+
+    Raises InputError where the file is no readable .pbf.
+    """
+
+    def streets() -> Iterator[tuple[str, Any, str | None]]:
+        for feature, geometry, tags in _features(path, lambda osm: osm.get_network("all")):
+            for line in getattr(geometry, "geoms", [geometry]):
+                if line is not None and not line.is_empty and is_street(line, tags):
+                    yield feature, line, tags.get("name")
+
+    return centrelines_of("EPSG:4326", streets())
+
+
+def is_street(line: Any, tags: Mapping[str, str]) -> bool:
+    """Whether a way with a `highway` tag is one that a camera can travel above ground between facades."""
+    above = tags.get("tunnel") not in ("yes", "T") and _number(tags, "layer") >= 0
+    # a closed pedestrian way is the outline of a square, with or without area=yes
+    square = line.is_ring and ("pedestrian" in tags["highway"] or tags.get("area") == "yes")
+    return above and not square and not STREETS.isdisjoint(listed(tags["highway"]))
+
+
+def listed(text: str) -> list[str]:
+    """The values of an attribute of a merged street, which OSMnx writes as "['a', 'b']"; of a plain one the value itself."""
+    if text.startswith("[") and len(text) < _LONGEST_LIST:
+        try:
+            return [str(value) for value in ast.literal_eval(text)] or [""]
+        except (ValueError, SyntaxError, TypeError, MemoryError, RecursionError):  # MemoryError: too deeply nested
+            pass
+    return [text]
+
+
+def _features(path: Path, layer: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
+    """(id, geometry, tags) of each feature: way/12 -> w12, relation/12 -> r12."""
+    with path.open("rb") as file:
+        if b"OSMHeader" not in file.read(64):
+            raise InputError(f"{path} is not an OSM .pbf file; export the area again as .osm.pbf")
+    from pyrosm import OSM
+
+    try:
+        frame = layer(OSM(str(path)))
+    except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
+        if is_machines(error):
+            raise
+        reason = " ".join(str(error).split())[:120]
+        raise InputError(f"{path} cannot be read as OSM .pbf ({reason}); download it again") from error
+    if frame is None:
+        return
+    for record in frame.drop(columns="geometry").assign(geometry=list(frame.geometry)).to_dict("records"):
+        geometry = record.pop("geometry")
+        yield f"{str(record['osm_type'])[0]}{record['id']}", geometry, _tags(record)
+
+
+def _tags(record: dict[str, Any]) -> dict[str, str]:
+    """All tags of a feature; pyrosm keeps the common ones as columns and the others as JSON in `tags`."""
+    rest = record.pop("tags", None)
+    if isinstance(rest, str):
+        rest = json.loads(rest)
+    tags = {key: str(value) for key, value in rest.items()} if isinstance(rest, dict) else {}
+    return tags | {key: value for key, value in record.items() if isinstance(value, str)}
+
+
+def _unusable(geometry: Any, tags: Mapping[str, str]) -> str | None:
+    """Why a building cannot be extruded from the ground; None where it can."""
+    if geometry is None or geometry.is_empty:
+        return "buildings with an empty geometry"
+    if geometry.geom_type not in ("Polygon", "MultiPolygon"):
+        return "buildings that are no closed outlines"
+    if tags.get("building") in WITHOUT_WALLS:
+        return "roofs without walls"
+    if _number(tags, "layer") < 0 or tags.get("location") == "underground":
+        return "buildings under ground"
+    if _metres(tags, "min_height") > 0 or _number(tags, "building:min_level") > 0:
+        return "buildings that start above the ground"
+    return None
+
+
+def _metres(tags: Mapping[str, str], key: str) -> float:
+    return parse_length(tags.get(key, "")) or 0.0
+
+
+def _number(tags: Mapping[str, str], key: str) -> float:
+    try:
+        return float(tags.get(key, "0"))
+    except ValueError:
+        return 0.0

@@ -1,0 +1,76 @@
+"""The STAC Collections of a published snapshot: facades, streets, blocks, runs and models."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import datetime
+from typing import TYPE_CHECKING, Any
+
+from catalogs.stac.facts import BlockFacts
+from catalogs.stac.items import FILE, LEVEL, PROCESSING, PROJECTION, VERSION, collection_id, plain, projection_of
+
+if TYPE_CHECKING:
+    from pystac import Collection, Item
+
+KINDS = ("facades", "streets", "blocks", "runs", "models")
+_DESCRIPTIONS = {
+    "facades": "Textured facades of the block {}",
+    "streets": "Streets of the block {}, along which it was textured",
+    "blocks": "The block {}: its textured model, table and report",
+    "runs": "The run that made this snapshot of the block {}",
+    "models": "Models that the block {} was made with",
+}
+_RANGES = {
+    "facades": ("height_m", "width_m", "floors", "windows", "window_to_wall", "occluded", "photo"),
+    "streets": ("length_m", "viewpoints", "wave", "texels", "coverage"),
+}
+_EARTH = [-180.0, -90.0, 180.0, 90.0]
+
+
+def collection_of(
+    kind: str, items: Sequence[Item], facts: BlockFacts, counted: str, times: Sequence[datetime]
+) -> Collection:
+    """The Collection of a kind with the extent and the ranges of its items, without links. counted: how many, in words."""
+    import pystac
+    from pyproj import CRS
+
+    # what is nowhere, such as a model, lies somewhere on Earth
+    boxes = [item.bbox for item in items if item.bbox]
+    box = [*map(min, zip(*(b[:2] for b in boxes), strict=True)), *map(max, zip(*(b[2:] for b in boxes), strict=True))]
+    interval: list[datetime | None] = [min(times), max(times)] if times else [None, None]
+    projection = projection_of(CRS.from_user_input(facts.crs))
+    collection = pystac.Collection(
+        collection_id(facts.name, kind),
+        f"{_DESCRIPTIONS[kind].format(facts.name)}: {counted}.",
+        pystac.Extent(pystac.SpatialExtent([box or _EARTH]), pystac.TemporalExtent([interval])),
+        title=f"{facts.name}: {kind}",
+        stac_extensions=[FILE, PROCESSING, PROJECTION, VERSION],
+        extra_fields={"version": facts.snapshot, "deprecated": False},
+        keywords=["facade", "texture", "3d city model"],
+        providers=[
+            pystac.Provider(
+                "Streetloom",
+                roles=[pystac.ProviderRole.PROCESSOR],
+                extra_fields={"processing:level": LEVEL, "processing:software": {"streetloom": facts.code_version}},
+            )
+        ],
+        summaries=pystac.Summaries(_summaries(kind, items) | {key: [value] for key, value in projection.items()}),
+    )
+    collection.clear_links()
+    return collection
+
+
+def _summaries(kind: str, items: Sequence[Item]) -> dict[str, Any]:
+    summaries: dict[str, Any] = {}
+    for key in _RANGES.get(kind, ()):
+        name = f"streetloom:{key}"
+        if known := [value for item in items if (value := plain(item.properties.get(name))) is not None]:
+            summaries[name] = {"minimum": min(known), "maximum": max(known)}
+    if states := {state for item in items if (state := item.properties.get("streetloom:status"))}:
+        summaries["streetloom:status"] = sorted(states)
+    return summaries
+
+
+def counted(counts: Mapping[str, int]) -> str:
+    """Counts in words, such as "5 done, 1 failed"; nothing where there is nothing."""
+    return ", ".join(f"{count} {name}" for name, count in counts.items())

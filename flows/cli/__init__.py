@@ -1,0 +1,1 @@
+"""The command line, and how it looks and ends in a terminal."""

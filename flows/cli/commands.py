@@ -1,0 +1,269 @@
+"""The command line. Heavy imports are inside the commands, so that --help answers at once."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any, cast
+
+import click
+
+from flows.cli.box import WithBox
+from flows.cli.doctor import doctor
+from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
+from flows.cli.prune import prune
+from flows.cli.results import catalog, export, query, view
+from flows.cli.say import note, say
+from flows.cli.training import bench, train
+
+
+class Commands(click.Group):
+    """Ends with one line on stderr and the code of what went wrong, whatever that is."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
+            raise  # click's own: how it ends a command
+        except Exception as error:
+            from flows.cli.endings import ending
+
+            code, line = ending(error)
+            note(line)
+            ctx.exit(code)
+
+
+@click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
+@click.version_option(package_name="streetloom")
+def main() -> None:
+    """Turns an untextured city block into a textured, searchable one.
+
+    \b
+    Examples:
+      streetloom demo                          the embedded block of central Helsinki
+      streetloom new-block mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168
+      streetloom run block.yaml --out out/mine
+      streetloom query out/mine --where "floors >= 5"
+      streetloom view out/mine
+      streetloom export out/mine --format 3dtiles
+    """
+
+
+def _compute_options(command: Any) -> Any:
+    for option in (
+        click.option("--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes."),
+        click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786."),
+        click.option("--json", "as_json", is_flag=True, help="Print one JSON object last."),
+    ):
+        command = option(command)
+    return command
+
+
+@main.command()
+@click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
+@click.option("--out", type=FOLDER, help="Where results go.  [default: out/NAME of the block file]")
+@click.option(
+    "--redo", metavar="STREET", help="Do a street again, by id or name, and the later ones that read its texels."
+)
+@click.option("--only", is_flag=True, help="With --redo: that street alone; the later ones are marked stale.")
+@click.option(
+    "--keep", type=click.IntRange(1), metavar="N", help="Prune afterwards: keep the N newest published snapshots."
+)
+@_compute_options
+def run(
+    block_file: Path,
+    out: Path | None,
+    redo: str | None,
+    only: bool,
+    keep: int | None,
+    workers: int,
+    dask: str | None,
+    as_json: bool,
+) -> None:
+    """Texture a block. What an earlier run finished is not done again.
+
+    \b
+    Examples:
+      streetloom run block.yaml --out out/mine --workers 2
+      streetloom run block.yaml --out out/mine --redo Kasarmikatu --only
+    """
+    if only and redo is None:
+        raise click.UsageError("--only needs --redo STREET")
+    _run(block_file, out or Path("out") / block_file.stem, workers, dask, as_json, redo, only, keep)
+
+
+@main.command()
+@click.option("--out", type=FOLDER, default=Path("out/demo"), show_default=True, help="Where results go.")
+@click.option("--exemplars", type=EXISTING_FOLDER, help="Facade photos to use instead of the painted ones.")
+@_compute_options
+def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_json: bool) -> None:
+    """Texture the embedded block: streets of central Helsinki with painted facades. Needs no download.
+
+    \b
+    Examples:
+      streetloom demo
+      streetloom demo --exemplars facades/ --out out/photos
+    """
+    from flows.lock import locked
+    from tasks.examples.demo import write_demo
+
+    with locked(out):
+        block_file = write_demo(out / "input", exemplars)
+    _run(block_file, out, workers, dask, as_json)
+
+
+@main.command("new-block", cls=WithBox)
+@click.argument("block_file", metavar="BLOCK.yaml", type=NEW_FILE)
+@click.option("--osm", type=EXISTING_FILE, required=True, help="Map extract with buildings and streets (.osm.pbf).")
+@click.option("--bbox", nargs=4, type=float, required=True, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
+@click.option("--poses", type=EXISTING_FILE, help="Where panoramas were taken, if they do not say so themselves.")
+@click.option("--exemplars", type=EXISTING_FOLDER, help="Rectified facade pictures.  [default: painted ones]")
+def new_block(
+    block_file: Path,
+    osm: Path,
+    bbox: tuple[float, ...],
+    photos: Path | None,
+    poses: Path | None,
+    exemplars: Path | None,
+) -> None:
+    """Write a block file for a part of a map, and say what was found there.
+
+    \b
+    Example:
+      streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --photos photos/
+    """
+    from flows.cli.console import progress
+    from tasks.examples.new_block import new_block as write
+
+    with progress(quiet=not sys.stderr.isatty()):
+        found = write(block_file, osm, bbox, photos, exemplars, poses)
+    for line in found.lines():
+        say(line)
+    say(f"ready: streetloom run {block_file}")
+
+
+@main.command()
+@click.argument("name", required=False)
+@click.option("--out", type=FOLDER, default=Path("blocks"), show_default=True, help="Where the data and the block go.")
+def fetch(name: str | None, out: Path) -> None:
+    """Fetch a real example block and its public data; without NAME, list them.
+
+    \b
+    Examples:
+      streetloom fetch
+      streetloom fetch delfshaven --out blocks
+    """
+    from catalogs.examples.sources import SOURCES
+    from flows.cli.console import progress
+    from tasks.examples.fetch import fetch_block
+
+    if name is None:
+        for known, source in SOURCES.items():
+            say(f"{known:<14} {len(source.files):>2} files  {source.licence}")
+        return
+    with progress(quiet=not sys.stderr.isatty()):
+        block, source = fetch_block(name, out)
+    say(f"licence: {source.licence}")
+    say(f"ready: streetloom run {block}")
+
+
+def _run(
+    block_file: Path,
+    out: Path,
+    workers: int,
+    dask: str | None,
+    as_json: bool,
+    redo: str | None = None,
+    only: bool = False,
+    keep: int | None = None,
+) -> None:
+    import time
+
+    from catalogs.block import read_block
+    from flows.cli.console import console, progress, show
+    from flows.cli.interrupts import end_on_interrupt
+    from flows.lock import locked
+    from flows.log_file import log_to
+    from tasks.run import run_of
+    from tasks.store.room import require_room
+    from tasks.store.standing import nothing_due
+
+    start = time.monotonic()
+    run = run_of(read_block(block_file), out)
+    with locked(out), log_to(out, alone=True):
+        if redo is not None:
+            _redo(run, redo, only)
+        summary = nothing_due(run)
+        if summary is None:
+            require_room(out)
+            end_on_interrupt()
+            if dask is not None:  # said before a server starts
+                from tasks.compute.connect import require_scheduler
+
+                require_scheduler(dask)
+            with progress():
+                summary = _textured(block_file.resolve(), out, workers, dask, redo if only else None)
+        if keep is not None:
+            from tasks.published.prune import pruned
+
+            for line in pruned(out, keep):
+                note(line)
+    summary["seconds"] = round(time.monotonic() - start, 2)
+    if as_json:
+        click.echo(json.dumps(summary))
+    else:
+        show(console, summary)
+    if "withheld" in summary:
+        note(summary["withheld"])
+    if summary["facades_failed"] or summary["failures"]:
+        sys.exit(1)
+
+
+def _textured(block_file: Path, out: Path, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
+    """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
+    from facade_core.errors import FacadeError, WithheldError
+    from flows.cli.console import tell
+    from flows.server.starting import ServerDown, server
+
+    with server(out / "prefect") as record:
+        from flows.block import city_block, unrecorded_block  # takes seconds, in which the server starts
+
+        try:
+            record.require()
+            return cast(dict[str, Any], city_block(block_file, out, workers=workers, dask=dask, only=only))
+        except WithheldError:
+            pass  # its summary says so
+        except FacadeError:
+            raise
+        except ServerDown as error:
+            tell(f"no Prefect server ({error}); the run does without, and has no record there")
+        except Exception as error:
+            if record.answers() and not record.refused(error):
+                raise
+            tell(
+                f"the Prefect server was lost ({record.reason()}); the run does without, and its record there is incomplete"
+            )
+        return unrecorded_block(block_file, out, workers=workers, dask=dask, only=only)
+
+
+def _redo(run: Any, street: str, only: bool) -> None:
+    """Make a street due again and say what else is."""
+    from tasks.store.redo import redo_street
+    from tasks.store.wounds import mend
+
+    for line in mend(run):
+        note(line)
+    streets, dependants = redo_street(run, street, only=only)
+    others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
+    fate = ", marked stale until the next run" if only and dependants else ""
+    note(f"doing street {', '.join(streets)} again; {others}{fate}")
+
+
+for command in (query, export, catalog, view, doctor, prune, train, bench):
+    main.add_command(command)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,47 @@
+"""The command that says what is well and what is not."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+
+import click
+
+from flows.cli.paths import EXISTING_FOLDER
+from flows.cli.say import say
+
+WORDS = {True: "ok", False: "wrong", None: "note"}
+
+
+@click.command()
+@click.argument("out", metavar="[OUT]", type=EXISTING_FOLDER, required=False)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def doctor(out: Path | None, as_json: bool) -> None:
+    """Say whether the environment is as it should be, and what is wrong or stale in a run's folder OUT.
+
+    Reads the whole store; changes nothing. Exits with 1 where something is wrong; each line names the remedy.
+
+    \b
+    Examples:
+      streetloom doctor
+      streetloom doctor out/mine
+    """
+    from itertools import chain
+
+    from facade_core.errors import InputError
+    from flows.lock import is_held
+    from tasks.doctor import examine_folder, examine_machine
+
+    if out and is_held(out):
+        raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
+    found = []
+    for finding in chain(examine_machine(out or Path.cwd()), examine_folder(out) if out else ()):
+        found.append(finding)
+        if not as_json:
+            say(f"{WORDS[finding.well]:<6} {finding.concern:<10} {finding.said}")
+    well = all(finding.well is not False for finding in found)
+    if as_json:
+        lines = [{"concern": f.concern, "state": WORDS[f.well], "said": f.said} for f in found]
+        say(json.dumps({"ok": well, "findings": lines}))
+    sys.exit(0 if well else 1)

@@ -1,0 +1,63 @@
+"""How a command ends that cannot go on: one line on stderr, and a code that tells whose fault it is."""
+
+from __future__ import annotations
+
+import errno
+import tempfile
+import traceback
+from datetime import UTC, datetime
+from pathlib import Path
+
+from facade_core.errors import FacadeError, MachineError
+
+# Of sysexits.h: an error of our own or of the machine; a cluster that is gone for now.
+UNUSABLE, CRASHED, CLUSTER_LOST = 2, 70, 75
+# What a path raises that the user named and may not be written or read.
+DENIED = {
+    errno.EACCES,
+    errno.EPERM,
+    errno.EROFS,
+    errno.EEXIST,
+    errno.ENAMETOOLONG,
+    errno.ENOTDIR,
+    errno.EISDIR,
+}
+
+
+def ending(error: Exception) -> tuple[int, str]:
+    """The exit code for an error that ended a command, and what to say of it in one line."""
+    if isinstance(error, FacadeError):
+        return _code(error), " ".join(str(error).split())
+    if isinstance(error, OSError) and error.errno in DENIED and error.filename:
+        return UNUSABLE, f"{error.filename}: {error.strerror}; mend that or name another place"
+    from tasks.outcome import machine_error, machine_fault
+
+    if machine_fault(error):
+        return CRASHED, str(machine_error("stopped", error))
+    said = " ".join(f"{type(error).__name__}: {error}".split())
+    return CRASHED, f"stopped by an error of its own ({said}); {_kept(error)}"
+
+
+def _code(error: FacadeError) -> int:
+    if not isinstance(error, MachineError):
+        return UNUSABLE
+    from tasks.compute.cluster import ClusterGone
+
+    return CLUSTER_LOST if isinstance(error, ClusterGone) else CRASHED
+
+
+def _kept(error: Exception) -> str:
+    """Where the traceback is: in the run's log, else in a file of its own."""
+    from flows.log_file import latest
+
+    text = "".join(traceback.format_exception(error))
+    log = latest()
+    if log is not None and log.is_file():
+        return f"where is in {log}"
+    try:
+        folder = Path(tempfile.gettempdir())
+        path = folder / f"streetloom-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.log"
+        path.write_text(text, encoding="utf-8")
+    except OSError:
+        return f"where cannot be written; the last of it is {text.strip().splitlines()[-2].strip()}"
+    return f"where is in {path}"

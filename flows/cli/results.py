@@ -1,0 +1,192 @@
+"""The commands that look at what runs published."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from flows.cli.box import WithBox
+from flows.cli.paths import EXISTING_FOLDER, LocalPath
+from flows.cli.say import note, say
+from flows.viewer import VIEWER_HOST, VIEWER_PORT
+
+# An export of more files than these is named by its folder.
+LISTED = 8
+
+
+class FolderOfRuns(click.ParamType):
+    """A folder that exists, or s3://bucket/prefix, as text."""
+
+    name = "folder"
+
+    def convert(self, value: str, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        if value.lower().startswith("s3://"):
+            return value
+        return str(EXISTING_FOLDER.convert(value, param, ctx))
+
+
+@click.command(cls=WithBox)
+@click.argument("folder", metavar="FOLDER", type=FolderOfRuns())
+@click.option("--where", metavar="SQL", help="A condition on the columns of items.parquet, and on run.")
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--since", metavar="WHEN", help="Made since a date (2026-11-21), a time (UTC) or an age (36h, 7d).")
+@click.option(
+    "--format",
+    "style",
+    type=click.Choice(["table", "json", "geojson", "parquet"]),
+    default="table",
+    show_default=True,
+    help="parquet is GeoParquet, for a file.",
+)
+def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since: str | None, style: str) -> None:
+    """Find facades in what a run published, or in what all runs in a folder or a bucket did.
+
+    \b
+    Examples:
+      streetloom query out/demo --where "floors >= 5 and occluded > 0.1"
+      streetloom query out --since 7d --where "status = 'failed' and run <> 'demo'"
+      streetloom query out/demo --bbox 24.94 60.16 24.95 60.17 --format geojson
+      streetloom query out --format parquet > facades.parquet
+      streetloom query s3://bucket/runs --where "photo > 0.5"
+    """
+    from catalogs.query import query as find
+    from catalogs.query.answers import format_items, parquet_bytes
+    from facade_core.errors import InputError
+
+    if style == "parquet" and sys.stdout.isatty():
+        raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
+    found = find(folder, where=where, bbox=bbox or None, since=since, note=note)
+    if style == "parquet":
+        click.echo(parquet_bytes(found), nl=False)
+    else:
+        click.echo(format_items(found, style))
+
+
+@click.command()
+@click.argument("folder", metavar="OUT", type=EXISTING_FOLDER)
+@click.option(
+    "--format",
+    "style",
+    required=True,
+    type=click.Choice(["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg"]),
+    help="glb, 3dtiles, cityjson(seq), lod3: models; coco, labelme: elements of the facades; gpkg: for QGIS.",
+)
+@click.option("--to", type=LocalPath(path_type=Path), help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]")
+@click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
+def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
+    """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
+
+    \b
+    Examples:
+      streetloom export out/demo --format glb
+      streetloom export out/demo --format 3dtiles --to tiles/
+      streetloom export out/demo --format lod3 --building w123949253
+      streetloom export out/demo --format gpkg --to demo.gpkg
+    """
+    from flows.cli.console import progress
+    from tasks.export.formats import export as write
+
+    with progress(quiet=not sys.stderr.isatty()):
+        done = write(folder, style, to, buildings)
+    for line in done.notes:
+        note(line)
+    for file in done.files if len(done.files) <= LISTED else [done.path]:
+        say(file)
+
+
+@click.command()
+@click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
+@click.option("--to", metavar="S3://...", help="Copy the runs, with their stores, and the catalogue into a bucket.")
+def catalog(folder: Path, to: str | None) -> None:
+    """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder (or of one run).
+
+    \b
+    Examples:
+      streetloom catalog out
+      streetloom catalog out --to s3://bucket/runs
+    """
+    from catalogs.published.runs import runs_in
+    from catalogs.published.s3 import S3Folder, folder_at
+    from catalogs.published.s3_copy import copy_catalog, copy_run
+    from catalogs.stac.catalog import write_catalog
+    from facade_core.errors import InputError
+    from flows.lock import locked
+
+    target = folder_at(to) if to else None
+    if to and not isinstance(target, S3Folder):
+        raise InputError(f"--to {to}: is no bucket; write s3://BUCKET/FOLDER, or copy the folder itself")
+    written = write_catalog(folder, note=note)
+    if not isinstance(target, S3Folder):
+        say(written)
+        return
+    runs, _ = runs_in(folder)
+    for run in runs:
+        place = target if run.folder == folder else target / run.name
+        with locked(run.folder):
+            sent = copy_run(run.folder, place)
+        say(f"{place}: {sent} files sent", err=True)
+    if runs[0].folder != folder:
+        copy_catalog(folder, target)
+    say(target / "catalog.json")
+
+
+@click.command()
+@click.argument("out", metavar="OUT", type=EXISTING_FOLDER)
+@click.option(
+    "--port", type=click.IntRange(0, 65535), default=VIEWER_PORT, show_default=True, help="0 takes any that is free."
+)
+@click.option(
+    "--host", default=VIEWER_HOST, show_default=True, help="Address or name to serve on; 0.0.0.0 is all addresses."
+)
+@click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
+def view(out: Path, port: int, host: str, opened: bool) -> None:
+    """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D. Ctrl-C ends it.
+
+    \b
+    Examples:
+      streetloom view out/demo
+      streetloom view out/mine --port 0 --no-open      beside a run that is still going
+    """
+    from facade_core.errors import InputError
+
+    if not host.strip():  # it would be every address of the machine
+        raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
+    out = _run_in(out)
+    try:
+        from flows.viewer.app import serve
+    except ModuleNotFoundError as error:
+        raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
+
+    def ready(address: str, seen_by: str | None) -> None:
+        if seen_by:
+            note(seen_by)
+        say(f"{address}  (Ctrl-C ends it)")
+        if opened:
+            import webbrowser
+
+            webbrowser.open(address)
+
+    serve(out, host, port, ready)
+
+
+def _run_in(folder: Path) -> Path:
+    """The folder of the one run in `folder`, which is itself one or holds it at most two levels down, ended or still going.
+
+    Raises InputError that names the runs where there are several, or says that there is none.
+    """
+    from facade_core.errors import InputError
+
+    if (folder / "store").is_dir():
+        return folder
+    found = sorted(store.parent for pattern in ("*/store", "*/*/store") for store in folder.glob(pattern))
+    found = [run for run in found if not (run.parent / "store").is_dir()]  # a run's own folders are no runs
+    if not found:
+        raise InputError(
+            f"{folder}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
+        )
+    if len(found) > 1:
+        names = ", ".join(run.relative_to(folder).as_posix() for run in found)
+        raise InputError(f"{folder}: holds {len(found)} runs ({names}); open one: streetloom view {found[0]}")
+    return found[0]

@@ -1,0 +1,168 @@
+"""The commands that train what is shipped, and measure."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER
+from flows.cli.say import say
+
+
+@click.group()
+def train() -> None:
+    """Train the models that are shipped, from a data folder.
+
+    \b
+    Example:
+      streetloom train parser --data ../shared/data --out parser/
+    """
+
+
+@train.command("parser")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds facades/ and streetphotos/.")
+@click.option("--out", type=FOLDER, required=True, help="Where the .onnx and its .json go, and where a run goes on.")
+@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's, 1 the shipped forest's.")
+@click.option("--segmenter", type=click.Choice(["network", "forest"]), default="network", show_default=True)
+@click.option(
+    "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Go on from the network in OUT, to measure."
+)
+def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | None) -> None:
+    """Train the facade parser (extra: train; `make train-setup`). An interrupted run goes on where it was.
+
+    With --fold, the network in OUT learns the training part of a set whose licence allows no shipped weights, for the
+    benchmark of that set.
+
+    \b
+    Examples:
+      streetloom train parser --data ../shared/data --out parser/
+      streetloom train parser --data ../shared/data --out parser/ --fold artdeco
+      streetloom train parser --data ../shared/data --out forest/ --segmenter forest --seed 1
+    """
+    from flows.cli.console import progress
+    from tasks.training.parser import train_fold, train_forest, train_network
+
+    with progress(quiet=False):
+        if fold:
+            model = train_fold(data, out, fold, seed=seed)
+        elif segmenter == "forest":
+            model = train_forest(data, out, seed=seed)
+        else:
+            model = train_network(data, out, seed=seed)
+    say(model)
+
+
+@train.command("layout")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds layouts/.")
+@click.option("--out", type=FOLDER, required=True, help="Where layouts.json goes.")
+@click.option("--seed", default=1, show_default=True, help="1 is the shipped model's.")
+@click.option("--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Every fifth facade to hold out.")
+@click.option("--size", type=click.IntRange(10), help="Learn from so many of the facades only.")
+def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | None) -> None:
+    """Train the layout model on layouts/cmp.jsonl without a fifth, and on the layouts in metres.
+
+    \b
+    Example:
+      streetloom train layout --data ../shared/data --out layout/
+    """
+    from flows.cli.console import progress
+    from tasks.training.layout import train_layout
+
+    with progress(quiet=False):
+        model = train_layout(data, out, seed=seed, fold=fold, size=size)
+    say(model)
+
+
+@train.command("translator")
+@click.option(
+    "--real",
+    type=EXISTING_FOLDER,
+    required=True,
+    multiple=True,
+    help="Folder of street panoramas, twice as wide as high.",
+)
+@click.option(
+    "--blocks", type=EXISTING_FILE, multiple=True, help="Block file to render streets of, besides procedural ones."
+)
+@click.option(
+    "--judge-by", required=True, multiple=True, help="Beginning of names of panoramas that judge checkpoints."
+)
+@click.option("--leave-out", multiple=True, help="Beginning of names of panoramas that take no part at all.")
+@click.option("--out", type=FOLDER, required=True, help="Where translator.onnx and .json go, and where a run goes on.")
+@click.option("--recipe", type=click.Choice(["small", "full"]), default="small", show_default=True)
+@click.option("--steps", type=click.IntRange(1), help="Other than the recipe's.")
+@click.option("--seed", default=0, show_default=True, help="0 is the shipped network's.")
+def train_translation_network(
+    real: tuple[Path, ...],
+    blocks: tuple[Path, ...],
+    judge_by: tuple[str, ...],
+    leave_out: tuple[str, ...],
+    out: Path,
+    recipe: str,
+    steps: int | None,
+    seed: int,
+) -> None:
+    """Train the network that textures streets like the panoramas of a city (extra: train; `make train-setup`).
+
+    small: about an hour on one core, what is shipped; more --steps for longer. full: for an accelerator. A picture of
+    every checkpoint is left in OUT; the best one is what is written. An interrupted run goes on from its last checkpoint.
+
+    \b
+    Examples:
+      streetloom train translator --real my-city/ --judge-by oldtown --out translator/
+      streetloom train translator --real ../shared/data/panoramas --real ../shared/data/city/amsterdam/panoramas
+        --judge-by strasbourg_stra_1 --leave-out toulouse --blocks catalogs/examples/blocks/helsinki.yaml
+        --blocks catalogs/examples/blocks/delfshaven.yaml --out translator/
+    """
+    from dataclasses import replace
+
+    from facade_core.street.translator_training import FULL, SMALL
+    from flows.cli.console import progress
+    from tasks.training.translator import Places, train_translator
+
+    course = SMALL if recipe == "small" else FULL
+    if steps is not None:
+        course = replace(course, steps=steps)
+    with progress(quiet=False):
+        model = train_translator(real, blocks, out, seed=seed, course=course, places=Places(judge_by, leave_out))
+    say(model)
+
+
+class _Benchmark(click.Command):
+    """A command that leaves --help to the benchmark once one is named."""
+
+    def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
+        if args and not args[0].startswith("-"):
+            ctx.help_option_names = []
+        return super().parse_args(ctx, args)
+
+
+@click.command(cls=_Benchmark, context_settings={"ignore_unknown_options": True})
+@click.argument("name", required=False)
+@click.argument("options", nargs=-1, type=click.UNPROCESSED)
+def bench(name: str | None, options: tuple[str, ...]) -> None:
+    """Run a benchmark by name, which prints JSON; without a name, list them. OPTIONS are the benchmark's own.
+
+    \b
+    Examples:
+      streetloom bench block --json
+      streetloom bench parsing --data ../shared/data
+      streetloom bench parsing --help
+    """
+    import importlib
+    import pkgutil
+
+    import benchmarks
+
+    names = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
+    if name is None:
+        for name in names:
+            say(name)
+        return
+    if name not in names:
+        raise click.BadParameter(f"{name}: there is {', '.join(names)}", param_hint="NAME")
+    # every benchmark prints JSON; --json is accepted since all commands that can print it have it
+    sys.argv = [f"benchmarks/{name}.py", *(option for option in options if option != "--json")]
+    importlib.import_module(f"benchmarks.{name}").main()

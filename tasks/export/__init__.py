@@ -1,0 +1,1 @@
+"""What was published, in the formats that others open."""

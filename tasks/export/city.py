@@ -1,0 +1,156 @@
+"""CityJSON 2.0 of a published block: whole, as a stream, and with openings."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.visible import visible_json
+from facade_core.types import Element
+from tasks.export.models import with_ground
+from tasks.progress import advance, begin_stage
+from tasks.published.opened import Published
+
+TEXTURES = "textures"
+
+
+def write_cityjson(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """BLOCK.city.json with its textures beside it."""
+    return _write_document(found, buildings, folder, f"{found.block}.city.json", openings=False)
+
+
+def write_lod3(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """BLOCK.lod3.city.json: the windows and doors of completed layouts cut out of their walls."""
+    return _write_document(found, buildings, folder, f"{found.block}.lod3.city.json", openings=True)
+
+
+def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """BLOCK.city.jsonl: a header, then a feature per line, with textures beside it."""
+    from facade_core.export.cityjson import Pool, document
+
+    url, notes = _reference_system(found)
+    origin = _origin(found)
+    images, objects = _objects(found, buildings, folder, openings=False)
+    name = f"{found.block}.city.jsonl"
+    with (folder / name).open("w", encoding="utf-8") as file:
+        file.write(_line(document(found.block, origin, url)))
+        for id, make in objects:
+            pool = Pool(origin)
+            city_object = make(pool)
+            feature = {"type": "CityJSONFeature", "id": id, "CityObjects": {id: city_object}} | pool.tables(images)
+            file.write(_line(feature))
+    return [name], notes
+
+
+def _write_document(
+    found: Published, buildings: np.ndarray, folder: Path, name: str, *, openings: bool
+) -> tuple[list[str], list[str]]:
+    from facade_core.export.cityjson import Pool, document
+
+    url, notes = _reference_system(found)
+    pool = Pool(_origin(found))
+    images, objects = _objects(found, buildings, folder, openings=openings)
+    city = document(found.block, pool.origin, url)
+    city["CityObjects"] = {id: make(pool) for id, make in objects}
+    city |= pool.tables(images)
+    city["metadata"]["geographicalExtent"] = pool.extent()
+    (folder / name).write_text(_line(city), encoding="utf-8")
+    return [name], notes
+
+
+def _line(value: dict[str, Any]) -> str:
+    return visible_json(json.dumps(value, separators=(",", ":"), ensure_ascii=False, allow_nan=False)) + "\n"
+
+
+def _objects(
+    found: Published, buildings: np.ndarray, folder: Path, *, openings: bool
+) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
+    """The files of the texture pages, which are written, and every city object as (id, what makes it in a pool)."""
+    from facade_core.export.buildings import building_faces, ground_faces
+    from facade_core.export.cityjson import multi_surface
+    from facade_core.export.models import GROUND_NODE, grouped, layout_of, page_jpeg
+
+    source = found.textured
+    shown = with_ground(found, buildings)
+    drawn = layout_of(source, source.chosen(shown))
+    pages = len(drawn.layout.pages)
+    begin_stage("export", pages + len(shown))
+    images = [f"{TEXTURES}/{page:04}.jpg" for page in range(pages)]
+    (folder / TEXTURES).mkdir()
+    for page, image in enumerate(images):
+        (folder / image).write_bytes(page_jpeg(drawn, page))
+        advance("export", 1)
+    facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
+    layouts = _layouts(found) if openings else {}
+    triangles = grouped(source.charts.building[source.mesh.chart])
+
+    def building(index: int, pool: Any) -> dict[str, Any]:
+        faces, surfaces = building_faces(drawn, triangles[index], facades, layouts)
+        opened = any(surface["type"] in ("Window", "Door") for surface in surfaces)
+        advance("export", 1)
+        return {
+            "type": "Building",
+            "attributes": _attributes(found, index),
+            "geometry": [multi_surface(faces, surfaces, pool, "3" if opened else "2")],
+        }
+
+    def terrain(pool: Any) -> dict[str, Any]:
+        faces = ground_faces(drawn, triangles[-1])
+        advance("export", 1)
+        return {"type": "TINRelief", "geometry": [multi_surface(faces, (), pool, "2", "CompositeSurface")]}
+
+    def objects() -> Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]:
+        for index in buildings.tolist():
+            yield found.names[index], partial(building, index)
+        if -1 in shown and -1 in triangles:
+            taken = set(found.names.values())
+            yield next(id for id in (GROUND_NODE, "terrain", "terrain of the block") if id not in taken), terrain
+
+    return images, objects()
+
+
+def _attributes(found: Published, building: int) -> dict[str, Any]:
+    """What the plan and the finished facades say of a building, by CityJSON's own names where it has some."""
+    row = found.buildings.isel(building=building)
+    facades = [found.records[i] for i in found.rectified(np.array([building]))]
+    levels, name = int(row.levels), str(row["name"].values)
+    return {
+        **({"name": name} if name else {}),
+        "measuredHeight": round(float(row.height), 3),
+        "heightSource": str(row.height_source.values),
+        **({"storeysAboveGround": levels} if levels else {}),
+        "facades": len(facades),
+        **{key: sum(record[key] for record in facades if record) for key in ("windows", "doors", "balconies", "shops")},
+    }
+
+
+def _layouts(found: Published) -> dict[int, list[Element]]:
+    """The elements of every finished facade by its chart, in metres."""
+    metres = 1 / found.plan.scene.spec.texels_per_metre
+    return {
+        int(found.plan.facades.chart[i]): [
+            replace(e, x0=e.x0 * metres, y0=e.y0 * metres, x1=e.x1 * metres, y1=e.y1 * metres)
+            for e in found.elements(i)
+        ]
+        for i in found.rectified(found.choose(()))
+    }
+
+
+def _origin(found: Published) -> np.ndarray:
+    return np.floor(found.plan.scene.mesh.vertices.min(axis=0))
+
+
+def _reference_system(found: Published) -> tuple[str | None, list[str]]:
+    """The URL of the block's CRS; None with a note where no authority knows it."""
+    from pyproj import CRS
+
+    authority = CRS.from_user_input(found.crs).to_authority()
+    if authority is None:
+        return None, [f"{found.crs} has no code: the file states no referenceSystem; give it to whoever opens it"]
+    return "https://www.opengis.net/def/crs/{}/0/{}".format(*authority), []

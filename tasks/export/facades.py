@@ -1,0 +1,107 @@
+"""Facades of a published block: annotated pictures, and the catalogue as a GeoPackage."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from catalogs.features import file_stem
+from tasks.progress import advance, begin_stage
+from tasks.published.opened import Published
+
+if TYPE_CHECKING:
+    from facade_core.export.annotations import Annotated
+
+
+def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """annotations.json and images/ID.png: facades rectified and without what stood before them, with their elements."""
+    from facade_core.export.annotations import coco
+
+    (folder / "images").mkdir()
+    facades = list(_annotated(found, buildings, folder, "images/"))
+    density = found.plan.scene.spec.texels_per_metre
+    value = coco(facades, f"Facades of {found.block}, elements of their completed layouts", 1 / density)
+    (folder / "annotations.json").write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
+    return ["annotations.json"], _left_out(found, buildings, len(facades))
+
+
+def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """ID.png and ID.json for every facade; the ones to open first are the ID.json."""
+    from facade_core.export.annotations import labelme
+
+    facades = list(_annotated(found, buildings, folder, ""))
+    names = [f"{file_stem(facade.facade)}.json" for facade in facades]
+    for name, facade in zip(names, facades, strict=True):
+        (folder / name).write_text(json.dumps(labelme(facade), indent=2, allow_nan=False) + "\n")
+    return names, _left_out(found, buildings, len(facades))
+
+
+def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[Annotated]:
+    """Every finished facade, its picture written into the folder."""
+    from PIL import Image
+
+    from facade_core.export.annotations import Annotated
+    from tasks.published.facade_report import chart_raster
+
+    facades = found.rectified(buildings)
+    begin_stage("export", len(facades))
+    for index in facades:
+        name = found.plan.facades.id[index]
+        chart = int(found.plan.facades.chart[index])
+        texture = chart_raster(found.group, found.plan.scene.placement, chart, "atlas/seed")
+        file = f"{within}{file_stem(name)}.png"
+        Image.fromarray(texture).save(folder / file)
+        yield Annotated(name, file, texture.shape[1], texture.shape[0], found.elements(index))
+        advance("export", 1)
+
+
+def _left_out(found: Published, buildings: np.ndarray, written: int) -> list[str]:
+    missing = int(np.isin(found.plan.facades.building, buildings).sum()) - written
+    if not missing:
+        return []
+    return [f"{missing} facades without a layout are left out; `streetloom query` says why"]
+
+
+def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """BLOCK.gpkg with the layers facades, walls, buildings and streets."""
+    import shapely
+
+    from catalogs.published.geopackage import write_layers
+    from facade_core.export.footprints import footprints
+
+    plan, charts = found.plan, found.plan.scene.charts
+    begin_stage("export", 1)
+    chart = plan.facades.chart
+    across = charts.axis_u[chart] * charts.size[chart, :1]
+    down = charts.axis_v[chart] * charts.size[chart, 1:]
+    top = charts.origin[chart]
+    walls = shapely.polygons(np.stack([top + down, top + down + across, top + across, top], axis=1))
+    outlines = footprints(found.textured)
+    table = found.buildings
+    chosen = {found.names[b] for b in buildings.tolist()}
+    write_layers(
+        folder / f"{file_stem(found.block)}.gpkg",
+        items=found.folder / "items.parquet",
+        crs=found.crs,
+        walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
+        buildings=[
+            {
+                "id": name,
+                "name": str(table["name"].values[b]) or None,
+                "height_m": float(table.height.values[b]),
+                "height_source": str(table.height_source.values[b]),
+                "levels": int(table.levels.values[b]) or None,
+                "geometry": outlines[b],
+            }
+            for b, name in found.names.items()
+            if name in chosen and b in outlines
+        ],
+        streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
+        chosen=chosen,
+    )
+    advance("export", 1)
+    return [f"{found.block}.gpkg"], []

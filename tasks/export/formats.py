@@ -1,0 +1,142 @@
+"""Export what a run published into the formats that others open."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.published.held import being_read
+from facade_core.errors import InputError
+from tasks.published.opened import Published, published
+
+# What an export was made of, and a digest of each of its files: what nobody has touched since, a new export may replace.
+MARKER = "export.json"
+
+
+@dataclass(frozen=True)
+class Exported:
+    """An export: its folder, or its one file; the files to open first; what the reader should know, one line each."""
+
+    path: Path
+    files: tuple[Path, ...]
+    notes: tuple[str, ...]
+
+
+# Writes buildings of a published block into a folder; returns the files to open first, and notes.
+Writer = Callable[[Published, np.ndarray, Path], tuple[list[str], list[str]]]
+
+
+def _writers() -> dict[str, Writer]:
+    from tasks.export.city import write_cityjson, write_cityjsonseq, write_lod3
+    from tasks.export.facades import write_coco, write_geopackage, write_labelme
+    from tasks.export.models import write_3dtiles, write_models
+
+    return {
+        "glb": write_models,
+        "3dtiles": write_3dtiles,
+        "cityjson": write_cityjson,
+        "cityjsonseq": write_cityjsonseq,
+        "lod3": write_lod3,
+        "coco": write_coco,
+        "labelme": write_labelme,
+        "gpkg": write_geopackage,
+    }
+
+
+FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
+
+
+def export(out: Path | str, format: str, to: Path | str | None = None, buildings: Sequence[str] = ()) -> Exported:
+    """Write what the run in `out` published as `format` (one of FORMATS), all of it or the `buildings` named by id.
+
+    The folder `to` (OUT/exports/FORMAT where it is None) appears whole or not at all; an earlier export of the format there is
+    replaced unless something in it was added or changed since. Where it ends in .gpkg, that format is written as this one
+    new file. Raises InputError in one line with the remedy.
+    """
+    if format not in FORMATS:
+        raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
+    as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
+    if to is not None:
+        _check_target(Path(to).resolve(), format, as_file)
+    found = published(Path(out))
+    with being_read(found.folder):
+        return _export(found, format, None if to is None else Path(to), buildings, as_file)
+
+
+def _export(found: Published, format: str, to: Path | None, buildings: Sequence[str], as_file: bool) -> Exported:
+    chosen = found.choose(buildings)
+    target = found.folder.parent.parent / "exports" / format if to is None else to.resolve()
+    if to is None:
+        _check_target(target, format, as_file)
+    temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
+    try:
+        temporary.mkdir(parents=True)
+        main, notes = _writers()[format](found, chosen, temporary)
+        if as_file:
+            os.replace(temporary / main[0], target)
+            return Exported(target, (target,), tuple(notes))
+        about: dict[str, Any] = {
+            "format": format,
+            "block": found.block,
+            "snapshot": found.snapshot,
+            "crs": found.crs,
+            "notes": notes,
+        }
+        about |= {"notes": notes, "files": main, "digests": _digests(temporary)}
+        (temporary / MARKER).write_text(json.dumps(about, indent=1) + "\n")
+        if target.exists():
+            shutil.rmtree(target)
+        os.replace(temporary, target)
+    except OSError as error:
+        raise InputError(f"{target}: cannot be written ({error.strerror}); name another place with --to") from error
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+    return Exported(target, tuple(target / name for name in main), tuple(notes))
+
+
+def _check_target(target: Path, format: str, as_file: bool) -> None:
+    if as_file:
+        if target.exists() or target.is_symlink():
+            raise InputError(f"{target}: is there already; remove it, or name a new file with --to")
+    elif target.is_dir():
+        if any(target.iterdir()) and (why := _not_ours(target, format)):
+            raise InputError(f"{target}: {why}; name a new or empty folder with --to")
+    elif target.exists():
+        raise InputError(f"{target}: is a file, and an export of {format} is a folder; name a folder with --to")
+    elif target.suffix.lower() in (".glb", ".json", ".jsonl", ".gpkg", ".zip", ".txt"):
+        only = "" if format == "gpkg" else " (only gpkg can be one file)"
+        raise InputError(
+            f"--to {target.name}: an export of {format} is a folder{only}; name one, without {target.suffix}"
+        )
+
+
+def _not_ours(folder: Path, format: str) -> str | None:
+    """Why a folder must not be replaced, None where it is an export of the format as it was written."""
+    try:
+        about = json.loads((folder / MARKER).read_text())
+        digests = about["digests"]
+        if about["format"] != format:
+            return f"holds an export of {about['format']}"
+    except (OSError, ValueError, KeyError, TypeError):
+        return "holds other files than an export"
+    now = _digests(folder)
+    touched = sorted(name for name in digests.keys() | now.keys() if digests.get(name) != now.get(name))
+    return f"{touched[0]} was added or changed since the export" if touched else None
+
+
+def _digests(folder: Path) -> dict[str, str]:
+    """A digest of every file below a folder, but for the marker."""
+    found = {}
+    for path in sorted(folder.rglob("*")):
+        if path.is_file() and path != folder / MARKER:
+            with path.open("rb") as file:
+                found[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
+    return found

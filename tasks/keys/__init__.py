@@ -1,0 +1,1 @@
+"""What results stand on: keys of units, and digests of the code that makes them."""

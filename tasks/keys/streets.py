@@ -1,0 +1,115 @@
+"""The keys of a street and its viewpoints: each viewpoint stands on what it sees, on what is known of that, and on the one
+before it; the street's texels on all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from catalogs.file_digest import file_digest
+from facade_core.atlas.journal import latest_digests, read_records, unit_key
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.plan import Plan
+from tasks.keys.stage_code import stage_code
+from tasks.keys.units import parts_key
+from tasks.run import Run
+
+# Settings of a run that no street's texels depend on.
+NOT_OF_STREETS = (
+    *("out", "block", "key", "ingested", "failed_limit"),
+    *("crs", "storey", "walls", "aerial", "roof_material"),
+)
+
+
+@dataclass(frozen=True)
+class StreetKeys:
+    """The key of a street's texels, and of each of its viewpoints in order."""
+
+    street: str
+    viewpoints: tuple[str, ...]
+
+
+def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetKeys:
+    """The keys of a street as the journal stands, when those of earlier waves and all that seed are done."""
+    own = plan.of_street(street)
+    code, settings = stage_code("streets", neural=run.translator == "neural"), _settings(run, plan)
+    charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
+    seeds = _seeds(plan, group, charts)
+    known = latest_digests(seeds, [])
+    names = [f"{number:016x}" for number in plan.ids.tolist()]
+    shown = [np.unique(plan.views[plan.views[:, 0] == v.id, 1]) for v in own]
+    earlier, passed = _earlier(plan, group, street, charts)
+
+    key = unit_key(code, settings)
+    chain: list[str] = []
+    views, read, passes = [], [], []
+    for viewpoint, seen in zip(own, shown, strict=True):
+        views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]])])
+        read.append(sorted((names[c], known[names[c]]) for c in seen if names[c] in known))
+        blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
+        passes.append([[plan.looks[v], passed[v]] for v in blended.tolist()])
+        key = unit_key(key, views[-1], read[-1], passes[-1])
+        chain.append(key)
+    return StreetKeys(
+        parts_key(
+            code,
+            settings=settings,
+            views=views,
+            seeds=read,
+            earlier=passes,
+            others=[_seeding(plan, seeds, charts), _later(plan, street, charts)],
+        ),
+        tuple(chain),
+    )
+
+
+def _settings(run: Run, plan: Plan) -> dict[str, Any]:
+    settings = {name: value for name, value in asdict(run).items() if name not in NOT_OF_STREETS}
+    if run.roof_material is not None:
+        path, metres_per_pixel = run.roof_material
+        settings["roof_material"] = [file_digest(path), metres_per_pixel]
+    return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
+
+
+def _seeds(plan: Plan, group: StoreGroup, charts: np.ndarray) -> list[dict[str, Any] | None]:
+    """The records of those who seeded the buildings of some charts, in the order in which they wrote."""
+    buildings = np.unique(plan.scene.charts.building[charts])
+    textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
+    facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
+    return read_records(group, "textures", textures) + read_records(group, "facades", facades)
+
+
+def _earlier(
+    plan: Plan, group: StoreGroup, street: int, charts: np.ndarray
+) -> tuple[np.ndarray, dict[int, str | None]]:
+    """Pairs (k, 2) of a viewpoint of an earlier wave and a chart that it shows and this street writes, and by viewpoint the
+    digest of what it passes on, None where it is not done."""
+    of_street = plan.street_of_views()
+    before = (plan.wave[of_street] < plan.wave[street]) & np.isin(plan.views[:, 1], charts[plan.writable[charts]])
+    pairs = plan.views[before]
+    viewpoints = np.unique(pairs[:, 0]).astype(np.int64)
+    records = read_records(group, "viewpoints", viewpoints)
+    return pairs, {
+        viewpoint: record["passes"] if record else None
+        for viewpoint, record in zip(viewpoints.tolist(), records, strict=True)
+    }
+
+
+def _seeding(plan: Plan, seeds: Sequence[dict[str, Any] | None], charts: np.ndarray) -> list[str]:
+    """The keys of those who seed charts that the street writes too: when they write again, so must the street."""
+    if not plan.writable[np.concatenate([plan.facades.chart, np.flatnonzero(plan.textured)])].any():
+        return []
+    return [record["key"] for record in seeds if record and record["status"] == "done"]
+
+
+def _later(plan: Plan, street: int, charts: np.ndarray) -> list[list[str]]:
+    """Which charts of the street others write in later waves: one that they write no longer is this street's again."""
+    pairs = plan.street_charts
+    shared = (plan.wave[pairs[:, 0]] > plan.wave[street]) & np.isin(pairs[:, 1], charts[plan.writable[charts]])
+    found: dict[int, set[str]] = {}
+    for other, chart in pairs[shared].tolist():
+        found.setdefault(other, set()).add(f"{plan.ids[chart]:016x}")
+    return sorted(sorted(ids) for ids in found.values())

@@ -1,0 +1,145 @@
+"""Keys of units: what each depends on, and nothing else of the block, so that a change makes due only what it reaches.
+
+A key is text, one digest for each kind of input ("code:0f3a... photo:77b1..."): two keys of a unit tell why it is due.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from hashlib import blake2b
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.file_digest import file_digest
+from facade_core.atlas.journal import unit_key
+from facade_core.geometry.charts import CORNERS
+from facade_core.plan import Plan
+from facade_core.types import Pose
+from tasks.keys.stage_code import stage_code
+from tasks.run import Run
+from tasks.units.imagery import Imagery
+
+# What of a block a panorama may be matched with, metres from where it was taken.
+AROUND_POSE_M = 150.0
+# Geometry lies this far off the planes of its charts at most.
+OFF_PLANE_M = 1.0
+# What does not rise this far above the foot of a wall does not hide it.
+ABOVE_M = 0.01
+
+
+def parts_key(code: str, **parts: Any) -> str:
+    """The key of a unit: of its stage's code, and its inputs by kind (strings, numbers, nested lists and dicts)."""
+    return " ".join([f"code:{code}", *(f"{kind}:{unit_key(value)[:16]}" for kind, value in parts.items())])
+
+
+def parts_of(key: str) -> dict[str, str]:
+    """The digests that a key is made of, by kind: "code" first."""
+    return dict(part.partition(":")[::2] for part in key.split())
+
+
+def changed_parts(held: str, key: str) -> list[str]:
+    """The kinds of input in which two keys of a unit differ."""
+    before, now = parts_of(held), parts_of(key)
+    return sorted(kind for kind in before | now if before.get(kind) != now.get(kind))
+
+
+def exemplar_key(run: Run, path: Path) -> str:
+    return parts_key(
+        stage_code("exemplars"),
+        settings=[run.seed, run.storey, run.texels_per_metre],
+        picture=[path.stem, file_digest(path)],
+    )
+
+
+def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
+    pose = plan.poses[panorama]
+    place = np.array([pose.x, pose.y, pose.z])
+    return parts_key(
+        stage_code("poses"),
+        settings=run.texels_per_metre,
+        picture=[path.name, file_digest(path)],
+        pose=_pose(pose),
+        geometry=plan.things.within(place - AROUND_POSE_M, place + AROUND_POSE_M),
+    )
+
+
+def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
+    """Of the charts of a building that have textures of their own, or are seen from above, its facades aside."""
+    charts = plan.own_charts(building)
+    parts: dict[str, Any] = {"settings": run.texels_per_metre, "own": _own(plan, charts, textures)}
+    if run.aerial is not None and charts:
+        parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
+        low, high = _box(plan, charts)
+        high[2] = np.inf
+        parts["above"] = plan.things.within(low - OFF_PLANE_M, high + OFF_PLANE_M)
+    return parts_key(stage_code("textures"), **parts)
+
+
+def facade_keys(
+    run: Run,
+    plan: Plan,
+    facade: int,
+    imagery: Imagery,
+    exemplars: Mapping[int, str],
+    textures: Sequence[Path],
+) -> tuple[str, ...]:
+    """The keys of a facade, one for each of its sources in order: when it is made from that, those before it having failed.
+
+    exemplars: the key of each exemplar that could be prepared, by index.
+    """
+    table, placement = plan.facades, plan.scene.placement
+    chart = int(table.chart[facade])
+    shape = (int(placement.width[chart]), int(placement.height[chart]))
+    size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
+    parts: dict[str, Any] = {
+        "settings": [table.id[facade], run.seed, run.texels_per_metre],
+        "geometry": [f"{plan.ids[chart]:016x}", shape, size],
+    }
+    keys = []
+    for source in imagery.sources():
+        if source == "photo" and imagery.photo is not None:
+            parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
+        elif source == "panoramas":
+            parts["panoramas"] = [[path.name, file_digest(path), _pose(pose)] for path, pose in imagery.panoramas]
+            parts["between"] = [_between(plan, chart, pose) for _, pose in imagery.panoramas]
+        elif source == "own":
+            parts["own"] = _own(plan, [chart], textures)
+        elif imagery.exemplar is not None:
+            parts |= {"exemplar": [imagery.exemplar[1], exemplars.get(imagery.exemplar[0])], "walls": run.walls}
+        else:
+            parts["walls"] = run.walls
+        keys.append(parts_key(stage_code("facades"), **parts))
+    return tuple(keys)
+
+
+def _pose(pose: Pose) -> list[Any]:
+    return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
+
+
+def _between(plan: Plan, chart: int, pose: Pose) -> list[str]:
+    """What may stand between a panorama and a chart, or is either."""
+    place = np.array([pose.x, pose.y, pose.z])
+    low, high = _box(plan, [chart])
+    # what lies below both hides nothing: level ground does not count
+    beside = np.array([OFF_PLANE_M, OFF_PLANE_M, -ABOVE_M])
+    return plan.things.within(np.minimum(low, place) - beside, np.maximum(high, place) + OFF_PLANE_M)
+
+
+def _box(plan: Plan, charts: Sequence[int]) -> tuple[np.ndarray, np.ndarray]:
+    """The corners (3,) of the box around some charts."""
+    corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
+    return corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+
+
+def _own(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[Any]:
+    """The textures that some charts carry, by chart: where each corner lies on which picture."""
+    mesh = plan.scene.mesh
+    found = []
+    for chart in charts:
+        mine = mesh.chart == chart
+        pictures = [file_digest(textures[i]) if i >= 0 else None for i in mesh.texture[mine].tolist()]
+        shape = mesh.vertices[mesh.triangles[mine]].tobytes() + mesh.uv[mine].tobytes()
+        found.append([f"{plan.ids[chart]:016x}", blake2b(shape, digest_size=8).hexdigest(), pictures])
+    return found

@@ -1,0 +1,1 @@
+"""What a run publishes: its steps, its files, and what readers open."""

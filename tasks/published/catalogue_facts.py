@@ -1,0 +1,194 @@
+"""What the catalogue says of a snapshot's block, streets, run and models."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from catalogs.block.sources import sources_of
+from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.export.footprints import footprints
+from facade_core.export.models import textured_scene
+from facade_core.layout.model import SHIPPED as LAYOUTS
+from facade_core.parse.network import SHIPPED as NETWORK
+from facade_core.plan import Plan
+from facade_core.street.neural import SHIPPED as TRANSLATOR
+from tasks.published.facade_report import made_at
+from tasks.run import Run
+from tasks.store.standing import made_by
+
+Records = Sequence[Mapping[str, Any] | None]
+# A footprint's outline in the catalogue may be off by this.
+OUTLINE_M = 0.1
+_ROOT = Path(__file__).resolve().parent.parent.parent
+
+
+@dataclass(frozen=True, slots=True)
+class Shipped:
+    """A shipped model, and what it learned from, as its card says: set -> licence."""
+
+    path: Path
+    title: str
+    trained_on: Mapping[str, str]
+
+    @property
+    def card(self) -> Path:
+        return self.path.with_suffix(".md")
+
+
+# Facades are parsed by the first and completed by the second; the last one translates panoramas where the block file says so.
+OF_FACADES = (
+    Shipped(
+        NETWORK,
+        "facade parser",
+        {"ECP": "MIT (the copy used)", "CMP": "CC BY-SA", "Swiss street photos": "CC BY 4.0", "ImageNet": "Apache-2.0"},
+    ),
+    Shipped(
+        LAYOUTS,
+        "facade layout model",
+        {"layouts/cmp.jsonl": "CC BY-SA", "layouts/ingolstadt_lod3_metres.jsonl": "CC BY-SA 4.0"},
+    ),
+)
+OF_STREETS = Shipped(
+    TRANSLATOR,
+    "street translator",
+    {
+        "Panoramax, Strasbourg": "Licence Ouverte / CC BY-SA",
+        "Amsterdam's panoramas": "open data of the city",
+        "renderings of Helsinki": "ODbL",
+        "renderings of Delfshaven": "open data of Rotterdam",
+    },
+)
+
+
+def block_facts(
+    run: Run,
+    plan: Plan,
+    group: StoreGroup,
+    snapshot: str,
+    rows: Sequence[Mapping[str, Any]],
+    updated: datetime,
+    block_file: Path | None,
+) -> BlockFacts:
+    """rows: the items of the facades. block_file: what the block was read from, for its sources; None: they are not known."""
+    outlines = list(footprints(textured_scene(plan.scene, lambda page: np.empty((0, 0, 3), np.uint8))).values())
+    done = sum(row["status"] == "done" for row in rows)
+    return BlockFacts(
+        name=run.block,
+        crs=run.crs,
+        snapshot=snapshot,
+        code_version=made_by(group),
+        config_digest=run.key,
+        updated=updated,
+        footprint=_outline(outlines) if outlines else None,
+        counts={
+            "buildings": len(outlines),
+            "facades_done": done,
+            "facades_failed": len(rows) - done,
+            "streets": len(plan.streets),
+            "viewpoints": len(plan.viewpoints),
+            "windows": sum(row["windows"] or 0 for row in rows),
+        },
+        settings={
+            "texture.texels_per_metre": run.texels_per_metre,
+            "texture.viewpoint_spacing": plan.scene.spacing,
+            "texture.visibility_range": plan.scene.visibility_range,
+            "texture.panorama_width": run.panorama_width,
+            "texture.walls": run.walls,
+            "texture.translator": run.translator,
+            "storey": run.storey,
+            "seed": run.seed,
+            "geoid_separation": group.attrs.get("geoid_separation"),
+        },
+        sources=sources_of(block_file) if block_file else (),
+        notes=tuple(map(str, group.attrs.get("notes", ()))),
+    )
+
+
+def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[StreetFacts]:
+    """All streets of a block, by their journal records and those of their viewpoints."""
+    street_of = np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64)
+    writable = plan.street_texels()[:, 1].tolist()
+    found = []
+    for index, (street, record) in enumerate(zip(plan.streets, streets, strict=True)):
+        own = np.flatnonzero(street_of == index).tolist()
+        made = [seen for viewpoint in own if (seen := viewpoints[viewpoint]) and seen["status"] == "done"]
+        state = record["status"] if record else "waiting" if own else "unseen"
+        texels = (record or {}).get("texels")
+        found.append(
+            StreetFacts(
+                id=street.id,
+                name=street.name,
+                line=street.line,
+                state=state,
+                reason=(record or {}).get("reason") or ("no wall is seen from it" if state == "unseen" else None),
+                viewpoints=len(own),
+                viewpoints_done=len(made),
+                wave=int(plan.wave[index]),
+                texels=texels,
+                coverage=round(texels / writable[index], 4) if texels is not None and writable[index] else None,
+                key=(record or {}).get("key"),
+                seconds=round(sum(map(_seconds, [record, *made])), 2) if record else None,
+                updated=made_at(record),
+            )
+        )
+    return found
+
+
+def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
+    """The work in the journals, stage -> records."""
+    records = [record for stage in journals.values() for record in stage if record]
+    started = [datetime.fromtimestamp(record["started"], UTC) for record in records if "started" in record]
+    units = {}
+    for stage, held in journals.items():
+        states = Counter(record["status"] if record else "waiting" for record in held)
+        if held:
+            units[stage] = {state: states[state] for state in ("done", "failed", "stale", "waiting") if states[state]}
+    return RunFacts(
+        started=min([ingested, *started]),
+        ended=max([ingested, *(at for record in records if (at := made_at(record)))]),
+        units=units,
+        seconds=sum(map(_seconds, records)),
+    )
+
+
+def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
+    """The shipped models that a block's facades and streets were made with: none where nothing was."""
+    used = list(OF_FACADES) if any(record and "lattice" in record for record in facades) else []
+    if run.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
+        used.append(OF_STREETS)
+    found = []
+    for model in used:
+        data = model.path.read_bytes()
+        found.append(
+            ModelFacts(
+                id=model.path.stem,
+                title=model.title,
+                file=model.path.relative_to(_ROOT).as_posix(),
+                size=len(data),
+                sha256=hashlib.sha256(data).hexdigest(),
+                card=model.card if model.card.is_file() else None,
+                trained_on=model.trained_on,
+            )
+        )
+    return found
+
+
+def _seconds(record: Mapping[str, Any] | None) -> float:
+    return sum((record or {}).get("seconds", {}).values())
+
+
+def _outline(footprints: Sequence[Any]) -> Any:
+    """What buildings cover together, without the cracks between neighbours; outer rings anticlockwise, as in GeoJSON."""
+    closed = shapely.union_all(footprints).buffer(OUTLINE_M, join_style="mitre").buffer(-OUTLINE_M, join_style="mitre")
+    parts = [shapely.geometry.polygon.orient(part) for part in shapely.get_parts(closed.simplify(OUTLINE_M))]
+    return parts[0] if len(parts) == 1 else shapely.MultiPolygon(parts)

@@ -1,0 +1,132 @@
+"""What a run has published: the snapshot that `current` points at, opened, and nothing newer."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, cast
+
+import numpy as np
+
+from facade_core.errors import InputError, StoreError
+from facade_core.plan import Plan
+from facade_core.types import Element
+
+if TYPE_CHECKING:
+    from facade_core.atlas.zarr_types import StoreGroup
+    from facade_core.export.models import Textured
+
+
+@dataclass(frozen=True)
+class Published:
+    """A published snapshot: its folder, its store's root group and plan, the buildings' table (id, name, height, levels ...),
+    and the journal's record of every facade, None where there is none."""
+
+    folder: Path
+    snapshot: str
+    group: StoreGroup
+    plan: Plan
+    buildings: Any
+    records: Sequence[dict[str, Any] | None]
+
+    @property
+    def block(self) -> str:
+        return str(self.group.attrs["block"])
+
+    @property
+    def crs(self) -> str:
+        return str(self.group.attrs["crs"])
+
+    @cached_property
+    def names(self) -> dict[int, str]:
+        """Building -> its id."""
+        return dict(enumerate(map(str, self.buildings.id.values)))
+
+    @cached_property
+    def textured(self) -> Textured:
+        """The block with the pages that were published."""
+        from facade_core.export.models import textured_scene
+
+        return textured_scene(self.plan.scene, self.page)
+
+    def page(self, page: int) -> np.ndarray:
+        """A filled page of the atlas, (h, w, 3) uint8."""
+        from PIL import Image
+
+        from tasks.store.standing import page_path
+
+        path = page_path(self.folder, page)
+        try:
+            with Image.open(path) as image:
+                return np.asarray(image.convert("RGB"))
+        except OSError as error:
+            again = publishes_again(self.folder.parent.parent)
+            raise InputError(f"{path} cannot be read as a picture; {again}") from error
+
+    def choose(self, ids: Sequence[str]) -> np.ndarray:
+        """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
+        built = np.unique(self.plan.scene.charts.building)
+        built = built[built >= 0]
+        if not ids:
+            return built
+        known = {self.names[b]: b for b in built.tolist()}
+        for name in ids:
+            if name not in known:
+                near = get_close_matches(name, known, n=1, cutoff=0.5)
+                hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
+                raise InputError(f"--building {name}: the block {self.block} has no such building; {hint}")
+        return np.unique([known[name] for name in ids])
+
+    def elements(self, facade: int) -> list[Element]:
+        """The elements of a facade's completed layout, in texels, y down."""
+        record = self.records[facade] or {}
+        return [Element(row[0], *map(float, row[1:6])) for row in record.get("elements", ())]
+
+    def rectified(self, buildings: np.ndarray) -> list[int]:
+        """The facades of some buildings that have a finished layout and texture."""
+        own = np.isin(self.plan.facades.building, buildings).tolist()
+        return [i for i, record in enumerate(self.records) if own[i] and record and "lattice" in record]
+
+
+def published(out: Path) -> Published:
+    """What the run in folder `out`, or the one run in the folder of runs `out`, has published.
+
+    Raises InputError where nothing is, or several runs have, and StoreError where the store does not hold the snapshot.
+    """
+    import icechunk
+    import zarr
+
+    from catalogs.published.runs import items_path, runs_in
+    from facade_core.atlas.journal import read_journal
+    from facade_core.atlas.plan_tables import read_plan
+    from facade_core.atlas.store import open_repository, open_table
+    from tasks.store.standing import page_path
+
+    runs, _ = runs_in(out)
+    if len(runs) > 1:
+        raise InputError(f"{out}: holds {len(runs)} runs; name one, such as {runs[0].folder}")
+    folder = items_path(runs[0].folder).parent
+    again = publishes_again(runs[0].folder)
+    repository = open_repository(runs[0].folder / "store")
+    try:
+        session = repository.readonly_session(snapshot_id=folder.name)
+        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        plan = read_plan(session, float(cast(float, group["atlas"].attrs["texels_per_metre"])))
+        buildings, records = open_table(session, "buildings").load(), read_journal(group, "facades")
+    except (icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
+        why = " ".join(str(error).split())[:120]
+        raise StoreError(
+            f"{runs[0].folder}: its store does not hold snapshot {folder.name} as this version writes it ({why}); {again}"
+        ) from error
+    missing = [page for page in range(plan.scene.spec.pages) if not page_path(folder, page).is_file()]
+    if missing:
+        raise InputError(f"{page_path(folder, missing[0])} is missing; {again}")
+    return Published(folder, folder.name, group, plan, buildings, records)
+
+
+def publishes_again(out: Path) -> str:
+    """The remedy where a published folder is damaged."""
+    return f"`streetloom run BLOCK.yaml --out {out}` publishes again"

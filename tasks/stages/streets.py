@@ -1,0 +1,145 @@
+"""Texture one street, viewpoint by viewpoint, in order."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from threading import Lock
+from typing import Any
+
+import icechunk
+import numpy as np
+import zarr
+from prefect import task
+from prefect.cache_policies import NO_CACHE
+
+from catalogs.features import file_stem
+from facade_core.atlas.journal import read_journal, read_records, unit_key
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import StoreError
+from tasks.compute.connect import Compute
+from tasks.keys.streets import street_keys
+from tasks.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault
+from tasks.progress import advance
+from tasks.run import Run
+from tasks.store.carry import forget_units
+from tasks.store.commits import begin, finish
+from tasks.store.redo import street_chunks
+from tasks.units.context import plan_of_run
+from tasks.units.viewpoint import forget_street, street_unit, viewpoint_unit
+
+
+@task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)
+def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> Outcome:
+    """Every viewpoint not yet journalled, one commit each, then the street's texels in one commit, tagged.
+
+    One worker keeps the street's state of `memory` bytes; where it is lost, another rebuilds that from the panoramas.
+    """
+    plan = plan_of_run(run)
+    session = open_repository(run.store).readonly_session(BRANCH)
+    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    wave, name = int(plan.wave[street]), plan.streets[street].id
+    own = [v.id for v in plan.of_street(street)]
+    reads, writes = street_chunks(plan, street)
+    found = street_keys(run, plan, group, street)
+    street_key, keys = found.street, found.viewpoints
+    if is_done(read_records(group, "streets", np.array([street]))[0], street_key):
+        advance("viewpoints", len(own))
+        return Outcome(skipped=len(own) + 1)
+    held = read_records(group, "viewpoints", np.array(own, np.int64))
+    first = next((k for k in range(len(own)) if not is_done(held[k], keys[k])), len(own))
+    # who reads them later must not take them for what this street shows now
+    forget_units(run, plan, "viewpoints", {own[k]: [] for k in range(first, len(own)) if held[k]})
+    outcome = Outcome(skipped=first)
+    advance("viewpoints", first)
+    at = ""
+    commits: list[float] = []
+    try:
+        with (
+            compute.lease(memory, (forget_street, run, street, street_key)) as worker,
+            _claimed(run, name, reads, writes),
+        ):
+            for step in range(first, len(own)):
+                at = f"viewpoint {step}"
+                session, fork = begin(run.store)
+                fork, record = compute.submit(
+                    viewpoint_unit, run, fork, street, step, street_key, worker=worker
+                ).result()
+                record |= {"unit": f"{name}/{step}", "key": keys[step], "status": "done"}
+                started = time.perf_counter()
+                finish(session, fork, "viewpoints", {own[step]: record}, f"viewpoint {name}/{step}")
+                commits.append(round(time.perf_counter() - started, 4))
+                log_units("viewpoints", [record])
+                outcome = outcome.add([record])
+                advance("viewpoints", 1)
+            at = "end of the street"
+            session, fork = begin(run.store)
+            fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
+            record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
+            record["chain"] = unit_key(
+                list(keys)
+            )  # what it is made of: a viewpoint that is another later is told by it
+            snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
+    except Exception as error:
+        if machine_fault(error):
+            raise machine_error(f"street {name}", error) from error
+        session, fork = begin(run.store)
+        record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
+        record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
+        finish(session, fork, "streets", {street: record}, f"street {name} failed")
+        log_units("streets", [record])
+        return outcome.add([record])
+    log_units("streets", [record])
+    _tag(run, tag_of(record), snapshot)
+    return outcome.add([record])
+
+
+def tag_of(record: dict[str, Any]) -> str:
+    """The tag of the snapshot in which a street ended, by the street's record."""
+    return f"street-{file_stem(record['unit'])}-{unit_key(record['key'])[:12]}"
+
+
+def standing_tags(group: StoreGroup) -> set[str]:
+    """The tags of the streets that a snapshot holds as done."""
+    return {tag_of(record) for record in read_journal(group, "streets") if record and record["status"] == "done"}
+
+
+# Chunks that the streets under way in this process read and write, by store and street.
+_under_way: dict[tuple[str, str], tuple[frozenset[str], frozenset[str]]] = {}
+_claiming = Lock()
+
+
+@contextmanager
+def _claimed(run: Run, name: str, reads: frozenset[str], writes: frozenset[str]) -> Iterator[None]:
+    """Hold a street's chunks while it runs.
+
+    Raises StoreError where a street under way writes what this one reads, or the other way round: forks that write one chunk
+    merge without an error, and one of the writes is lost.
+    """
+    with _claiming:
+        for (store, other), (their_reads, their_writes) in _under_way.items():
+            shared = (writes & their_reads) | (their_writes & reads)
+            if store == run.out and shared:
+                raise StoreError(
+                    f"street {name} and street {other} share {len(shared)} chunks, such as {min(shared)}, and run at the same "
+                    "time; ingest the block again, which orders its streets anew"
+                )
+        _under_way[run.out, name] = (reads, writes)
+    try:
+        yield
+    finally:
+        with _claiming:
+            del _under_way[run.out, name]
+
+
+def _tag(run: Run, tag: str, snapshot: str) -> None:
+    repository = open_repository(run.store)
+    if tag not in repository.list_tags():
+        try:
+            repository.create_tag(tag, snapshot)
+        except (
+            icechunk.IcechunkError
+        ):  # a tag once deleted cannot be made again; the snapshot stays reachable from main
+            return

@@ -1,0 +1,147 @@
+"""Whether a run has anything left to do: read from the store alone, so that asking costs no server and no cluster."""
+
+from __future__ import annotations
+
+import json
+import re
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import zarr
+
+from catalogs.stac.catalog import CATALOG
+from facade_core.atlas.check import DAMAGE, is_whole
+from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import InputError, StoreError
+from tasks.keys.stage_code import stage_code, version_of
+from tasks.keys.units import parts_of
+from tasks.outcome import refused
+from tasks.published.files import amiss
+from tasks.run import Run
+from tasks.store.wounds import find_wounds, is_suspect
+
+SUMMARY = "summary.json"
+# In a run's folder: the path of its block file.
+SOURCE = "source"
+
+
+def published_summary(out: Path, snapshot: str) -> dict[str, Any]:
+    """The summary of a published snapshot, with the paths of its outputs."""
+    folder = out / "published" / snapshot
+    return json.loads((folder / SUMMARY).read_text()) | {
+        "outputs": {
+            "glb": [str(folder / "block.glb")],
+            "report": str(folder / "report" / "index.html"),
+            "items": str(folder / "items.parquet"),
+        },
+    }
+
+
+def current_snapshot(out: Path) -> str | None:
+    """The published snapshot that `current` points at, None where there is none."""
+    try:
+        snapshot = (out / "current").read_text(errors="replace").strip()
+    except OSError:
+        return None
+    named = re.fullmatch(r"[A-Za-z0-9_-]+", snapshot)
+    return snapshot if named and (out / "published" / snapshot / SUMMARY).is_file() else None
+
+
+def unpublished(out: Path, snapshot: str) -> str | None:
+    """Why a snapshot is not what `current` names, whole; None where it is."""
+    if current_snapshot(out) != snapshot:
+        return "it is not published yet"
+    if fault := amiss(out / "published" / snapshot):
+        return f"published/{snapshot}: {fault}"
+    try:
+        json.loads((out / CATALOG).read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        return f"{CATALOG} is missing or cut"
+    return None
+
+
+def record_source(out: Path, source: Path) -> None:
+    """Note in a run's folder which block file it is of."""
+    if recorded_source(out) != source:
+        (out / SOURCE).write_text(f"{source}\n")
+
+
+def recorded_source(out: Path) -> Path | None:
+    """The block file of which the run in a folder was last; None where it is not noted."""
+    try:
+        return Path((out / SOURCE).read_text().strip())
+    except (OSError, ValueError):
+        return None
+
+
+def page_path(published: Path, page: int) -> Path:
+    """Where a page of the atlas, filled, lies in the folder of a published snapshot."""
+    return published / "pages" / f"{page:04}.jpg"
+
+
+def nothing_due(run: Run) -> dict[str, Any] | None:
+    """The summary of `run` when its every unit is done and its newest snapshot published; None when there is work.
+
+    What any unit's key stands on beside its stage's code is in the run's key too: while these are the same, so are they all.
+    Raises InputError when the store is another block's, which a run would overwrite.
+    """
+    if not run.store.is_dir():
+        return None
+    try:
+        repository = open_repository(run.store)
+        session = repository.readonly_session(BRANCH)
+        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        _check_block(run, group)
+        if group.attrs.get("key") != run.key or unpublished(Path(run.out), session.snapshot_id):
+            return None
+        if group.attrs.get("published_by") != stage_code("publish"):
+            return None
+        journals = {stage: read_journal(group, stage) for stage in STAGES}
+        for stage, codes in _codes(journals).items():
+            if codes != [stage_code(stage, neural=run.translator == "neural")]:
+                return None
+        records = [record for journal in journals.values() for record in journal]
+        if not all(record and record["status"] == "done" for record in records):
+            return None
+        if is_suspect(Path(run.out)) or find_wounds(session) or not is_whole(repository, run.store):
+            return None
+    except (StoreError, *DAMAGE):
+        return None
+    summary = published_summary(Path(run.out), session.snapshot_id)
+    told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *refused(records)]
+    set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
+    return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}
+
+
+def made_by(group: StoreGroup) -> str:
+    """The version of the code that made what a store holds, and that publishes it."""
+    codes = _codes({stage: read_journal(group, stage) for stage in STAGES})
+    return version_of(
+        {
+            "ingest": str(group.attrs.get("ingested_by")),
+            "publish": str(group.attrs.get("published_by")),
+            **{stage: " ".join(found) for stage, found in codes.items()},
+        }
+    )
+
+
+def _codes(journals: Mapping[str, Sequence[dict[str, Any] | None]]) -> dict[str, list[str]]:
+    """The codes by which the units of a journal were done, by stage; a viewpoint's is its street's."""
+    found = {
+        stage: sorted({parts_of(record["key"]).get("code", "") for record in journal if record})
+        for stage, journal in journals.items()
+        if stage != "viewpoints"
+    }
+    return {stage: codes for stage, codes in found.items() if codes}
+
+
+def _check_block(run: Run, group: StoreGroup) -> None:
+    held = group.attrs.get("block", run.block)
+    if held != run.block:
+        raise InputError(
+            f"{run.out}: holds block {held}; give block {run.block} a folder of its own beside it with --out, and "
+            f"`streetloom query {Path(run.out).parent}` finds both"
+        )

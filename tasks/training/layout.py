@@ -1,0 +1,37 @@
+"""Train the layout model that is shipped, and those of the benchmark's folds, from a data folder."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from catalogs.learning.layouts import read_layouts, split_layouts
+from facade_core.layout import learning
+from facade_core.layout.model import save
+from tasks.progress import advance, begin_stage
+
+
+def train_layout(data: Path, out: Path, *, seed: int, fold: int = 0, size: int | None = None) -> Path:
+    """Train on layouts/cmp.jsonl without every fifth from `fold` on, and on the metric layouts; writes layouts.json into `out`.
+
+    size: so many of the training layouts only, spread evenly.
+    """
+    train, _ = split_layouts(list(read_layouts(data / "layouts" / "cmp.jsonl")), fold)
+    if size is not None:
+        train = [train[k * len(train) // size] for k in range(min(size, len(train)))]
+    metric = list(read_layouts(data / "layouts" / "ingolstadt_lod3_metres.jsonl"))
+    model = learning.learn(
+        [(record.elements, record.domain) for record in train],
+        names=[record.name for record in train],
+        metric=[(record.elements, record.domain) for record in metric],
+        seed=seed,
+        progress=_tell,
+    )
+    path = out / "layouts.json"
+    save(model, path, seed=seed)
+    return path
+
+
+def _tell(step: str, done: int, total: int) -> None:
+    if done <= 1:
+        begin_stage(step, total)
+    advance(step, min(done, 1))

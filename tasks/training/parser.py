@@ -1,0 +1,84 @@
+"""Train the shipped models, and those of the benchmarks' folds, from a data folder."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
+from facade_core.parse import network_export, training, training_network
+from facade_core.parse.model_file import read_record
+from facade_core.parse.training_network import Course
+from tasks.progress import advance, begin_stage
+
+Sets = dict[str, list[LabelledFacade]]
+
+SHIPPED_COURSE = Course(steps=3000, per_step={"ecp": 3, "cmp": 2, "swiss": 1})
+# Sets whose licence allows no shipped weights: networks for their own benchmark only, from where the shipped one ended.
+FOLD_COURSES = {
+    "artdeco": Course(steps=500, per_step={"artdeco": 6}, rate=1e-3),
+    "ruemonge2014": Course(steps=500, per_step={"ruemonge2014": 6}, rate=1e-3),
+}
+
+
+def train_forest(data: Path, out: Path, *, seed: int) -> Path:
+    """Train the forest on facades/ecp without its held-out fold; writes forest.onnx and forest.json into `out`."""
+    train, _ = split(list(ecp(data / "facades" / "ecp")))
+    model = training.train([(f.image, f.labels) for f in train], seed=seed, progress=told())
+    path = out / "forest.onnx"
+    training.save(model, path, training_set=[f"ecp/{f.name}" for f in train], seed=seed)
+    return path
+
+
+def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_COURSE) -> Path:
+    """Train the shipped network; writes network.onnx and network.json into `out`.
+
+    It learns from facades/ecp without the held-out fold, facades/cmp and streetphotos/swiss/train. network.state, kept
+    beside, is where an interrupted run goes on.
+    """
+    sets: Sets = {
+        "ecp": split(list(ecp(data / "facades" / "ecp")))[0],
+        "cmp": list(read(CMP, data / "facades" / "cmp")),
+        "swiss": list(swiss(data / "streetphotos" / "swiss" / "train")),
+    }
+    weights = training_network.train(sets, course, seed=seed, state=out / "network.state", progress=told())
+    path = out / "network.onnx"
+    network_export.save(weights, path, training_set=_names(sets), seed=seed)
+    return path
+
+
+def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
+    """Go on from the network in `out` with the training part of a set of FOLD_COURSES; writes NAME.onnx and .json.
+
+    For the benchmark of that set only. Raises ModelError where `out` has no finished network.
+    """
+    facades = {
+        "artdeco": lambda: split(list(read(ARTDECO, data / "facades" / "artdeco")))[0],
+        "ruemonge2014": lambda: list(read(RUEMONGE, data / "facades" / "ruemonge2014" / "train")),
+    }[name]()
+    start = training_network.finished(out / "network.state")
+    state = out / f"{name}.state"
+    weights = training_network.train(
+        {name: facades}, FOLD_COURSES[name], seed=seed, state=state, start=start, progress=told()
+    )
+    path = out / f"{name}.onnx"
+    seen = [*read_record(out / "network.onnx")["training_set"], *_names({name: facades})]
+    network_export.save(weights, path, training_set=seen, seed=seed)
+    return path
+
+
+def _names(sets: Sets) -> list[str]:
+    return [f"{name}/{photo.name}" for name, photos in sets.items() for photo in photos]
+
+
+def told() -> Callable[[str, int, int], None]:
+    """Progress of a training run as stages and units."""
+    reached: dict[str, int] = {}
+
+    def progress(step: str, done: int, total: int) -> None:
+        if step not in reached:
+            begin_stage(step, total)
+        advance(step, done - reached.get(step, 0))
+        reached[step] = done
+
+    return progress

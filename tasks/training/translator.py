@@ -1,0 +1,185 @@
+"""Train the translation network that is shipped, or one of a user's own city: renderings of blocks and real panoramas."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from catalogs.block import Block, read_block
+from catalogs.readers.pictures.opening import opened
+from facade_core.errors import InputError
+from facade_core.geometry.charts import WALL
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street import translator_training
+from facade_core.street.translator_steps import Course, Domains
+from facade_core.street.translator_views import WIDTHS, Rendering, sequence
+from facade_core.synth.furniture import street_furniture
+from facade_core.synth.relief import relief
+from facade_core.synth.street_truth import synthetic_street
+from tasks.progress import advance, begin_stage
+from tasks.stages.planning import plan_of
+from tasks.training.parser import told
+
+# Texels are only counted in the renderings, not shown: few are enough.
+TEXELS_PER_METRE = 4.0
+# Viewpoints that are rendered one after another, and how often in each block.
+RUN, RUNS = 4, 16
+PROCEDURAL = 8
+# Every so-manieth run of renderings is for judging.
+EVERY = 5
+
+
+@dataclass(frozen=True)
+class Places:
+    """Which panoramas to judge checkpoints by, and which to leave out altogether: beginnings of their files' names."""
+
+    judged: tuple[str, ...]
+    left_out: tuple[str, ...] = ()
+
+
+def train_translator(
+    real: Sequence[Path], blocks: Sequence[Path], out: Path, *, seed: int, course: Course, places: Places
+) -> Path:
+    """Train on panoramas in the folders `real`, and on renderings of block files and of procedural streets.
+
+    Writes translator.onnx and translator.json into `out`, and beside them translator.state, where an interrupted run goes on,
+    and a picture of every checkpoint. Raises InputError without panoramas to learn from or to judge by, ModelError
+    without torch.
+    """
+    from facade_core.street import translator_export
+
+    translator_training.require_torch()  # before minutes of rendering
+    learnt, judged, names = panoramas(real, places)
+    out.mkdir(parents=True, exist_ok=True)
+    rendered, rendered_judged = renderings(blocks, seed=seed)
+    domains = Domains(rendered, learnt, rendered_judged, judged)
+    trained = translator_training.train(
+        domains, course, seed=seed, state=out / "translator.state", progress=told(), sample=_sheets(out)
+    )
+    path = out / "translator.onnx"
+    record = {
+        "seed": seed,
+        "training_set": names + [f"rendered/{block.stem}" for block in blocks] + ["rendered/procedural"],
+        "held_out": [*places.judged, *places.left_out],
+        "best_step": trained.step,
+        "kernel_distances": {str(step): round(value, 4) for step, value in trained.distances.items()},
+    }
+    translator_export.save(trained.weights, course, path, record)
+    return path
+
+
+def panoramas(folders: Sequence[Path], places: Places) -> tuple[list[np.ndarray], list[np.ndarray], list[str]]:
+    """Panoramas to learn from and to judge by, (h, w, 3) uint8 of the largest of WIDTHS, and the names of the first."""
+    from PIL import Image
+
+    learnt, judged, names = [], [], []
+    for folder in folders:
+        for path in sorted(p for p in folder.rglob("*") if p.suffix.lower() in (".jpg", ".jpeg", ".png")):
+            with opened(path) as picture:
+                if picture.width != 2 * picture.height or path.name.startswith(places.left_out or ("\0",)):
+                    continue
+                small = picture.convert("RGB").resize((max(WIDTHS), max(WIDTHS) // 2), Image.Resampling.BOX)
+            if path.name.startswith(places.judged):
+                judged.append(np.asarray(small))
+            else:
+                learnt.append(np.asarray(small))
+                names.append(f"{folder.name}/{path.name}")
+    if not learnt or not judged:
+        raise InputError(
+            f"{', '.join(map(str, folders))}: {len(learnt)} panoramas (pictures twice as wide as high) to learn from and "
+            f"{len(judged)} to judge by; "
+            "give both, and the beginning of the names of the latter with --judge-by"
+        )
+    return learnt, judged, names
+
+
+def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[Rendering], list[Rendering]]:
+    """Renderings to learn from and to judge by, of runs of viewpoints in the streets of blocks and of procedural streets."""
+    begin_stage("renderings", RUNS * len(blocks) + PROCEDURAL)
+    runs: list[list[Rendering]] = []
+    for number in range(PROCEDURAL):
+        runs.append(procedural_run(seed=100 * seed + number, furnished=number % 2 == 0))
+        advance("renderings", 1)
+    for path in blocks:
+        for run in block_runs(read_block(path), RUNS, seed=seed):
+            runs.append(run)
+            advance("renderings", 1)
+    learnt = [view for number, run in enumerate(runs) if number % EVERY for view in run]
+    judged = [view for number, run in enumerate(runs) if number % EVERY == 0 for view in run]
+    return learnt, judged
+
+
+def procedural_run(*, seed: int, furnished: bool) -> list[Rendering]:
+    """Renderings along a street of painted facades, shown as relief."""
+    import cv2
+
+    street = synthetic_street(8, seed=seed, occluders=0, texels_per_metre=20.0)
+    placement = street.scene.placement
+    reliefs = {}
+    for chart, painted in zip(street.charts, street.painted, strict=True):
+        shape = (int(placement.width[chart]), int(placement.height[chart]))
+        grey = relief(painted.labels, painted.metres_per_pixel)
+        reliefs[chart] = cv2.resize(grey, shape, interpolation=cv2.INTER_NEAREST)
+    own = []
+    for number, along in enumerate(np.arange(2.5, street.length, 5.0)):
+        x, y = street.place(float(along), 0.0)
+        own.append(Viewpoint(number, 0, np.array([x, y, 2.5]), street.axis))
+    line = shapely.LineString([street.place(along, 0.0) for along in (0.0, street.length)])
+    furniture = street_furniture(line, partial(_level, 0.0), seed=seed) if furnished else None
+    return sequence(street.scene, own, furniture=furniture, relief=reliefs)
+
+
+def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Rendering]]:
+    """Runs of renderings between the buildings of a block, every other one furnished; where walls are seen best first."""
+    texture = replace(block.texture, texels_per_metre=TEXELS_PER_METRE, panorama_width=512)
+    plan = plan_of(replace(block, texture=texture, panoramas=()))
+    scene = plan.scene
+    wall = scene.charts.kind == WALL
+    rng = np.random.default_rng(seed)
+    shown = np.bincount(plan.views[wall[plan.views[:, 1]], 0], minlength=len(plan.viewpoints))
+    starts = []
+    for street in range(len(plan.streets)):
+        own = plan.of_street(street)
+        for first in range(0, len(own) - RUN + 1, RUN):
+            starts.append((int(shown[[v.id for v in own[first : first + RUN]]].min()), street, first))
+    # of the better half, so that open places are left out, but not always the narrowest streets
+    better = sorted(starts, reverse=True)[: max(count, len(starts) // 2)]
+    for number in rng.permutation(len(better))[:count].tolist():
+        _, street, first = better[number]
+        own = plan.of_street(street)[first : first + RUN]
+        height = float(own[0].position[2]) - texture.viewpoint_height
+        line = plan.streets[street].line
+        furniture = None
+        if number % 2:
+            furniture = street_furniture(_near(line, own), partial(_level, height), seed=number)
+        yield sequence(scene, own, furniture=furniture)
+
+
+def _level(height: float, points: np.ndarray) -> np.ndarray:
+    return np.full(len(points), height)
+
+
+def _near(line: shapely.LineString, own: Sequence[Viewpoint]) -> shapely.LineString:
+    """The part of a line within 30 m of some viewpoints."""
+    reach = shapely.union_all([shapely.Point(v.position[:2]).buffer(30) for v in own])
+    part = line.intersection(reach)
+    return max(getattr(part, "geoms", [part]), key=lambda piece: piece.length)
+
+
+def _sheets(out: Path) -> Callable[[int, float, np.ndarray], None]:
+    """Leaves a picture of every checkpoint, and what has been measured so far."""
+
+    def sample(step: int, distance: float, sheet: np.ndarray) -> None:
+        from PIL import Image
+
+        Image.fromarray(sheet).save(out / f"step-{step:06d}.png")
+        with (out / "distances.jsonl").open("a", encoding="utf-8") as file:
+            file.write(json.dumps({"step": step, "kernel_distance": round(distance, 4)}) + "\n")
+
+    return sample

@@ -1,0 +1,233 @@
+"""Block files: what a good one gives, what each fault says, and when the digest changes."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable
+from dataclasses import FrozenInstanceError
+from pathlib import Path
+
+import pytest
+from distributed.protocol import deserialize, serialize
+from PIL import Image
+
+from catalogs.block import Block, TextureSettings, read_block
+from catalogs.block import keys as block_keys
+from facade_core.errors import BlockFileError
+
+Read = Callable[..., Block]
+
+
+def test_a_block_in_full(read: Read, folder: Path) -> None:
+    block = read("texture: {texels_per_metre: 25}\nseed: 7")
+    assert block.crs.to_string() == "EPSG:32635"
+    assert block.notes[0] == "crs not given: EPSG:32635 (WGS 84 / UTM zone 35N) chosen"
+    assert len(block.buildings) == 64
+    assert {"Mikonkatu", "Kalevankatu", "Mannerheimintie"} <= {s.name for s in block.streets}
+    assert block.exemplars == (folder / "facades" / "0.png", folder / "facades" / "1.png")
+    assert block.texture == TextureSettings(texels_per_metre=25.0)
+    assert (block.seed, block.storey, block.photos, block.geoid_separation) == (7, 3.2, {}, None)
+    assert deserialize(*serialize(block)) == block, "it travels to workers"
+    with pytest.raises(FrozenInstanceError):
+        block.seed = 8  # type: ignore[misc]
+
+
+def test_notes_speak_of_the_area_only(read: Read) -> None:
+    assert "roofs without walls set aside: 1 (w580268890)" in read().notes
+
+
+def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: Path) -> None:
+    (folder / "photos").mkdir()
+    Image.new("RGB", (40, 60)).save(folder / "photos" / "w1-f2.jpg")
+    block = read(
+        "crs: EPSG:3879",
+        streets="streets: {path: city.osm.pbf, names: [Mikonkatu]}",
+        imagery="imagery: {photos: {path: photos}, exemplars: {path: facades}}",
+    )
+    assert {s.name for s in block.streets} == {"Mikonkatu"}
+    assert block.photos == {"w1-f2": folder / "photos" / "w1-f2.jpg"}
+    assert block.photos_rectified
+    raw = read(imagery="imagery: {photos: {path: photos, rectified: false}, exemplars: {path: facades}}")
+    assert not raw.photos_rectified
+    assert raw.digest != read(imagery="imagery: {photos: {path: photos}, exemplars: {path: facades}}").digest
+    x, y = block.buildings[0].footprint.exterior.coords[0]
+    assert 25_490_000 < x < 25_500_000, "easting first, whatever axis order the CRS declares"
+    assert 6_670_000 < y < 6_680_000
+
+
+@pytest.mark.parametrize(
+    ("extra", "changes", "words"),
+    [
+        (
+            "texture: {texels_per_meter: 20}",
+            {},
+            "texture.texels_per_meter: unknown key; did you mean texture.texels_per_metre?",
+        ),
+        ("texels_per_metre: 20", {}, "did you mean texture.texels_per_metre?"),
+        ("texture: {texels_per_metre: 500}", {}, "texture.texels_per_metre: 500 is out of range; allowed is 1 to 100"),
+        ("texture: {texels_per_metre: '20'}", {}, "texture.texels_per_metre: '20' is not a number"),
+        ("texture: {texels_per_metre: .nan}", {}, "texture.texels_per_metre: nan is out of range"),
+        ("texture:", {}, "texture: holds nothing where keys are expected"),
+        ("texture: {walls: brick}", {}, "texture.walls: 'brick' is not known; choose 'exemplar' or 'translate'"),
+        (
+            "texture: {translator: neural, panorama_width: 500}",
+            {},
+            "texture.panorama_width: the neural translator takes multiples of 8; 512 is what it learnt at",
+        ),
+        ("texture: {panorama_width: 1023}", {}, "texture.panorama_width: must be even"),
+        ("seed: 1.5", {}, "seed: 1.5 is not a whole number"),
+        ("seed: 1\nseed: 2", {}, "line 7: seed: given twice (also on line 6); remove one"),
+        ("storey: [", {}, "line 6"),
+        ("x: !!python/object:os.system 1", {}, "is a tag, and tags are not read; leave it out"),
+        ("crs: EPSG:99999", {}, "crs: 'EPSG:99999' is not a known CRS"),
+        ("crs: EPSG:4326", {}, "crs: 'EPSG:4326' (WGS 84) is not projected in metres"),
+        ("crs: EPSG:3857", {}, "crs: EPSG:3857 (WGS 84 / Pseudo-Mercator) does not measure metres"),
+        ("crs: EPSG:28992", {}, "give e.g. EPSG:32635, or leave crs out"),
+        ("", {"name": ""}, "name: missing; write name: my-block"),
+        ("", {"name": "name: a/b"}, "name: 'a/b' is no usable name"),
+        ("", {"buildings": "buildings: city.osm.pbf"}, "write buildings: {path: city.osm.pbf}"),
+        (
+            "",
+            {"buildings": "buildings: {path: city.osm.pfb}"},
+            "city.osm.pfb does not exist; did you mean city.osm.pbf?",
+        ),
+        (
+            "",
+            {"buildings": "buildings: {path: block.yaml}"},
+            "block.yaml: files of type .yaml are not read; supported: .fgb",
+        ),
+        ("", {"buildings": "buildings: {path: facades}"}, "facades is a folder; name a file in it"),
+        ("", {"buildings": ""}, "buildings: missing; write buildings: {path: FILE}"),
+        ("", {"streets": "streets: {path: city.osm.pbf, names: [Mikkonkatu]}"}, "did you mean Mikonkatu?"),
+        ("", {"area": "area: [24.947, 60.165, 24.940, 60.169]"}, "area: must be [west, south, east, north]"),
+        ("", {"area": "area: [24, 60, 25]"}, "area: wrong number of entries"),
+        (
+            "",
+            {"area": "area: [4.0, 52.0, 4.1, 52.1]"},
+            "has no buildings inside area [4.0, 52.0, 4.1, 52.1]; they span [24.9",
+        ),
+        (
+            "",
+            {"streets": "streets: {path: city.osm.pbf, names: [Unioninkatu]}"},
+            "no streets of these names inside area",
+        ),
+        ("", {"imagery": ""}, "imagery.exemplars: missing, but texture.walls is exemplar"),
+        ("", {"imagery": "imagery: {exemplars: {path: .}}"}, "holds no pictures; did you mean"),
+        ("", {"imagery": "imagery: {panoramas: {path: p}}"}, "imagery.panoramas.path: "),
+        ("terrain: {path: city.osm.pbf}", {}, "terrain.path: "),
+        ("", {"buildings": "buildings: {path: '${NOT_SET_ANYWHERE}/b.pbf'}"}, "NOT_SET_ANYWHERE is not set"),
+        ("", {"buildings": "buildings: {path: [city.osm.pbf, gone.json]}"}, "gone.json does not exist"),
+        ("", {"buildings": "buildings: {path: []}"}, "buildings.path"),
+        (
+            "",
+            {"buildings": "buildings: {path: city.osm.pbf, crs: EPSG:1}"},
+            "buildings.crs: 'EPSG:1' is not a known CRS",
+        ),
+    ],
+)
+def test_each_fault_is_one_line_naming_file_key_and_remedy(
+    read: Read, folder: Path, extra: str, changes: dict[str, str], words: str
+) -> None:
+    with pytest.raises(BlockFileError) as error:
+        read(extra, **changes)
+    message = str(error.value)
+    assert message.startswith(f"{folder / 'block.yaml'}: ")
+    assert words in message
+    assert "\n" not in message
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("city.osm.pbf", b"not a pbf" * 99, "city.osm.pbf is not an OSM .pbf file"),
+        ("city.osm.pbf", None, "city.osm.pbf cannot be read as OSM .pbf"),
+    ],
+)
+def test_broken_files_are_named(read: Read, folder: Path, name: str, content: bytes | None, words: str) -> None:
+    path = folder / name
+    path.write_bytes(path.read_bytes()[:300_000] if content is None else content)
+    with pytest.raises(BlockFileError, match=r"block.yaml: ") as error:
+        read()
+    assert words in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (None, "no such block file"),
+        (b"", "holds no keys"),
+        (b"\xff\xfe\x00", "is not UTF-8"),
+        (b"- 1", "holds no keys"),
+    ],
+)
+def test_no_block_file_at_all(tmp_path: Path, content: bytes | None, words: str) -> None:
+    path = tmp_path / "block.yaml"
+    if content is not None:
+        path.write_bytes(content)
+    with pytest.raises(BlockFileError, match=words):
+        read_block(path)
+
+
+def test_two_photos_of_one_facade(read: Read, folder: Path) -> None:
+    (folder / "photos").mkdir()
+    for name in ("f1.jpg", "f1.png"):
+        Image.new("RGB", (4, 4)).save(folder / "photos" / name)
+    with pytest.raises(BlockFileError, match="both name facade f1; remove one"):
+        read(imagery="imagery: {exemplars: {path: facades}, photos: {path: photos}}")
+
+
+def test_the_digest_is_of_content_not_of_places(
+    read: Read, folder: Path, tmp_path_factory: pytest.TempPathFactory
+) -> None:
+    digest = read().digest
+    moved = tmp_path_factory.mktemp("elsewhere") / "deep"
+    shutil.copytree(folder, moved)
+    (moved / "city.osm.pbf").rename(moved / "renamed.osm.pbf")
+    text = (moved / "block.yaml").read_text().replace("city.osm.pbf", "renamed.osm.pbf")
+    (moved / "block.yaml").write_text("# a remark\n" + text)
+    os.utime(moved / "facades" / "0.png", (1, 1))
+    assert read_block(moved / "block.yaml").digest == digest
+    assert read("texture: {texels_per_metre: 20}\nseed: 0").digest == digest, "a default written out changes nothing"
+
+
+def test_the_digest_changes_with_every_byte_and_setting(read: Read, folder: Path) -> None:
+    digests = [read().digest, read("seed: 1").digest, read("texture: {viewpoint_spacing: 4}").digest]
+    digests += [read("crs: EPSG:3879").digest, read(area="area: [24.940, 60.165, 24.946, 60.169]").digest]
+    digests.append(read(streets="streets: {path: city.osm.pbf, names: [Mikonkatu]}").digest)
+    picture = folder / "facades" / "1.png"
+    picture.write_bytes(picture.read_bytes() + b"\0")
+    digests.append(read().digest)
+    picture.rename(folder / "facades" / "2.png")
+    digests.append(read().digest)
+    assert len(set(digests)) == len(digests)
+
+
+def test_the_readme_documents_every_key_with_its_range_and_default() -> None:
+    readme = (Path(block_keys.__file__).parents[1] / "README.md").read_text(encoding="utf-8")
+    rows = {line.split("|")[1].strip(" `"): line for line in readme.splitlines() if line.startswith("| `")}
+    keys = block_keys.known_keys()
+    assert len(keys) > 20
+    assert keys.keys() - rows.keys() == set()
+    assert {key for key in rows if "." in key and not key.endswith(".py")} - keys.keys() == set(), "no key that is gone"
+    for key, allowed in keys.items():
+        assert allowed in rows[key], key
+    for name, value in vars(block_keys.BlockKeys(name="a", buildings=BUILDINGS)).items():
+        if isinstance(value, int | float):
+            assert f"| {value} |" in rows[name], name
+    for name in TextureSettings.__dataclass_fields__:
+        default = getattr(TextureSettings(), name)
+        shown = {True: "true", None: "none"}.get(default, default)
+        assert f"| {shown} |" in rows[f"texture.{name}"], name
+
+
+BUILDINGS = block_keys.BuildingKeys(path="x")
+
+
+@pytest.mark.realdata
+def test_a_block_with_real_exemplars(read: Read, data: Path) -> None:
+    folder = data / "facades" / "ecp"
+    with pytest.raises(BlockFileError, match=r"holds no pictures; did you mean .*images\?"):
+        read(imagery=f"imagery: {{exemplars: {{path: {folder}}}}}")
+    assert len(read(imagery=f"imagery: {{exemplars: {{path: {folder / 'images'}}}}}").exemplars) == 83

@@ -1,0 +1,163 @@
+"""What a user types and sees when it goes wrong: one line, a code, no traceback."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).resolve().parents[3]
+
+
+def streetloom(*arguments: str, timeout: int = 120) -> subprocess.CompletedProcess:
+    return subprocess.run(
+        [sys.executable, "-m", "flows", *arguments], cwd=ROOT, capture_output=True, text=True, timeout=timeout
+    )
+
+
+@pytest.mark.parametrize("command", [(), ("run",), ("demo",), ("query",), ("train",), ("train", "parser"), ("bench",)])
+def test_help_has_an_example(command: tuple[str, ...]) -> None:
+    shown = streetloom(*command, "--help")
+    assert shown.returncode == 0
+    assert "Example" in shown.stdout
+    assert "streetloom" in shown.stdout
+
+
+def test_help_imports_nothing_heavy() -> None:
+    heavy = ("prefect", "numpy", "dask", "zarr", "rich")
+    code = f"import sys, flows.cli.commands; print([m for m in {heavy} if m in sys.modules])"
+    shown = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert shown.stdout.strip() == "[]"
+
+
+def one_line_and_code_2(result: subprocess.CompletedProcess) -> str:
+    assert result.returncode == 2, result.stderr
+    assert "Traceback" not in result.stderr
+    assert result.stdout == ""
+    return result.stderr
+
+
+def test_unknown_key_names_file_and_key(tmp_path: Path) -> None:
+    block = tmp_path / "bad.yaml"
+    block.write_text("name: x\nbuildigs: {path: a.pbf}\n")
+    message = one_line_and_code_2(streetloom("run", str(block), "--out", str(tmp_path / "out")))
+    assert "bad.yaml" in message
+    assert "buildigs" in message
+    assert len(message.strip().splitlines()) == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_missing_block_file(tmp_path: Path) -> None:
+    assert "nothing.yaml" in one_line_and_code_2(streetloom("run", str(tmp_path / "nothing.yaml")))
+
+
+def test_a_folder_that_cannot_be_made(tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    message = one_line_and_code_2(streetloom("demo", "--out", str(tmp_path / "file" / "out")))
+    assert "cannot be written" in message
+    assert "--out" in message
+
+
+def test_query_of_nothing(tmp_path: Path) -> None:
+    message = one_line_and_code_2(streetloom("query", str(tmp_path)))
+    assert "streetloom run" in message
+    assert len(message.strip().splitlines()) == 1
+
+
+def test_a_benchmark_has_help_of_its_own() -> None:
+    shown = streetloom("bench", "query", "--help")
+    assert shown.returncode == 0
+    assert "--rows ROWS" in shown.stdout
+
+
+def test_view_names_the_runs_of_a_folder(tmp_path: Path) -> None:
+    for name in ("b", "north/a", "b/store/inner"):
+        (tmp_path / name / "store").mkdir(parents=True)
+    message = one_line_and_code_2(streetloom("view", str(tmp_path)))
+    assert f"holds 2 runs (b, north/a); open one: streetloom view {tmp_path / 'b'}" in message
+    message = one_line_and_code_2(streetloom("view", str(tmp_path / "north" / "a" / "store")))
+    assert "no run has written here" in message
+
+
+def test_unknown_benchmark_names_those_there_are() -> None:
+    message = one_line_and_code_2(streetloom("bench", "speed"))
+    assert "block" in message
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("run", "BLOCK", "--out", ""), "--out: is empty; name a folder"),
+        (("view", "FOLDER", "--host", ""), "--host: is empty; name an address"),
+    ],
+)
+def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
+    tmp_path: Path, arguments: tuple[str, ...], said: str
+) -> None:
+    from click.testing import CliRunner
+
+    from flows.cli.commands import main
+
+    (tmp_path / "block.yaml").write_text("")
+    given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
+    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    assert shown.exit_code == 2
+    assert said in shown.stderr
+    assert len(shown.stderr.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ("run", "BLOCK", "--out", "s3://bucket/out"),
+        ("demo", "--out", "gs://bucket/out"),
+        ("fetch", "delfshaven", "--out", "s3://bucket"),
+        ("export", "FOLDER", "--format", "glb", "--to", "s3://bucket/x"),
+        ("new-block", "s3://bucket/x.yaml", "--osm", "BLOCK", "--bbox", "1", "2", "3", "4"),
+    ],
+)
+def test_results_go_to_folders_of_this_machine(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...]
+) -> None:
+    from click.testing import CliRunner
+
+    from flows.cli.commands import main
+
+    (tmp_path / "block.yaml").write_text("")
+    given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
+    (tmp_path / "here").mkdir()
+    monkeypatch.chdir(tmp_path / "here")
+    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    assert list(Path.cwd().iterdir()) == []
+    assert shown.exit_code == 2
+    assert "results are written to folders of this machine only" in shown.stderr
+    assert len(shown.stderr.splitlines()) == 1
+
+
+def test_what_asks_before_the_server_is_there_imports_no_prefect() -> None:
+    """Prefect reads where its server is when it is first imported; a redo once made it look for one of its own."""
+    modules = "catalogs.block, flows.lock, flows.log_file, flows.server.starting"
+    modules += ", tasks.store.redo, tasks.run, tasks.store.standing"
+    code = f"import sys, flows.cli.commands, flows.cli.console, {modules}; print('prefect' in sys.modules)"
+    shown = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
+    assert shown.stdout.strip() == "False", shown.stderr
+
+
+def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from click.testing import CliRunner
+
+    from flows.cli.commands import main
+
+    def crash(*_: object) -> None:
+        raise KeyError("inner")
+
+    monkeypatch.setattr("catalogs.block.read_block", crash)
+    (tmp_path / "block.yaml").write_text("")
+    shown = CliRunner().invoke(main, ["run", str(tmp_path / "block.yaml"), "--out", str(tmp_path / "out")])
+    assert shown.exit_code == 70
+    (line,) = shown.stderr.splitlines()
+    told, _, log = line.rpartition(" ")
+    assert told == "streetloom: stopped by an error of its own (KeyError: 'inner'); where is in"
+    assert "in crash" in Path(log).read_text()

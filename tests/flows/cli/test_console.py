@@ -1,0 +1,98 @@
+"""What a run says while it goes on and at its end, in a terminal and elsewhere."""
+
+from __future__ import annotations
+
+import json
+import logging
+from pathlib import Path
+
+import pytest
+
+from facade_core.errors import InputError, MachineError
+from flows.cli import console
+from flows.cli.console import Lines
+from flows.cli.endings import ending
+from flows.log_file import latest, log_to
+from tasks.compute.cluster import ClusterGone
+from tasks.outcome import log_units
+from tasks.progress import advance, begin_stage
+
+
+def test_without_a_terminal_stages_and_their_tenths_are_lines(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [0.0]
+    lines: list[str] = []
+    monkeypatch.setattr(console, "Lines", lambda tell: Lines(lines.append, clock=lambda: now[0]))
+    with console.progress():
+        begin_stage("facades", 200, 100)
+        for unit in range(100):
+            now[0] += 30.0
+            advance("facades", 1, 1 if unit == 3 else 0)
+        begin_stage("publish", 1)
+        advance("publish", 1)
+    assert lines == [
+        "facades: 200, 100 of them done before",
+        "facades: 120 of 200, 1 failed, about 40 min left",
+        "facades: 140 of 200, 1 failed, about 30 min left",
+        "facades: 160 of 200, 1 failed, about 20 min left",
+        "facades: 180 of 200, 1 failed, about 10 min left",
+        "facades: 200 of 200, 1 failed, in 50 min",
+        "publish: 1",
+        "publish: 1 of 1, in 0 s",
+    ]
+
+
+@pytest.mark.parametrize(
+    ("error", "code", "says"),
+    [
+        (InputError("block.yaml: bad\nkey"), 2, "block.yaml: bad key"),
+        (PermissionError(13, "Permission denied", "/x/catalog.json"), 2, "/x/catalog.json: Permission denied; mend"),
+        (OSError(30, "Read-only file system", "/x/mine.yaml"), 2, "/x/mine.yaml: Read-only file system; mend"),
+        (MachineError("facades a: No space left"), 70, "facades a: No space left"),
+        (OSError(28, "No space left on device", "/x"), 70, "No space left on device; free some space and run again"),
+        (MemoryError(), 70, "free some memory"),
+        (ClusterGone("the cluster went away"), 75, "the cluster went away"),
+        (KeyError("inner"), 70, "stopped by an error of its own (KeyError: 'inner'); where is in "),
+    ],
+)
+def test_the_code_tells_whose_fault_it_is(error: Exception, code: int, says: str) -> None:
+    ended, line = ending(error)
+    assert ended == code
+    assert says in line
+    assert len(line.splitlines()) == 1
+
+
+def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> None:
+    before = logging.getLogger("tasks").level
+    failed = {"unit": "a/1", "status": "failed", "reason": "bad", "traceback": "Traceback: here"}
+    done = {"unit": "a/2", "status": "done", "seconds": {"read": 0.1}, "worker": "two"}
+
+    def run() -> None:
+        with log_to(tmp_path, alone=True):
+            with log_to(tmp_path):
+                log_units("facades", [failed, done])
+            raise ZeroDivisionError
+
+    with pytest.raises(ZeroDivisionError):
+        run()
+    log_units("facades", [failed])  # of another run
+    (path,) = (tmp_path / "logs").iterdir()
+    assert path == latest()
+    lines = [json.loads(line) for line in path.read_text().splitlines()]
+    assert [(line["level"], line.get("unit")) for line in lines] == [
+        ("warning", "a/1"),
+        ("debug", "a/2"),
+        ("error", None),
+    ]
+    assert lines[0].items() >= {"stage": "facades", "message": "facades a/1 failed: bad"}.items()
+    assert lines[0]["traceback"] == failed["traceback"]
+    assert lines[1]["worker"] == "two"
+    assert lines[2]["traceback"].startswith("Traceback")
+    assert "ZeroDivisionError" in lines[2]["traceback"]
+    assert logging.getLogger("tasks").level == before
+    assert str(path) in ending(ValueError("own"))[1]
+
+
+def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
+    with log_to(tmp_path):
+        pass
+    assert list(tmp_path.iterdir()) == []

@@ -1,0 +1,327 @@
+"""The compute seam: the same calls here, on local processes and on a scheduler's address."""
+
+from __future__ import annotations
+
+import os
+import socket
+import sys
+import threading
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+
+import cloudpickle
+import pytest
+from distributed import LocalCluster
+
+from facade_core.errors import InputError
+from tasks.compute import cluster
+from tasks.compute import connect as compute
+from tasks.compute.cluster import ClusterGone, RunOverran, WorkersDied
+from tasks.compute.connect import connect
+from tasks.compute.scheduler_view import View, Worker
+
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+
+def square(x: int) -> tuple[int, int]:
+    return x * x, os.getpid()
+
+
+def fail(x: int) -> None:
+    raise ValueError(f"unit {x}")
+
+
+def die() -> None:
+    os.kill(os.getpid(), 9)
+
+
+def threads() -> tuple[list[int], int]:
+    import cv2
+    import sklearn.cluster  # noqa: F401 brings an OpenMP of its own
+    from threadpoolctl import threadpool_info
+
+    return [library["num_threads"] for library in threadpool_info()], cv2.getNumThreads()
+
+
+@pytest.fixture(scope="module")
+def workers():
+    with LocalCluster(n_workers=1, threads_per_worker=2, host="127.0.0.1", dashboard_address=None) as local:
+        yield local
+
+
+@pytest.fixture(params=["serial", "scheduler"])
+def where(request: pytest.FixtureRequest, tmp_path: Path):
+    """Each of the two kinds of compute."""
+    address = None if request.param == "serial" else request.getfixturevalue("workers").scheduler_address
+    with connect(1, address, str(tmp_path)) as made:
+        yield made
+
+
+def test_units_complete_with_their_results(where: compute.Compute) -> None:
+    units = [where.submit(square, i) for i in range(5)]
+    results = [unit.result() for unit in where.completed(units)]
+    assert sorted(square for square, _ in results) == [0, 1, 4, 9, 16]
+    assert ({pid for _, pid in results} == {os.getpid()}) == isinstance(where, compute.Serial)
+
+
+def test_a_failing_unit_fails_alone(where: compute.Compute) -> None:
+    bad, good = where.submit(fail, 3), where.submit(square, 3)
+    assert good.result()[0] == 9
+    with pytest.raises(ValueError, match="unit 3"):
+        bad.result()
+
+
+def test_libraries_keep_to_one_thread_where_units_run(where: compute.Compute) -> None:
+    """Asked in a thread as Prefect runs tasks in, on which a limit that the main thread sets does not hold for OpenMP."""
+    seen = []
+    thread = threading.Thread(target=lambda: seen.append(where.submit(threads).result()))
+    thread.start()
+    thread.join()
+    libraries, vision = seen[0]
+    assert set(libraries) == {1}
+    assert vision == 1
+
+
+def test_memory_of_workers_is_shared_out(where: compute.Compute) -> None:
+    assert 1e8 < where.memory < 1e13
+    assert where.threads == (1 if isinstance(where, compute.Serial) else 2)
+
+
+def test_serial_units_of_two_tasks_take_turns_with_their_commits() -> None:
+    """No unit starts between another's end and what its task does with it before it asks for the next."""
+    events: list[str] = []
+
+    def task(name: str) -> None:
+        units = [serial.submit(events.append, f"{name} unit") for _ in range(10)]
+        for unit in serial.completed(units):
+            unit.result()
+            time.sleep(0.002)
+            events.append(f"{name} commit")
+
+    serial = compute.Serial()
+    both = [threading.Thread(target=task, args=(name,)) for name in "ab"]
+    for thread in both:
+        thread.start()
+    for thread in both:
+        thread.join()
+    assert len(events) == 40
+    assert all(commit == unit.replace("unit", "commit") for unit, commit in zip(events[::2], events[1::2], strict=True))
+
+
+class Machines:
+    """A scheduler that says what workers it has: name -> (threads, bytes)."""
+
+    status = "running"
+
+    def __init__(self, monkeypatch: pytest.MonkeyPatch, **workers: tuple[int, int]) -> None:
+        self.workers = workers
+        monkeypatch.setattr(cluster, "LOOK_S", 0.05)
+        monkeypatch.setattr(cluster, "look", lambda client, timeout: client.view())
+
+    def view(self) -> View:
+        named = self.workers.items()
+        return View({n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named})
+
+
+@contextmanager
+def watched(machines: Machines) -> Iterator[cluster.Cluster]:
+    made = cluster.Cluster(machines)  # type: ignore[arg-type]
+    try:
+        yield made
+    finally:
+        made.close()
+
+
+def holder(leases: cluster.Cluster, memory: int, held: dict[str, None], let_go: threading.Event) -> threading.Thread:
+    def hold() -> None:
+        with leases.lease(memory) as name:
+            held[name] = None
+            let_go.wait(10)
+
+    thread = threading.Thread(target=hold)
+    thread.start()
+    return thread
+
+
+def settle(held: dict[str, None], count: int) -> bool:
+    deadline = time.monotonic() + 5
+    while len(held) < count and time.monotonic() < deadline:
+        time.sleep(0.01)
+    time.sleep(0.1)
+    return len(held) == count
+
+
+def test_leases_wait_for_a_thread_and_take_a_worker_that_joins(monkeypatch: pytest.MonkeyPatch) -> None:
+    machines = Machines(monkeypatch, one=(1, 10**9), two=(2, 10**9))
+    with watched(machines) as leases:
+        held: dict[str, None] = {}
+        events = [threading.Event() for _ in range(5)]
+        holders = [holder(leases, 10, held, event) for event in events[:3]]
+        assert settle(held, 3)
+        holders += [holder(leases, 10, held, event) for event in events[3:]]
+        assert settle(held, 3)  # no thread is free
+        machines.workers["late"] = (1, 10**9)
+        assert settle(held, 4)
+        events[0].set()
+        assert settle(held, 5)
+        for event in events:
+            event.set()
+        for thread in holders:
+            thread.join(5)
+            assert not thread.is_alive()
+
+
+def test_a_cluster_without_workers_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(cluster, "EMPTY_S", 0.2)
+    machines = Machines(monkeypatch)
+    with watched(machines) as empty:
+        with pytest.raises(ClusterGone, match="no worker left; start some"), empty.lease(1):
+            pass
+        with pytest.raises(ClusterGone, match="no worker left"):
+            empty.submit(square, 1)
+    machines.status = "connecting"
+    with watched(machines) as gone, pytest.raises(ClusterGone, match="went away; run again"), gone.lease(1):
+        pass
+
+
+def test_a_scheduler_that_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    machines = Machines(monkeypatch)
+    monkeypatch.setattr(cluster, "PATIENCE_S", 0.2)
+
+    def silent(client: object, timeout: float) -> View:
+        raise TimeoutError
+
+    with watched(machines) as made:
+        monkeypatch.setattr(cluster, "look", silent)
+        with pytest.raises(ClusterGone, match="went away"), made.lease(1):
+            pass
+
+
+def test_a_run_ends_at_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
+    machines = Machines(monkeypatch)
+    made = cluster.Cluster(machines, until=time.monotonic())  # type: ignore[arg-type]
+    with pytest.raises(RunOverran, match="longer than its deadline; run again"), made.lease(1):
+        pass
+    made.close()
+    with pytest.raises(RunOverran):
+        compute.Serial(until=time.monotonic()).submit(square, 1)
+
+
+@pytest.fixture
+def listener():
+    """The address of a server that speaks something else."""
+    with socket.create_server(("127.0.0.1", 0)) as server:
+
+        def answer() -> None:
+            while True:
+                try:
+                    with server.accept()[0] as client:
+                        client.sendall(b"HTTP/1.1 400 Bad Request\r\n\r\n")
+                except OSError:
+                    return
+
+        threading.Thread(target=answer, daemon=True).start()
+        yield f"tcp://127.0.0.1:{server.getsockname()[1]}"
+        server.shutdown(socket.SHUT_RDWR)
+
+
+MALFORMED = (
+    "",
+    "banana",
+    "tcp://",
+    "tcp://127.0.0.1",
+    "tcp://127.0.0.1:x",
+    "tcp://127.0.0.1:999999",
+    "http://[::1]:8786",
+)
+
+
+@pytest.mark.parametrize("address", [*MALFORMED, "tcp://127.0.0.1:9", "127.0.0.1:9", "tcp://nowhere.invalid:8786"])
+def test_an_address_without_a_scheduler_is_refused_at_once(address: str, tmp_path: Path) -> None:
+    start = time.monotonic()
+    with (
+        pytest.raises(InputError, match="no scheduler answers there; start one with") as raised,
+        connect(1, address, str(tmp_path)),
+    ):
+        pass
+    assert address in str(raised.value)
+    assert time.monotonic() - start < 10
+
+
+@pytest.fixture
+def black_hole():
+    """An address that takes no more connections and answers nothing."""
+    with socket.create_server(("127.0.0.1", 0), backlog=0) as full:
+        filling = [socket.socket() for _ in range(4)]
+        for one in filling:
+            one.setblocking(False)
+            one.connect_ex(full.getsockname())
+        yield f"tcp://127.0.0.1:{full.getsockname()[1]}"
+        for one in filling:
+            one.close()
+
+
+@pytest.mark.parametrize("what", ["listener", "black_hole"])
+def test_what_is_no_scheduler_is_refused(
+    what: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compute, "GREETING_S", 1)
+    address = request.getfixturevalue(what)
+    start = time.monotonic()
+    with pytest.raises(InputError, match="no scheduler answers there"), connect(1, address, str(tmp_path)):
+        pass
+    assert time.monotonic() - start < 10
+
+
+def test_a_scheduler_without_workers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compute, "ANSWER_S", 1)
+    with (
+        LocalCluster(
+            n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", processes=False, protocol="tcp"
+        ) as empty,
+        pytest.raises(InputError, match="the scheduler has no worker"),
+        connect(1, empty.scheduler_address, str(tmp_path)),
+    ):
+        pass
+
+
+def test_workers_with_other_code_are_refused(
+    workers: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(compute, "make", lambda: {"Streetloom": "other"})
+    with (
+        pytest.raises(InputError, match="and this run other; start them in the same environment"),
+        connect(1, workers.scheduler_address, str(tmp_path)),
+    ):
+        pass
+
+
+def test_workers_that_cannot_write_where_units_do_are_refused(workers: LocalCluster, tmp_path: Path) -> None:
+    from tasks.compute.workers import standing
+
+    assert standing(str(tmp_path / "elsewhere"))[0] is False
+    (tmp_path / "token").touch()
+    assert standing(str(tmp_path / "token"))[0] is True
+
+
+def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path) -> None:
+    """What waits on a worker that dies is suspected with what ran: it is tried again by itself."""
+    with connect(2, None, str(tmp_path)) as made:
+        units = {made.submit(die, memory=190_000_000): None}
+        units |= {made.submit(square, i): i for i in range(12)}
+        done = set()
+        for unit in made.completed(list(units)):
+            number = units.pop(unit)
+            if number is None:
+                with pytest.raises(
+                    WorkersDied, match=r"workers that ran it died; it had declared 190 MB: give"
+                ) as raised:
+                    unit.result()
+                assert "\n" not in str(raised.value)
+            else:
+                assert unit.result()[0] == number**2
+                done.add(number)
+        assert done == set(range(12))
+        assert set(made.submit(threads).result()[0]) == {1}  # on a worker that was started anew

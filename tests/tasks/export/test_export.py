@@ -1,0 +1,339 @@
+"""Exports of a whole published run, as a user types them."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import click.testing
+import geopandas as gpd
+import numpy as np
+import pyogrio
+import pytest
+import trimesh
+from PIL import Image
+from pyproj import Transformer
+
+from catalogs.published.items import COLUMNS
+from catalogs.readers.cityjson.buildings import read_cityjson
+from facade_core.errors import InputError, StoreError
+from flows.cli.commands import main
+from tasks.export.formats import FORMATS, export
+from tasks.export.models import write_3dtiles
+from tasks.published.opened import Published, published
+
+Run = tuple[Path, dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def found(undisturbed: Run) -> Published:
+    return published(undisturbed[0])
+
+
+def cityjson_is_sound(city: dict[str, Any]) -> None:
+    """Indices in range and all used, one texture index per corner, a semantic surface per surface, parents know children."""
+    corners, places = set(), set()
+    textures = city.get("appearance", {}).get("textures", [])
+    for thing in city["CityObjects"].values():
+        for geometry in thing["geometry"]:
+            for surface, texture in zip(
+                geometry["boundaries"], geometry["texture"]["streetloom"]["values"], strict=True
+            ):
+                for ring, shown in zip(surface, texture, strict=True):
+                    corners.update(ring)
+                    assert len(set(ring)) == len(ring) >= 3
+                    if shown != [None]:
+                        assert 0 <= shown[0] < len(textures)
+                        assert len(shown) == len(ring) + 1
+                        places.update(shown[1:])
+            if geometry["type"] == "MultiSurface":
+                surfaces = geometry["semantics"]["surfaces"]
+                assert set(geometry["semantics"]["values"]) <= set(range(len(surfaces)))
+                assert len(geometry["semantics"]["values"]) == len(geometry["boundaries"])
+                for i, surface in enumerate(surfaces):
+                    assert "parent" not in surface or i in surfaces[surface["parent"]]["children"]
+    assert corners == set(range(len(city["vertices"])))
+    assert places == set(range(len(city["appearance"]["vertices-texture"])))
+
+
+def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
+    runner = click.testing.CliRunner()
+    for style in FORMATS:
+        done = runner.invoke(main, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)])
+        assert done.exit_code == 0, done.output
+        about = json.loads((tmp_path / style / "export.json").read_text())
+        assert about["snapshot"] == (undisturbed[0] / "current").read_text().strip()
+        for name in about["files"]:
+            assert str(tmp_path / style / name) in done.stdout
+    assert not [path for path in tmp_path.iterdir() if path.name.startswith(".")]
+    assert (
+        "geoid_separation"
+        in json.loads((tmp_path / "3dtiles" / "tileset.json").read_text())["asset"]["extras"]["heights"]
+    )
+    choices = next(p for p in main.commands["export"].params if p.name == "style").type
+    assert tuple(choices.choices) == FORMATS
+
+
+def test_models_stand_where_the_block_does_and_look_like_its_atlas(
+    found: Published, undisturbed: Run, tmp_path: Path
+) -> None:
+    one = export(undisturbed[0], "glb", tmp_path / "all").path
+    model = trimesh.load(one / "block.glb")
+    assert set(model.graph.nodes_geometry) == {*(found.names[b] for b in found.choose(()).tolist()), "ground"}
+    assert len(list((one / "buildings").glob("*.glb"))) == len(found.choose(()))
+    origin = np.array(model.metadata["origin"])
+    scene, errors = found.plan.scene, []
+    for part in model.geometry.values():
+        image = np.asarray(part.visual.material.baseColorTexture.convert("RGB")).astype(float)
+        assert max(image.shape) <= 4096
+        middle = part.vertices[part.faces].mean(axis=1)
+        world = np.column_stack([middle[:, 0], -middle[:, 2], middle[:, 1]]) + origin
+        normal = part.face_normals[:, [0, 2, 1]] * [1, -1, 1]
+        depth, chart = scene.caster.cast(world + normal * 0.05, -normal)
+        there = (chart >= 0) & (depth < 0.1)
+        assert there.mean() > 0.95
+        row, column = scene.locate(world[there], chart[there])
+        uv = part.visual.uv[part.faces].mean(axis=1)[there]
+        shown = image[((1 - uv[:, 1]) * image.shape[0]).astype(int), (uv[:, 0] * image.shape[1]).astype(int)]
+        for c, y, x, colour in zip(chart[there], row, column, shown, strict=True):
+            errors.append(np.abs(found.textured.raster(int(c))[y, x] - colour).mean())
+    assert np.median(errors) < 6
+    assert np.mean(errors) < 12
+
+
+def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    path = export(undisturbed[0], "cityjson", tmp_path / "city").files[0]
+    city = json.loads(path.read_text())
+    cityjson_is_sound(city)
+    assert city["metadata"]["referenceSystem"].endswith("/EPSG/0/32635")
+    again = read_cityjson(path)
+    assert {model.id for model in again.items} == {found.names[b] for b in found.choose(()).tolist()}
+    assert not again.faults
+    assert all(texture.is_file() for texture in again.textures)
+    mesh = found.plan.scene.mesh
+    mine = mesh.vertices[found.plan.scene.charts.building[mesh.vertex_chart] >= 0]
+    points = np.concatenate([model.shell.vertices for model in again.items])
+    np.testing.assert_allclose(points.min(axis=0), mine.min(axis=0), atol=0.002)
+    np.testing.assert_allclose(points.max(axis=0), mine.max(axis=0), atol=0.002)
+
+
+def test_lod3_has_the_openings_of_the_catalogue(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    path = export(undisturbed[0], "lod3", tmp_path / "lod3").files[0]
+    city = json.loads(path.read_text())
+    cityjson_is_sound(city)
+    windows: dict[str, int] = {}
+    for thing in city["CityObjects"].values():
+        for geometry in thing["geometry"]:
+            surfaces = geometry.get("semantics", {}).get("surfaces", [])
+            for surface in surfaces:
+                if surface["type"] == "Window":
+                    facade = surfaces[surface["parent"]]["facade"]
+                    windows[facade] = windows.get(facade, 0) + 1
+    items = gpd.read_parquet(found.folder / "items.parquet")
+    expected = dict(items[(items.kind == "facade") & (items.windows > 0)].set_index("id").windows)
+    assert windows.keys() == expected.keys()
+    assert sum(windows.values()) >= 0.97 * sum(expected.values())
+
+
+def test_a_stream_is_a_header_and_features_that_stand_alone(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    path = export(undisturbed[0], "cityjsonseq", tmp_path / "seq").files[0]
+    header, *features = map(json.loads, path.read_text().splitlines())
+    assert header["CityObjects"] == {}
+    assert header["vertices"] == []
+    assert len(features) == len(found.choose(())) + 1
+    for feature in features:
+        assert feature["type"] == "CityJSONFeature"
+        assert feature["id"] in feature["CityObjects"]
+        cityjson_is_sound(feature)
+        assert all((path.parent / texture["image"]).is_file() for texture in feature["appearance"]["textures"])
+    assert {m.id for m in read_cityjson(path).items} == {found.names[b] for b in found.choose(()).tolist()}
+
+
+# cjio rounds what every json in its process writes, so it has one of its own
+CJIO = """
+import json, sys
+from cjio import cityjson
+path, first, second = sys.argv[1:]
+parts = []
+for name in (first, second):
+    with open(path) as file:
+        part = cityjson.reader(file).get_subset_ids([name])
+    part.remove_duplicate_vertices()
+    parts.append(part)
+textures = [part.j["appearance"]["textures"] for part in parts]
+parts[0].merge([parts[1]])
+print(json.dumps({"textures": textures, "merged": parts[0].j}))
+"""
+
+
+def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    path = export(undisturbed[0], "cityjson", tmp_path / "city").files[0]
+    first, second = (found.names[b] for b in found.choose(())[:2].tolist())
+    command = [sys.executable, "-c", CJIO, str(path), first, second]
+    done = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout)
+    for textures in done["textures"]:
+        assert textures
+        assert all((path.parent / texture["image"]).is_file() for texture in textures)
+    merged = done["merged"]
+    assert {first, second} <= set(merged["CityObjects"])
+    for id in (first, second):
+        values = merged["CityObjects"][id]["geometry"][0]["texture"]["streetloom"]["values"]
+        textured = [ring for surface in values for ring in surface if ring != [None]]
+        assert textured
+        assert max(max(ring[1:]) for ring in textured) < len(merged["appearance"]["vertices-texture"])
+
+
+def test_tiles_stand_on_the_block(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    path = export(undisturbed[0], "3dtiles", tmp_path / "tiles").files[0]
+    tileset = json.loads(path.read_text())
+    matrix = np.array(tileset["root"]["transform"]).reshape(4, 4).T
+    longitude, latitude, _ = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*matrix[:3, 3])
+    items = gpd.read_parquet(found.folder / "items.parquet")
+    assert items.xmin.min() - 0.001 < longitude < items.xmax.max() + 0.001
+    assert items.ymin.min() - 0.001 < latitude < items.ymax.max() + 0.001
+    assert (path.parent / tileset["root"]["content"]["uri"]).is_file()
+    assert tileset["root"]["children"]
+
+
+def test_heights_over_the_ellipsoid_are_the_blocks_and_its_geoid_separation(found: Published, tmp_path: Path) -> None:
+    heights = []
+    for separation in (None, 17.5):
+        folder = tmp_path / str(separation)
+        folder.mkdir()
+        stated = SimpleNamespace(attrs=dict(found.group.attrs) | {"geoid_separation": separation})
+        _, notes = write_3dtiles(replace(found, group=stated), found.choose(())[:1], folder)
+        assert len(notes) == (separation is None)
+        tileset = json.loads((folder / "tileset.json").read_text())
+        centre = np.array(tileset["root"]["transform"])[12:15]
+        heights.append(Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*centre)[2])
+        assert ("17.5 m" in tileset["asset"]["extras"]["heights"]) == (separation is not None)
+    assert heights[1] - heights[0] == pytest.approx(17.5, abs=1e-3)
+
+
+@pytest.mark.parametrize("style", ["3dtiles", "cityjsonseq", "gpkg"])
+def test_the_same_snapshot_gives_the_same_bytes(undisturbed: Run, found: Published, tmp_path: Path, style: str) -> None:
+    name = found.names[int(found.choose(())[-1])]
+    one, two = (export(undisturbed[0], style, tmp_path / side, [name]).path for side in "ab")
+    files = sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file())
+    assert len(files) > 1
+    for file in files:
+        assert (one / file).read_bytes() == (two / file).read_bytes(), file
+
+
+def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    path = export(undisturbed[0], "coco", tmp_path / "coco").files[0]
+    coco = json.loads(path.read_text())
+    images = {image["id"]: image for image in coco["images"]}
+    assert {image["facade"] for image in images.values()} == {
+        found.plan.facades.id[i] for i in found.rectified(found.choose(()))
+    }
+    assert [a["id"] for a in coco["annotations"]] == list(range(1, len(coco["annotations"]) + 1))
+    assert {c["name"] for c in coco["categories"]} == {"window", "balcony", "door", "shop"}
+    for annotation in coco["annotations"]:
+        x, y, width, height = annotation["bbox"]
+        image = images[annotation["image_id"]]
+        assert x >= 0
+        assert y >= 0
+        assert x + width <= image["width"] + 0.02
+        assert y + height <= image["height"] + 0.02
+        assert annotation["area"] == pytest.approx(width * height, rel=0.02)
+    done = export(undisturbed[0], "labelme", tmp_path / "labelme")
+    labelme = done.path
+    index = json.loads((labelme / "export.json").read_text())["files"]
+    assert index == [file.name for file in done.files]
+    assert set(index) == {file.name for file in labelme.glob("*.json")} - {"export.json"}
+    shapes = 0
+    for file in labelme.glob("*.json"):
+        value = json.loads(file.read_text())
+        if file.name != "export.json":
+            with Image.open(labelme / value["imagePath"]) as image:
+                assert image.size == (value["imageWidth"], value["imageHeight"])
+            shapes += len(value["shapes"])
+    assert shapes == len(coco["annotations"])
+
+
+def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
+    found: Published, undisturbed: Run, tmp_path: Path
+) -> None:
+    building = found.names[int(found.plan.facades.building[0])]
+    path = export(undisturbed[0], "gpkg", tmp_path / "one.gpkg", [building]).path
+    assert path.is_file()
+    assert {name for name, _ in pyogrio.list_layers(path)} == {"facades", "walls", "buildings", "streets"}
+    facades = gpd.read_file(path, layer="facades")
+    assert set(facades.columns) == {column.name for column in COLUMNS}
+    assert facades.crs == "EPSG:32635"
+    assert set(facades.building) == {building}
+    walls = gpd.read_file(path, layer="walls").set_index("id")
+    for row in facades.itertuples():
+        assert row.geometry.length == pytest.approx(row.width_m, abs=0.01)
+        low, high = np.array(walls.geometry[row.id].exterior.coords)[:, 2].min(), walls.geometry[row.id].bounds
+        assert walls.geometry[row.id].has_z
+        assert np.isfinite(low)
+        assert high[0] == pytest.approx(row.geometry.bounds[0], abs=0.01)
+
+
+def test_one_building_alone_has_no_ground(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    name = found.names[int(found.choose(())[0])]
+    one = export(undisturbed[0], "glb", tmp_path / "one", [name])
+    assert list(trimesh.load(one.files[0]).graph.nodes_geometry) == [name]
+    with pytest.raises(InputError, match=f"--building {name}x: .* did you mean {name}"):
+        export(undisturbed[0], "glb", tmp_path / "two", [name + "x"])
+    assert not (tmp_path / "two").exists()
+
+
+def test_an_export_is_replaced_and_other_folders_are_not(undisturbed: Run, tmp_path: Path) -> None:
+    for _ in range(2):
+        export(undisturbed[0], "coco", tmp_path / "again")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "letter.txt").write_text("dear")
+    with pytest.raises(InputError, match="holds other files"):
+        export(undisturbed[0], "coco", tmp_path / "mine")
+    with pytest.raises(InputError, match="is a folder"):
+        export(undisturbed[0], "glb", tmp_path / "block.glb")
+    with pytest.raises(InputError, match="choose glb"):
+        export(undisturbed[0], "obj")
+    with pytest.raises(InputError, match="holds an export of coco"):
+        export(undisturbed[0], "labelme", tmp_path / "again")
+    (tmp_path / "again" / "notes.txt").write_text("mine")
+    with pytest.raises(InputError, match=r"notes\.txt was added or changed"):
+        export(undisturbed[0], "coco", tmp_path / "again")
+    (tmp_path / "layers.gpkg").write_text("not yours")
+    with pytest.raises(InputError, match="is there already"):
+        export(undisturbed[0], "gpkg", tmp_path / "layers.gpkg")
+    assert (tmp_path / "layers.gpkg").read_text() == "not yours"
+    assert [path.name for path in (tmp_path / "mine").iterdir()] == ["letter.txt"]
+
+
+def test_what_is_not_published_is_refused_in_one_line(undisturbed: Run, tmp_path: Path) -> None:
+    with pytest.raises(InputError, match="nothing is published there"):
+        export(tmp_path, "glb")
+    broken = tmp_path / "broken"
+    snapshot = (undisturbed[0] / "current").read_text().strip()
+    shutil.copytree(undisturbed[0] / "store", broken / "store")
+    (broken / "published" / snapshot).mkdir(parents=True)
+    shutil.copy(undisturbed[0] / "published" / snapshot / "items.parquet", broken / "published" / snapshot)
+    (broken / "current").write_text(snapshot)
+    done = click.testing.CliRunner().invoke(main, ["export", str(broken), "--format", "glb"])
+    assert done.exit_code == 2
+    assert "0000.jpg is missing" in done.stderr
+    assert len(done.stderr.splitlines()) == 1
+    (broken / "published" / snapshot / "pages").mkdir()
+    for path in (undisturbed[0] / "published" / snapshot / "pages").iterdir():
+        (broken / "published" / snapshot / "pages" / path.name).write_bytes(path.read_bytes()[:500])
+    with pytest.raises(
+        InputError, match=r"\.jpg cannot be read as a picture; `streetloom run BLOCK\.yaml --out .*` publishes"
+    ):
+        export(broken, "glb", tmp_path / "glb")
+    assert not (tmp_path / "glb").exists()
+    for other in ("0" * 20, "short"):
+        (broken / "published" / other).mkdir()
+        (broken / "published" / other / "items.parquet").touch()
+        (broken / "current").write_text(other)
+        with pytest.raises(StoreError, match=f"does not hold snapshot {other}"):
+            export(broken, "glb")

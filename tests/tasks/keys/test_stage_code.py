@@ -1,0 +1,114 @@
+"""What each stage's results stand on of the code: what it imports, models and libraries among it, and nothing else."""
+
+from __future__ import annotations
+
+import ast
+import shutil
+import subprocess
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from tasks.keys import stage_code as module
+from tasks.keys.stage_code import HOUSE, ROOT, UNITS, code_version, stage_code
+
+Codes = Callable[[], dict[str, str]]
+
+
+@pytest.fixture
+def codes(tmp_path: Path) -> Codes:
+    """The code of every stage of a copy of the house in tmp_path, as it is there when asked for."""
+    for package in HOUSE:
+        shutil.copytree(ROOT / package, tmp_path / package, ignore=shutil.ignore_patterns("__pycache__"))
+
+    def now() -> dict[str, str]:
+        for cached in (stage_code, module._module, module._naming, module._text, module._content):
+            cached.cache_clear()
+        found = {stage: stage_code(stage, root=tmp_path) for stage in UNITS}
+        return found | {"swatches": stage_code("streets", neural=False, root=tmp_path)}
+
+    return now
+
+
+def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path) -> None:
+    before = codes()
+    facades = {"exemplars", "facades"}
+    streets = {"streets", "swatches"}
+    for path, reached in {
+        "facade_core/export/fill.py": {"publish"},
+        "facade_core/export/tiles.py": set(),  # only `streetloom export` takes it
+        "catalogs/published/report.html.j2": {"publish"},
+        "catalogs/readers/meshes/obj.py": set(),  # what is read is in the block's digest
+        "catalogs/readers/pictures/aerial.py": {"ingest", "textures", "publish"} | streets,
+        "tasks/progress.py": set(),
+        "facade_core/errors.py": set(),
+        "facade_core/parse/segmenter.py": facades,
+        "facade_core/parse/training.py": set(),
+        "facade_core/parse/models/network.json": facades | {"publish"},  # the catalogue names the models
+        "facade_core/parse/models/forest.onnx": facades,
+        "facade_core/parse/models/network.md": set(),
+        "facade_core/layout/models/layouts.json": facades | {"publish"},
+        "facade_core/street/models/translator.onnx": {"streets", "publish"},
+        "facade_core/rectify/refinement.py": {"poses"},
+        "facade_core/geometry/facets.py": {"ingest"},
+        "facade_core/texture/genetic.py": facades,
+        "tasks/units/images.py": {"ingest", "poses", "textures", "publish"} | facades | streets,
+        "tasks/units/viewpoint.py": streets,
+    }.items():
+        content = (tmp_path / path).read_bytes()
+        with (tmp_path / path).open("ab") as file:
+            file.write(b"\nadded = 1\n")
+        assert {stage for stage, code in codes().items() if code != before[stage]} == reached, path
+        (tmp_path / path).write_bytes(content)
+    assert codes() == before
+
+
+def test_comments_layout_and_docstrings_do_not_count(codes: Codes, tmp_path: Path) -> None:
+    before = codes()
+    for path in [path for package in HOUSE for path in (tmp_path / package).rglob("*.py")]:
+        text = ast.unparse(ast.parse(path.read_text()))  # neither comments nor the layout are in a tree
+        lines = text.replace('"""', '"""Told otherwise. ', 1) if text.startswith('"""') else text
+        path.write_text(f"# all new\n{lines}\n")
+    assert codes() == before
+
+
+def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None:
+    for path, text in {
+        "tasks/stages/publish.py": "def made():\n    from facade_core.shapes import area\n    return area\n",
+        "tasks/__init__.py": "",
+        "facade_core/__init__.py": "",
+        "facade_core/shapes/__init__.py": "from .square import area\nfrom facade_core.shapes.round import girth\n",
+        "facade_core/shapes/square.py": "from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    import facade_core.told\n",
+        "facade_core/shapes/round.py": "",
+        "facade_core/told.py": "",
+    }.items():
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / path).write_text(text)
+    found = module._reached("tasks.stages.publish", (), tmp_path)
+    assert set(found) == {"tasks.stages.publish", "facade_core.shapes.square"}
+
+
+def test_what_orders_and_runs_units_is_in_no_stage() -> None:
+    for start in UNITS.values():
+        reached = module._reached(start, module.APART, ROOT)
+        assert not reached.keys() & {
+            f"tasks.{name}"
+            for name in ("compute.cluster", "compute.connect", "compute.workers", "stages.fan_out", "stages.streets")
+        }
+
+
+def test_two_processes_agree_and_every_library_is_known() -> None:
+    command = [sys.executable, "-c", "from tasks.keys.stage_code import code_version; print(code_version())"]
+    other = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
+    assert other == code_version()
+    libraries = {
+        name.partition(".")[0]
+        for start in UNITS.values()
+        for one in module._reached(start, module.APART, ROOT).values()
+        for name, _ in one.imports
+    }
+    libraries -= {*sys.stdlib_module_names, *HOUSE, *module.LIBRARIES_APART}
+    assert {"numpy", "cv2", "onnxruntime", "maxflow", "shapely"} <= libraries
+    assert [library for library in libraries if module._version(library) == "none"] == []

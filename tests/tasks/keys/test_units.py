@@ -1,0 +1,107 @@
+"""Keys of units tell what changed."""
+
+from __future__ import annotations
+
+import os
+from dataclasses import fields, replace
+from pathlib import Path
+from types import SimpleNamespace as Value
+from typing import Any
+
+import numpy as np
+import shapely
+
+from catalogs.file_digest import file_digest
+from facade_core.ingest import ingest
+from facade_core.plan import Plan
+from facade_core.types import Building, Pose, Street
+from tasks.keys.streets import NOT_OF_STREETS
+from tasks.keys.units import changed_parts, facade_keys, parts_key, parts_of
+from tasks.run import Run
+from tasks.store.carry import _by_key_or_name, _streets
+from tasks.units.imagery import Imagery
+
+
+def test_keys_differ_in_the_parts_that_changed() -> None:
+    one = parts_key("c", settings=[1, 2.0], photo="a", geometry={"b": 1})
+    assert parts_key("c", settings=[1, 2.0], photo="a", geometry={"b": 1}) == one
+    assert changed_parts(one, parts_key("c", settings=[1, 2.5], photo="b", geometry={"b": 1})) == ["photo", "settings"]
+    assert changed_parts(one, parts_key("c", settings=[1, 2.0], exemplar="a", geometry={"b": 1})) == [
+        "exemplar",
+        "photo",
+    ]
+    assert changed_parts(one, one) == []
+    other = parts_key("d", settings=[1, 2.0], photo="a", geometry={"b": 1})
+    assert changed_parts(one, other) == ["code"]
+    assert [parts_of(key).get("code") for key in (one, other, "0f")] == ["c", "d", None]
+
+
+def test_every_setting_of_a_run_is_of_streets_or_not() -> None:
+    of_streets = {"seed", "texels_per_metre", "panorama_width", "levelling", "translator"}
+    assert {field.name for field in fields(Run)} == of_streets | set(NOT_OF_STREETS)
+
+
+def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
+    path = tmp_path / "photo.png"
+    path.write_bytes(b"one")
+    first = file_digest(path)
+    assert file_digest(path) == first
+    path.write_bytes(b"two")
+    state = path.stat()
+    os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns + 1))
+    assert file_digest(path) != first
+    path.write_bytes(b"one")
+    os.utime(path, ns=(state.st_atime_ns, state.st_mtime_ns + 2))
+    assert file_digest(path) == first
+
+
+def test_units_are_found_again_by_their_keys() -> None:
+    records = [{"key": "a", "unit": "1"}, None, {"key": "c", "unit": "2"}]
+    assert _by_key_or_name(records, [("x", "c"), ("y", "b"), ("z", "a")]) == {0: 2, 2: 0}
+    records = [{"key": "a", "unit": "x"}, {"key": "b", "unit": "y"}, {"key": "c", "unit": "z"}]
+    assert _by_key_or_name(records, [("z", "a"), ("y", "new"), ("x", "d"), ("w", "e")]) == {0: 0, 1: 1}
+
+
+def test_streets_are_found_again_by_line_and_then_by_id() -> None:
+    def plan(**lines: float) -> Any:
+        streets = [Value(id=name, line=shapely.LineString([(0, y), (9, y)])) for name, y in lines.items()]
+        return Value(streets=tuple(streets), wave=np.zeros(len(streets)))
+
+    assert _streets(plan(g0=0, g1=1, g2=2), plan(g0=1, g1=2)) == {0: 1, 1: 2}  # named anew since one is gone
+    assert _streets(plan(a=0, b=1), plan(a=0.5, b=1, c=2)) == {0: 0, 1: 1}  # a was moved
+
+
+def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> None:
+    picture = tmp_path / "panorama.jpg"
+    picture.write_bytes(b"")
+    run: Any = Value(seed=1, texels_per_metre=4.0, walls="translate")
+
+    def key(buildings: list[Building], pose: Pose) -> str:
+        plan = _plan(buildings)
+        facade = plan.facades.id.index("a-0")
+        return facade_keys(run, plan, facade, Imagery(panoramas=((picture, pose),)), {}, ())[0]
+
+    def house(name: str, x: float, y: float) -> Building:
+        return Building(name, shapely.box(x, y, x + 10, y + 4), 8.0, "height")
+
+    pose = Pose(5.0, -3.0, 2.5, 0.0, 0.0, 0.0)
+    wall, kiosk, behind = house("a", 0, 5), house("k", 4, 0.5), house("z", 0, 30)
+    alone = key([wall], pose)
+    assert changed_parts(alone, key([wall, behind], pose)) == []
+    assert changed_parts(alone, key([wall, kiosk], pose)) == ["between"]
+    assert changed_parts(alone, key([wall], replace(pose, heading=1.0))) == ["panoramas"]
+
+
+def _plan(buildings: list[Building]) -> Plan:
+    street = Street("1", None, shapely.LineString([(-10, -4), (30, -4)]))
+    return ingest(
+        buildings,
+        [street],
+        texels_per_metre=4.0,
+        spacing=6.0,
+        height=2.5,
+        visibility_range=25.0,
+        panorama_width=128,
+        storey=3.2,
+        walls="translate",
+    )

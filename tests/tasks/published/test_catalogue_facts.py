@@ -1,0 +1,158 @@
+"""What the catalogue says of facades, streets, runs, models and sources."""
+
+from __future__ import annotations
+
+import hashlib
+from datetime import UTC, datetime
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+import pytest
+import shapely
+from shapely import LineString
+
+from catalogs.block.sources import OPENSTREETMAP, sources_of
+from facade_core.types import Street
+from tasks.published.catalogue_facts import (
+    OF_FACADES,
+    OF_STREETS,
+    Shipped,
+    _outline,
+    models_used,
+    run_facts,
+    street_facts,
+)
+from tasks.published.facade_report import facts
+
+START = 1_800_000_000.0
+
+
+@pytest.mark.parametrize("model", [*OF_FACADES, OF_STREETS], ids=lambda model: model.path.stem)
+def test_what_models_learned_from_is_what_their_cards_say(model: Shipped) -> None:
+    if not model.card.is_file():
+        assert model.trained_on == {}, "nothing is stated that no card says"
+        return
+    card = model.card.read_text(encoding="utf-8")
+    for name, licence in model.trained_on.items():
+        line = next(line for line in card.splitlines() if name in line)
+        assert licence.partition(" (")[0] in line or f"{name} ({licence})" in card, name
+
+
+def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
+    run = cast(Any, SimpleNamespace(translator="exemplar"))
+    assert models_used(run, [None, {"status": "failed"}], [{"status": "done"}]) == []
+    network, layouts = models_used(run, [{"lattice": {}}], [])
+    assert network.sha256 == hashlib.sha256(OF_FACADES[0].path.read_bytes()).hexdigest()
+    assert (network.file, layouts.id) == ("facade_core/parse/models/network.onnx", "layouts")
+    assert layouts.card is not None
+    neural = cast(Any, SimpleNamespace(translator="neural"))
+    assert models_used(neural, [], [{"status": "failed"}, None]) == []
+    if OF_STREETS.path.is_file():
+        assert [model.id for model in models_used(neural, [], [{"status": "done"}])] == ["translator"]
+
+
+def record(unit: str, status: str = "done", at: float = 0, seconds: float = 2.0, **more: Any) -> dict[str, Any]:
+    return {"unit": unit, "status": status, "started": START + at, "seconds": {"a": seconds}, "key": unit} | more
+
+
+def test_streets_in_all_their_states() -> None:
+    streets = [Street(f"s{i}", None, LineString([(0, i), (30, i)])) for i in range(5)]
+    plan = cast(
+        Any,
+        SimpleNamespace(
+            streets=streets,
+            viewpoints=[SimpleNamespace(street=s) for s in (0, 0, 1, 2, 3)],
+            wave=np.array([0, 1, 0, 0, 0]),
+            street_texels=lambda: np.array([[900, 800], [50, 40], [9, 9], [9, 9], [0, 0]]),
+        ),
+    )
+    held = [
+        record("s0", at=50, texels=600),
+        record("s1", "stale", texels=10, reason="s0 was done again"),
+        record("s2", "failed", reason="viewpoint 0: no"),
+        None,
+        None,
+    ]
+    viewpoints = [record("s0/0", seconds=5), record("s0/1", seconds=6), record("s1/0"), None, None]
+    done, stale, failed, waiting, unseen = street_facts(plan, held, viewpoints)
+    assert (done.state, done.viewpoints, done.viewpoints_done, done.texels, done.coverage) == ("done", 2, 2, 600, 0.75)
+    assert (done.seconds, done.key, done.updated) == (13.0, "s0", datetime.fromtimestamp(START + 52, UTC))
+    assert (stale.state, stale.wave, stale.coverage, stale.reason) == ("stale", 1, 0.25, "s0 was done again")
+    assert (failed.state, failed.reason, failed.coverage) == ("failed", "viewpoint 0: no", None)
+    assert (waiting.state, waiting.key, waiting.viewpoints_done) == ("waiting", None, 0)
+    assert (unseen.state, unseen.viewpoints) == ("unseen", 0)
+
+
+def test_a_run_is_the_work_in_its_journals() -> None:
+    journals = {
+        "facades": [record("a"), record("b", "failed", at=10), None],
+        "streets": [record("s", "stale", at=100, seconds=3.5)],
+        "poses": [],
+    }
+    facts = run_facts(journals, datetime.fromtimestamp(START - 5, UTC))
+    assert facts.units == {"facades": {"done": 1, "failed": 1, "waiting": 1}, "streets": {"stale": 1}}
+    assert (facts.started.timestamp(), facts.ended.timestamp(), facts.seconds) == (START - 5, START + 103.5, 7.5)
+
+
+def test_neighbours_cover_one_outline_and_courtyards_stay() -> None:
+    court = shapely.box(0, 0, 30, 30).difference(shapely.box(10, 10, 20, 20))
+    outline = _outline([court, shapely.box(30.05, 0, 40, 30), shapely.box(50, 0, 60, 30)])
+    other, terrace = sorted(outline.geoms, key=lambda part: part.area)
+    assert terrace.area == pytest.approx(40 * 30 - 100, abs=0.1)
+    assert len(terrace.interiors) == 1, "the crack of 5 cm is closed, the courtyard is not"
+    assert terrace.exterior.is_ccw
+    assert other.symmetric_difference(shapely.box(50, 0, 60, 30)).area < 1e-6
+    assert _outline([court]).geom_type == "Polygon"
+
+
+def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
+    return [["window", 10 * c, 40 * r, 10 * c + 6, 40 * r + 20, confidence] for r in range(rows) for c in range(3)]
+
+
+@pytest.mark.parametrize(
+    ("changes", "source", "quality"),
+    [
+        ({}, "height", "good"),
+        ({}, "default", "height-assumed"),
+        ({"occluded": 0.6}, "height", "mostly-hidden"),
+        ({"elements": windows(5)}, "height", "good"),
+        ({"elements": windows(6)}, "height", "rows-differ"),
+        ({"elements": windows(4, 0.3)}, "height", "unsure-parse"),
+        ({"elements": [["door", 0, 0, 5, 9, 0.9]], "occluded": 0.9}, "levels", "mostly-hidden, no-windows"),
+    ],
+)
+def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, quality: str) -> None:
+    facades = cast(Any, SimpleNamespace(height=np.array([12.0]), width=np.array([9.0]), floors=np.array([4])))
+    assert facts(facades, 0, record("a", elements=windows(4), occluded=0.1) | changes, source)["quality"] == quality
+    assert facts(facades, 0, record("a", "failed"), source)["quality"] is None
+
+
+def test_sources_of_a_block_file(tmp_path: Path) -> None:
+    (tmp_path / "city.osm.pbf").write_bytes(b"map")
+    (tmp_path / "streets.geojson").write_text("{}")
+    (tmp_path / "wanted").mkdir()
+    block = tmp_path / "block.yaml"
+    block.write_text(
+        "name: x\nbuildings: {path: city.osm.pbf}\nstreets: {path: streets.geojson}\n"
+        "imagery: {exemplars: {path: wanted}}\n"
+    )
+    assert [(s.key, s.name, s.licence) for s in sources_of(block)] == [
+        ("buildings.path", "city.osm.pbf", OPENSTREETMAP),
+        ("streets.path", "streets.geojson", None),
+        ("imagery.exemplars.path", "wanted", None),
+    ]
+    (tmp_path / "streets.geojson").unlink()
+    assert sources_of(block) == ()
+
+
+@pytest.mark.realdata
+def test_the_licence_of_a_fetched_file_is_known_by_its_content(tmp_path: Path, data: Path) -> None:
+    city = data / "city" / "delfshaven"
+    model = next(city.glob("*.json"))
+    (tmp_path / "renamed.city.json").write_bytes(model.read_bytes())
+    (tmp_path / "block.yaml").write_text("name: x\nbuildings: {path: renamed.city.json}\n")
+    (source,) = sources_of(tmp_path / "block.yaml")
+    assert source.licence
+    assert source.licence.startswith("Rotterdam 3D")

@@ -1,0 +1,172 @@
+"""Batches of units: their sizes, and what stays of their results."""
+
+from __future__ import annotations
+
+import os
+import sys
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import cloudpickle
+import psutil
+import pytest
+from distributed import default_client
+from hypothesis import given
+from hypothesis import strategies as st
+
+from facade_core.errors import FacadeError
+from tasks.compute.cluster import ClusterGone
+from tasks.compute.connect import Serial, connect
+from tasks.stages import fan_out
+from tasks.stages.fan_out import AT_ONCE, LARGEST, Stage, Work, batches, process_batch
+
+cloudpickle.register_pickle_by_value(sys.modules[__name__])
+
+RESULT = 20_000_000
+
+
+@dataclass(frozen=True)
+class Room:
+    memory: int
+    threads: int
+
+
+@st.composite
+def pieces(draw: st.DrawFn) -> list[Work]:
+    sizes = draw(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 1000)), max_size=60))
+    return [
+        Work({1000 * i + k: (f"{i}/{k}", "") for k in range(n)}, (i,), memory) for i, (n, memory) in enumerate(sizes)
+    ]
+
+
+@given(pieces(), st.integers(1, 3000), st.integers(1, 40))
+def test_batches_keep_order_lose_nothing_and_fit(work: list[Work], memory: int, threads: int) -> None:
+    made = list(batches(work, Room(memory, threads)))  # type: ignore[arg-type]
+    assert [piece for batch in made for piece in batch] == work
+    most = max(LARGEST, threads)
+    for batch in made:
+        assert batch
+        if len(batch) > 1:
+            assert AT_ONCE * sum(piece.memory for piece in batch) <= memory
+            assert sum(len(piece.units) for piece in batch) <= most
+    for batch, following in zip(made[:-1], made[1:], strict=True):  # and none is smaller than it need be
+        joined = [*batch, following[0]]
+        assert (
+            sum(piece.memory for piece in joined) > memory // AT_ONCE
+            or sum(len(piece.units) for piece in joined) > most
+        )
+
+
+def test_a_stage_counts_units_not_pieces() -> None:
+    assert (
+        Stage(
+            "facades", print, [Work({1: ("a", ""), 2: ("b", "")}, (), 1), Work({3: ("c", "")}, (), 1)], [{}] * 4
+        ).total
+        == 7
+    )
+
+
+@pytest.fixture
+def commits(monkeypatch: pytest.MonkeyPatch) -> list[dict[int, dict[str, Any]]]:
+    """The records of each commit, in order; no store."""
+    made: list[dict[int, dict[str, Any]]] = []
+    monkeypatch.setattr(fan_out, "begin", lambda store: ("session", "fork"))
+    monkeypatch.setattr(fan_out, "finish", lambda session, fork, stage, records, message: made.append(records))
+    return made
+
+
+def big(run: Any, fork: Any, index: int, folder: str) -> tuple[bytes, dict[int, dict[str, Any]]]:
+    memory = psutil.Process().memory_info().rss
+    return os.urandom(RESULT), {index: {"unit": str(index), "status": "done", "memory": memory, "pid": os.getpid()}}
+
+
+def counted(run: Any, fork: Any, index: int, folder: str) -> tuple[Any, dict[int, dict[str, Any]]]:
+    """Leaves a line in a file of its own each time that it runs."""
+    with (Path(folder) / str(index)).open("a") as file:
+        file.write("run\n")
+    if index == 3:
+        raise ValueError("three\nis bad")
+    return fork, {index: {"unit": str(index), "status": "done"}}
+
+
+def batch(count: int, folder: Path) -> list[Work]:
+    return [Work({i: (str(i), f"key {i}")}, (i, str(folder)), 10**6) for i in range(count)]
+
+
+RUN = SimpleNamespace(store=None)
+
+
+def test_results_leave_the_cluster_one_by_one(
+    tmp_path: Path, commits: list[dict[int, dict[str, Any]]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    own = psutil.Process()
+    held: list[int] = []
+    grown: list[int] = []
+    with connect(2, None, str(tmp_path)) as compute:
+        client = default_client()
+
+        def finish(session: Any, fork: bytes, stage: str, records: Any, message: str) -> None:
+            assert len(fork) == RESULT
+            commits.append(records)
+            held.append(client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)))
+            grown.append(own.memory_info().rss)
+
+        monkeypatch.setattr(fan_out, "finish", finish)
+        outcome = process_batch.fn(RUN, "big", "1 of 1", big, batch(24, tmp_path), compute)
+        assert outcome.done == 24
+        assert held == sorted(held, reverse=True)
+        assert held[-1] <= 2  # the one committed, and one whose release is on its way
+        deadline = time.monotonic() + 5  # a release is sent, not waited for
+        while client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)) and time.monotonic() < deadline:
+            time.sleep(0.05)
+        assert client.run_on_scheduler(lambda dask_scheduler: len(dask_scheduler.tasks)) == 0
+    assert max(grown[2:]) - grown[1] < 5 * RESULT
+    for pid in {record["pid"] for made in commits for record in made.values()}:
+        memory = [record["memory"] for made in commits for record in made.values() if record["pid"] == pid]
+        assert max(memory) - min(memory) < 5 * RESULT
+
+
+def test_a_unit_runs_once_and_one_that_raises_is_recorded(tmp_path: Path, commits: list[dict[int, dict]]) -> None:
+    outcome = process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), Serial())
+    assert outcome.done == 5
+    assert outcome.failed == (("3", "ValueError: three is bad"),)
+    assert [list(records) for records in commits] == [[i] for i in range(6)]
+    expected = {"unit": "3", "key": "key 3", "status": "failed", "reason": "ValueError: three is bad"}
+    assert commits[3][3].items() >= expected.items()
+    assert {path.read_text() for path in tmp_path.iterdir()} == {"run\n"}
+
+
+def test_in_this_process_a_unit_is_committed_before_the_next_starts(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A kill in the middle of a commit: what came before is committed, what comes after has not begun."""
+    made: list[int] = []
+
+    def finish(session: Any, fork: Any, stage: str, records: dict, message: str) -> None:
+        if len(made) == 2:
+            raise KeyboardInterrupt
+        made.extend(records)
+
+    monkeypatch.setattr(fan_out, "begin", lambda store: ("session", "fork"))
+    monkeypatch.setattr(fan_out, "finish", finish)
+    with pytest.raises(KeyboardInterrupt):
+        process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), Serial())
+    assert made == [0, 1]
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["0", "1", "2"]
+
+
+class Gone(Serial):
+    def completed(self, started: Any) -> Any:
+        yield from list(started)[:2]
+        raise ClusterGone("away")
+
+
+def test_a_cluster_that_goes_away_leaves_no_failed_records(
+    tmp_path: Path, commits: list[dict[int, dict[str, Any]]]
+) -> None:
+    with pytest.raises(FacadeError):
+        process_batch.fn(RUN, "toys", "1 of 1", counted, batch(6, tmp_path), Gone())
+    assert [list(records) for records in commits] == [[0], [1]]

@@ -1,0 +1,107 @@
+"""Streets: who would lose another's writes is refused, who fails says where, and nothing of them stays behind in a worker."""
+
+from __future__ import annotations
+
+import threading
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+
+from facade_core.errors import StoreError
+from facade_core.street.blend import blend
+from tasks.compute.connect import Serial
+from tasks.run import Run
+from tasks.stages import streets
+from tasks.stages.streets import _claimed, texture_street
+from tasks.store.commits import begin
+from tasks.units import viewpoint
+from tests.pipeline.stages import STREETS, texture, write_block
+
+HERE: Any = SimpleNamespace(out="/out")
+CELLS = frozenset({"0/0/0"}), frozenset({"0/0/1"})
+
+
+def test_who_reads_what_another_writes_is_refused_by_name() -> None:
+    with _claimed(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]):
+        with (
+            pytest.raises(StoreError, match=r"street b and street a share 1 chunks, such as 0/0/0"),
+            _claimed(HERE, "b", CELLS[0], frozenset()),
+        ):
+            pass
+        with pytest.raises(StoreError, match="street c and street a"), _claimed(HERE, "c", CELLS[1], CELLS[1]):
+            pass
+
+
+def test_readers_of_the_same_chunks_and_other_stores_run_side_by_side() -> None:
+    other: Any = SimpleNamespace(out="/other")
+    with (
+        _claimed(HERE, "a", CELLS[0] | CELLS[1], CELLS[0]),
+        _claimed(HERE, "b", CELLS[1], frozenset()),
+        _claimed(other, "a", CELLS[0], CELLS[0]),
+    ):
+        pass
+
+
+def test_chunks_are_free_again_after_a_street_failed() -> None:
+    with pytest.raises(ValueError, match="on the way"), _claimed(HERE, "a", CELLS[0], CELLS[0]):
+        raise ValueError("on the way")
+    with _claimed(HERE, "b", CELLS[0], CELLS[0]):
+        pass
+
+
+@pytest.fixture(scope="module")
+def ready(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    """A small block of which no street is done."""
+    folder = tmp_path_factory.mktemp("ready")
+    block = write_block(folder / "in", streets={"1": STREETS["1"]}, texture={"walls": "translate"})
+    return texture(block, folder / "out", stop_before="street 1").run
+
+
+def fail(*arguments: Any) -> None:
+    raise ValueError("it does not work")
+
+
+@pytest.mark.parametrize(("what", "where"), [("viewpoint_unit", "viewpoint 0"), ("street_unit", "end of the street")])
+def test_a_failure_names_what_failed_and_leaves_no_window(
+    ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
+) -> None:
+    monkeypatch.setattr(streets, what, fail)
+    ((_, reason),) = texture_street.fn(ready, 0, "1", 0, Serial()).failed
+    assert reason == f"{where}: ValueError: it does not work"
+    assert not viewpoint._streets
+
+
+def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
+    ready: Run, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A late copy, come back to its worker while the one that was started since is at work there."""
+
+    def one() -> None:
+        viewpoint.viewpoint_unit(ready, begin(ready.store)[1], 0, 0, "key")
+
+    def kept() -> list[np.ndarray]:
+        held = viewpoint._streets[ready, 0, "key"]
+        assert isinstance(held, viewpoint._Progress)
+        assert held.done == 1
+        return [held.window.colour.copy(), *blend(held.window.state)]
+
+    one()
+    alone = kept()
+    viewpoint.forget_street(ready, 0, "key")
+    both, propagate = threading.Barrier(2), viewpoint.propagate
+
+    def together(*arguments: Any, **named: Any) -> None:
+        both.wait(60)
+        propagate(*arguments, **named)
+
+    monkeypatch.setattr(viewpoint, "propagate", together)
+    copies = [threading.Thread(target=one) for _ in range(2)]
+    for copy in copies:
+        copy.start()
+    for copy in copies:
+        copy.join()
+    assert all(np.array_equal(a, b) for a, b in zip(alone, kept(), strict=True))
+    viewpoint.forget_street(ready, 0, "key")
+    assert not viewpoint._streets

@@ -1,0 +1,175 @@
+"""Declared memory against what units take: never less, and never so much more that workers stand idle."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from tasks.units import memory
+from tasks.units.imagery import Imagery
+
+# Peak of what a process holds while it does a unit, beside what it held before: libraries are loaded and compiled by a small
+# unit first, since a worker has them once.
+MEASURE = """
+import json, os, sys
+import numpy as np
+from tasks.compute.workers import limit_threads
+limit_threads()
+
+def status(name):
+    with open("/proc/self/status") as file:
+        return next(int(line.split()[1]) * 1024 for line in file if line.startswith(name))
+
+def picture(height, width):
+    from facade_core.synth.exemplars import exemplars
+    import cv2
+    image = cv2.resize(exemplars(1, seed=5)[0].image, (width, height))
+    hidden = np.zeros((height, width), bool)
+    hidden[height // 2 :, width // 3 : width // 2] = True
+    return image, hidden
+
+def photo(height, width):
+    from facade_core.facade import from_photo
+    image, hidden = picture(height, width)
+    return lambda: from_photo(image, hidden)
+
+def exemplar(height, width):
+    from facade_core.facade import prepare_exemplar
+    image, hidden = picture(height, width)
+    return lambda: prepare_exemplar(image, hidden, storey=3.2)
+
+def retargeted(height, width):
+    from facade_core.facade import from_exemplar
+    from facade_core.synth.exemplars import exemplars
+    made = exemplars(1, seed=5)[0]
+    size = (height / 20, width / 20)
+    return lambda: from_exemplar(
+        made.image, made.labels, size, (height, width), floors=max(1, round(size[0] / 3.2)), metres_per_pixel=0.05
+    )
+
+def street(height, width):
+    import shapely
+    from facade_core.atlas import AtlasSpec
+    from facade_core.geometry import block_surfaces, pack, terrain_of
+    from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
+    from facade_core.street.blend import blend
+    from facade_core.street.levelled import levelled
+    from facade_core.types import Building, Street
+    line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
+    houses = [Building(str(i), shapely.box(22 * i, 0, 22 * i + 20, 10), 12.0, "height") for i in range(3)]
+    charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    density = float(height)  # texels per metre
+    placement = pack(charts.texels(density), charts.building, page=4096, chunk=256, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
+    translator = Swatches(scene, [line], seed=1)
+    scene.look(Viewpoint(0, 0, np.array([0.0, -8.0, 2.5]), np.array([1.0, 0.0])), width)
+    chosen = range(len(charts))
+    def unit():
+        rasters, write = Window.layout(placement, chosen, chosen)
+        seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+        for chart in chosen:  # a strip of each is known, and all the rest is levelled to it
+            evidence[rasters.slice(placement, chart)][:2000] = 4
+        window = Window.of(placement, rasters, write, seed, evidence)
+        for x in (0.0, 5.0, 10.0):
+            viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
+            panorama = render(scene, window, viewpoint, (width // 2, width))
+            propagate(scene, window, viewpoint, translator.translate(panorama), seen=panorama.chart)
+        result = blend(window.state), levelled(scene, rasters, window)
+        return rasters.total
+    return unit
+
+def network(height, width):
+    from facade_core.street import neural
+    translator, image = neural.load(), np.zeros((height, width, 3), np.uint8)
+    def unit():
+        translator.textured(image)
+        return height * width
+    return unit
+
+unit = globals()[sys.argv[1]]
+small, size = json.loads(sys.argv[2]), json.loads(sys.argv[3])
+unit(*small)()
+work = unit(*size)
+import ctypes, gc
+gc.collect()
+ctypes.CDLL(None).malloc_trim(0)  # what was freed is not there to be used again
+with open("/proc/self/clear_refs", "w") as file:
+    file.write("5")  # the peak starts anew
+before = status("VmRSS")
+made = work()
+print(json.dumps({"bytes": status("VmHWM") - before, "texels": made if isinstance(made, int) else size[0] * size[1]}))
+"""
+
+
+def measured(kind: str, small: tuple[int, int], size: tuple[int, int]) -> tuple[int, int]:
+    """Bytes and texels of a unit in a process of its own."""
+    try:
+        Path("/proc/self/clear_refs").write_text("5")
+    except OSError:
+        pytest.skip("this system does not let a process start its peak of memory anew")
+    done = subprocess.run(
+        [sys.executable, "-c", MEASURE, kind, json.dumps(small), json.dumps(size)],
+        capture_output=True,
+        text=True,
+        check=True,
+        timeout=300,
+    )
+    said = json.loads(done.stdout.splitlines()[-1])
+    return said["bytes"], said["texels"]
+
+
+def assert_fits(declared: int, taken: int) -> None:
+    assert taken <= declared, f"takes {taken / 1e6:.0f} MB of {declared / 1e6:.0f} declared"
+    assert declared <= 6 * taken, f"takes {taken / 1e6:.0f} MB of {declared / 1e6:.0f} declared"
+
+
+@pytest.mark.parametrize("size", [(640, 800), (1200, 1600)])
+def test_a_facade_from_a_photo_fits_what_it_declares(size: tuple[int, int], tmp_path: Path) -> None:
+    photo = tmp_path / "photo.png"
+    Image.fromarray(np.zeros((*size, 3), np.uint8)).save(photo)
+    taken, texels = measured("photo", (240, 320), size)
+    assert_fits(memory.facade_memory(texels, Imagery(photo)), taken)
+
+
+def test_a_facade_from_an_exemplar_fits_what_it_declares() -> None:
+    taken, texels = measured("retargeted", (240, 320), (600, 1000))
+    assert_fits(memory.facade_memory(texels, Imagery(exemplar=(0, "e"))), taken)
+
+
+def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
+    picture = tmp_path / "exemplar.png"
+    Image.fromarray(np.zeros((800, 1000, 3), np.uint8)).save(picture)
+    taken, _ = measured("exemplar", (240, 320), (800, 1000))
+    assert_fits(memory.exemplar_memory(picture), taken)
+
+
+def test_the_window_of_a_street_fits_what_it_declares() -> None:
+    taken, texels = measured("street", (4, 256), (30, 512))
+    assert_fits(memory.street_memory(texels, texels), taken)
+
+
+def test_a_panorama_fits_what_the_network_declares() -> None:
+    taken, pixels = measured("network", (32, 64), (512, 1024))
+    assert_fits(memory.street_memory(0, 0, network=pixels), taken)
+
+
+def test_a_broken_picture_takes_none(tmp_path: Path) -> None:
+    (tmp_path / "broken.png").write_bytes(b"no picture")
+    assert memory.exemplar_memory(tmp_path / "broken.png") == memory.LEAST
+    assert memory.texture_memory(10, [tmp_path / "missing.png"]) == memory.LEAST + 10 * memory.TEXTURE_TEXEL
+
+
+def test_every_texel_and_pixel_counts(tmp_path: Path) -> None:
+    picture = tmp_path / "picture.png"
+    Image.fromarray(np.zeros((30, 20, 3), np.uint8)).save(picture)
+    assert memory.facade_memory(1000, Imagery(picture)) - memory.facade_memory(0, Imagery(picture)) >= 100_000
+    assert (
+        memory.facade_memory(10, Imagery(picture)) - memory.facade_memory(10, Imagery()) == 600 * memory.PICTURE_PIXEL
+    )
+    assert memory.street_memory(200, 100) > memory.street_memory(100, 100) < memory.street_memory(100, 200)
