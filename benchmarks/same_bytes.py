@@ -27,7 +27,7 @@ from tests.pipeline import stages
 from tests.pipeline.runs import environment
 
 ROOT = Path(__file__).resolve().parent.parent
-FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "geopackage")
+FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
 # Columns that say when something was done, how long that took, where, and by which code.
 VOLATILE = ["updated", "seconds", "run"]
 # Likewise in the text of exports: times, the version with its digest of code, names of snapshots.
@@ -70,15 +70,16 @@ def _results(checkout: Path, block: Path, out: Path) -> dict[str, str]:
 
     summary = json.loads(command("run", str(block), "--out", str(out), "--json").strip().splitlines()[-1])
     rows = pd.read_parquet(summary["outputs"]["items"]).drop(columns=VOLATILE, errors="ignore")
-    found = {"atlas_digest": summary["atlas_digest"], "items": _digest(rows.to_json().encode())}
+    found = {"atlas_digest": summary["atlas_digest"], "items": _digest(rows.to_csv(index=False).encode())}
     for model in summary["outputs"]["glb"]:
         found[f"published/{Path(model).name}"] = _digest(Path(model).read_bytes())
     for form in FORMATS:
-        folder = out.with_name(f"{out.name}-{form}")
-        command("export", str(out), "--format", form, "--out", str(folder))
+        folder = out.with_name(f"{out.name}-{form}{'.gpkg' if form == 'gpkg' else ''}")
+        command("export", str(out), "--format", form, "--to", str(folder))
         files = [path for path in sorted(folder.rglob("*")) if path.is_file()] if folder.is_dir() else [folder]
         for path in files:
-            found[f"{form}/{path.relative_to(folder).as_posix()}"] = _digest(path.read_bytes())
+            name = path.relative_to(folder).as_posix() if folder.is_dir() else form
+            found[f"{form}/{name}"] = _digest(path.read_bytes())
     return found
 
 

@@ -45,8 +45,8 @@ def query(
     out: may be s3://bucket/prefix. Columns as in catalogs.published.items.COLUMNS, then `run`: the run's folder relative to
     `out`, or its own name where `out` is the run. where: a boolean SQL expression over the columns. bbox: (west, south, east,
     north) in degrees; facades that touch it. since: see catalogs.query.where.parse_since; units updated then or later. note is
-    told of each run that is left out, in one line. Integer columns are nullable integers, times are in UTC, geometry is WKB. Raises
-    InputError in one line with the remedy.
+    told of each run that is left out, in one line. Integer columns are nullable integers, times are in UTC, geometry is WKB.
+    Raises InputError in one line with the remedy.
     """
     import duckdb
 

@@ -62,7 +62,8 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
 
 def read_centrelines(path: Path) -> Centrelines:
     """Street centrelines. Where a column states OpenStreetMap's `highway`, only streets that
-    catalogs.readers.vectors.osm reads: no footways, no service roads, no tunnels; of OpenDRIVE's roads only those outside junctions.
+    catalogs.readers.vectors.osm reads: no footways, no service roads, no tunnels; of OpenDRIVE's roads only those outside
+    junctions.
 
     Raises InputError where the file cannot be read or holds no lines.
     """
