@@ -61,7 +61,7 @@ def _columns(image: np.ndarray, width: int) -> np.ndarray:
 
 
 @njit(cache=True)
-def _order(grey, count):
+def _order(grey: np.ndarray, count: int) -> np.ndarray:
     """When every pixel is removed, (H, W) int64; `count` for those that stay."""
     height, width = grey.shape
     order = np.full((height, width), count, np.int64)
