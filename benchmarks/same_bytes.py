@@ -22,6 +22,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pandas as pd
+import pyogrio
 
 from tests.pipeline import stages
 from tests.pipeline.runs import environment
@@ -29,7 +30,9 @@ from tests.pipeline.runs import environment
 ROOT = Path(__file__).resolve().parent.parent
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
 # Columns that say when something was done, how long that took, where, and by which code.
-VOLATILE = ["updated", "seconds", "run"]
+VOLATILE = ["updated", "seconds", "run", "config_digest"]
+# What an export says of its own files, which are compared themselves.
+CONTENTS = "export.json"
 # Likewise in the text of exports: times, the version with its digest of code, names of snapshots.
 VOLATILE_TEXT = re.compile(rb"\d{4}-\d\d-\d\d(T[\d:.]+(Z|\+00:00)?)?|0\.1\.0\+[0-9a-f]{12}|[0-9A-Z]{20}")
 
@@ -70,17 +73,24 @@ def _results(checkout: Path, block: Path, out: Path) -> dict[str, str]:
 
     summary = json.loads(command("run", str(block), "--out", str(out), "--json").strip().splitlines()[-1])
     rows = pd.read_parquet(summary["outputs"]["items"]).drop(columns=VOLATILE, errors="ignore")
-    found = {"atlas_digest": summary["atlas_digest"], "items": _digest(rows.to_csv(index=False).encode())}
+    found = {"atlas_digest": summary["atlas_digest"]}
+    found |= {f"items/{name}": _digest(column.to_csv(index=False).encode()) for name, column in rows.items()}
     for model in summary["outputs"]["glb"]:
         found[f"published/{Path(model).name}"] = _digest(Path(model).read_bytes())
     for form in FORMATS:
         folder = out.with_name(f"{out.name}-{form}{'.gpkg' if form == 'gpkg' else ''}")
         command("export", str(out), "--format", form, "--to", str(folder))
-        files = [path for path in sorted(folder.rglob("*")) if path.is_file()] if folder.is_dir() else [folder]
-        for path in files:
-            name = path.relative_to(folder).as_posix() if folder.is_dir() else form
-            found[f"{form}/{name}"] = _digest(path.read_bytes())
+        if folder.is_dir():
+            files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != CONTENTS]
+            found |= {f"{form}/{path.relative_to(folder).as_posix()}": _digest(path.read_bytes()) for path in files}
+        else:
+            found |= {f"{form}/{layer}": _digest(_layer(folder, layer)) for layer, _ in pyogrio.list_layers(folder)}
     return found
+
+
+def _layer(file: Path, layer: str) -> bytes:
+    rows = pyogrio.read_dataframe(file, layer=layer)
+    return rows.drop(columns=VOLATILE, errors="ignore").to_csv(index=False).encode()
 
 
 def _digest(content: bytes) -> str:
