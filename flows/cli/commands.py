@@ -186,7 +186,7 @@ def _run(
     from flows.cli.interrupts import end_on_interrupt
     from flows.lock import locked
     from flows.log_file import log_to
-    from tasks.run import run_of
+    from tasks.keys.runs import run_of
     from tasks.store.room import require_room
     from tasks.store.standing import nothing_due
 

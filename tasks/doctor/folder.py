@@ -23,8 +23,8 @@ from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, StoreError
 from tasks.doctor.findings import Finding
+from tasks.keys.runs import run_of
 from tasks.published.files import amiss
-from tasks.run import run_of
 from tasks.stages.due import what_is_due
 from tasks.stages.ingest import ingest_block
 from tasks.store.digests import differing

@@ -18,6 +18,7 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import resolve_name
 from pathlib import Path
 
+VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
 HOUSE = ("facade_core", "catalogs", "tasks")
 
@@ -104,8 +105,6 @@ def code_version(root: Path = ROOT) -> str:
 
 def version_of(codes: Mapping[str, str]) -> str:
     """The version of the package and a digest of the codes of some stages."""
-    from tasks.run import VERSION
-
     text = "\n".join(f"{stage} {code}" for stage, code in sorted(codes.items()))
     return f"{VERSION}+{blake2b(text.encode(), digest_size=6).hexdigest()}"
 

@@ -15,7 +15,7 @@ from facade_core.atlas.check import is_whole
 from facade_core.atlas.store import BRANCH, expire, open_repository
 from facade_core.errors import FacadeError, InputError
 from tasks.published.files import note_changed, predecessor_of, tags_of
-from tasks.stages.streets import standing_tags
+from tasks.store.commits import standing_tags
 from tasks.store.standing import current_snapshot
 
 # What a process that was killed leaves in a run's folder; nothing but a run, which the caller holds off, makes any.

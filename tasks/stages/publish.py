@@ -40,7 +40,7 @@ from tasks.published.facade_report import facade_sheets, item_rows, masked_regio
 from tasks.published.files import amiss, predecessor_of, write_files
 from tasks.published.limit import over_limit
 from tasks.run import Run
-from tasks.stages.streets import standing_tags
+from tasks.store.commits import standing_tags
 from tasks.store.standing import current_snapshot, made_by, page_path, published_summary
 from tasks.units.roofs import roof_material, sampler
 

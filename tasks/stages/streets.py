@@ -6,7 +6,6 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from threading import Lock
-from typing import Any
 
 import icechunk
 import numpy as np
@@ -14,8 +13,7 @@ import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.features import file_stem
-from facade_core.atlas.journal import read_journal, read_records, unit_key
+from facade_core.atlas.journal import read_records, unit_key
 from facade_core.atlas.store import BRANCH, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
@@ -25,7 +23,7 @@ from tasks.outcome import Outcome, failure, is_done, log_units, machine_error, m
 from tasks.progress import advance
 from tasks.run import Run
 from tasks.store.carry import forget_units
-from tasks.store.commits import begin, finish
+from tasks.store.commits import begin, finish, tag_of
 from tasks.store.redo import street_chunks
 from tasks.units.context import plan_of_run
 from tasks.units.viewpoint import forget_street, street_unit, viewpoint_unit
@@ -94,16 +92,6 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     log_units("streets", [record])
     _tag(run, tag_of(record), snapshot)
     return outcome.add([record])
-
-
-def tag_of(record: dict[str, Any]) -> str:
-    """The tag of the snapshot in which a street ended, by the street's record."""
-    return f"street-{file_stem(record['unit'])}-{unit_key(record['key'])[:12]}"
-
-
-def standing_tags(group: StoreGroup) -> set[str]:
-    """The tags of the streets that a snapshot holds as done."""
-    return {tag_of(record) for record in read_journal(group, "streets") if record and record["status"] == "done"}
 
 
 # Chunks that the streets under way in this process read and write, by store and street.

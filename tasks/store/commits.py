@@ -1,4 +1,4 @@
-"""A unit's data and its journal records, in one commit."""
+"""A unit's data and its journal records, in one commit; the tags of those in which a street ended."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from typing import Any
 import icechunk
 import zarr
 
-from facade_core.atlas.journal import read_journal, write_record
+from catalogs.features import file_stem
+from facade_core.atlas.journal import read_journal, unit_key, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.atlas.zarr_types import StoreGroup
 
@@ -32,3 +33,13 @@ def journal(store: Path, stage: str) -> list[dict[str, Any] | None]:
     """The records of a stage at the newest snapshot."""
     session = open_repository(store).readonly_session(BRANCH)
     return read_journal(zarr.open_group(session.store, mode="r"), stage)
+
+
+def tag_of(record: dict[str, Any]) -> str:
+    """The tag of the snapshot in which a street ended, by the street's record."""
+    return f"street-{file_stem(record['unit'])}-{unit_key(record['key'])[:12]}"
+
+
+def standing_tags(group: StoreGroup) -> set[str]:
+    """The tags of the streets that a snapshot holds as done."""
+    return {tag_of(record) for record in read_journal(group, "streets") if record and record["status"] == "done"}

@@ -20,8 +20,9 @@ from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.synth import exemplars
 from tasks.compute.connect import Serial
+from tasks.keys.runs import run_of
 from tasks.outcome import Outcome, refused
-from tasks.run import Run, run_of
+from tasks.run import Run
 from tasks.stages.due import what_is_due
 from tasks.stages.exemplars import exemplars_due
 from tasks.stages.facades import facade_imagery, facades_due

@@ -13,8 +13,8 @@ from PIL import Image, ImageOps
 
 from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal
+from tasks.keys.runs import run_of
 from tasks.keys.stage_code import stage_code
-from tasks.run import run_of
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
 from tasks.store.standing import nothing_due
@@ -232,7 +232,7 @@ def test_other_code_that_ingests_takes_over_what_is_the_same(
     translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     folder = copied(translated, tmp_path)
-    for reader in ("run", "stages.ingest"):
+    for reader in ("keys.runs", "stages.ingest"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("ingest"))
     done, made = again(folder)
     assert done == set()

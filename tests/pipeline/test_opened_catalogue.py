@@ -16,7 +16,7 @@ from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
-from tasks.run import run_of
+from tasks.keys.runs import run_of
 from tasks.stages.publish import publish_block
 
 

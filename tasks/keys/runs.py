@@ -1,0 +1,35 @@
+"""The run of a block, with its key: a digest of the block's inputs and settings and of the code that ingests them."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from tasks.keys.stage_code import stage_code
+from tasks.run import Run
+
+if TYPE_CHECKING:
+    from catalogs.block import Block
+
+
+def run_of(block: Block, out: Path) -> Run:
+    """The run that textures `block` into folder `out`."""
+    key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
+    texture = block.texture
+    return Run(
+        out=str(out.resolve()),  # workers may have been started elsewhere
+        block=block.name,
+        key=key,
+        crs=block.crs.to_string(),
+        seed=block.seed,
+        texels_per_metre=texture.texels_per_metre,
+        panorama_width=texture.panorama_width,
+        storey=block.storey,
+        failed_limit=block.failed_limit,
+        walls=texture.walls,
+        levelling=texture.levelling,
+        aerial=block.aerial,
+        roof_material=block.roof_material,
+        translator=texture.translator,
+    )
