@@ -1,5 +1,5 @@
 """Imports run one way only: flows -> tasks -> {facade_core, catalogs}; catalogs -> the values of facade_core. Within tasks and
-catalogs they run from the rooms above to those below; nowhere in a circle."""
+catalogs they run from the rooms above to those below; nowhere in a circle. Who has something to say logs it."""
 
 from __future__ import annotations
 
@@ -50,6 +50,7 @@ STOREYS = {
 # To be moved: what the store says of a published folder belongs to the published.
 NOT_YET = {("tasks.store.standing", "tasks.published.files")}
 MOST_FILES = 14  # of a room
+LEVELS = ("debug", "info", "warning", "error", "exception", "critical")
 
 
 def _imports(node: ast.AST, *, for_types: bool) -> Iterator[str]:
@@ -188,6 +189,25 @@ def test_units_know_no_room_above_them_and_no_prefect() -> None:
 def test_no_room_is_crowded(layer: str) -> None:
     files = Counter(path.parent.relative_to(ROOT).as_posix() for path in modules(layer).values())
     assert {room: count for room, count in files.items() if count > MOST_FILES} == {}
+
+
+def _named(node: ast.AST) -> str:
+    return ast.unparse(node) if isinstance(node, ast.Name | ast.Attribute) else ""
+
+
+@pytest.mark.parametrize("layer", MAY)
+def test_modules_log_by_their_name_and_print_nothing(layer: str) -> None:
+    for name, path in modules(layer).items():
+        tree = parsed(path)
+        calls = [node for node in ast.walk(tree) if isinstance(node, ast.Call)]
+        called = {_named(call.func) for call in calls}
+        if not within(name, ["flows.cli"]):
+            assert called.isdisjoint({"print", "click.echo", "sys.stdout.write", "sys.stderr.write"}), name
+        assert called.isdisjoint({f"logging.{level}" for level in LEVELS}), f"{name} logs as nobody"
+        loggers = [call for call in calls if ast.unparse(call) == "logging.getLogger(__name__)"]
+        if loggers or called & {f"log.{level}" for level in LEVELS}:
+            assert len(loggers) == 1, name
+            assert "log = logging.getLogger(__name__)" in [ast.unparse(node) for node in tree.body], name
 
 
 def test_no_utils() -> None:
