@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Generic, TypeAlias, TypeVar, cast
@@ -30,7 +29,7 @@ def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
     InputError where there is no run that has published.
     """
     if not folder.is_dir():
-        raise InputError(f"{folder}: no such folder; {_remedy(folder, 'makes it')}")
+        raise InputError(f"{folder}: no such folder; {publishes(folder, 'makes it')}")
     if (folder / "current").is_file():
         return [Run(folder, folder.resolve().name)], []
     runs: list[Run[F]] = []
@@ -50,31 +49,17 @@ def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
         except OSError as error:
             left_out.append(f"{parent} is left out: {error.strerror}")
     if not runs:
-        raise InputError(f"{folder}: nothing is published there; {_remedy(folder, 'finishes and publishes')}")
+        raise InputError(f"{folder}: nothing is published there; {publishes(folder, 'finishes and publishes')}")
     runs.sort(key=lambda run: natural_order(run.name))
     return runs, sorted(left_out, key=natural_order)
-
-
-def items_path(out: F) -> F:
-    """The catalogue that `current` of the run in folder `out` points at; InputError where it points at none."""
-    pointer = out / "current"
-    try:
-        snapshot = pointer.read_text(encoding="utf-8", errors="replace").strip()
-    except OSError as error:
-        raise InputError(f"{pointer} cannot be read: {error.strerror}; `streetloom run` writes it") from error
-    if not re.fullmatch(r"[A-Za-z0-9_-]+", snapshot):
-        raise InputError(f"{pointer} does not hold a snapshot id; {_remedy(out, 'publishes again')}")
-    path = pointer.parent / "published" / snapshot / "items.parquet"
-    if not path.is_file():
-        raise InputError(f"{path} is missing; {_remedy(out, 'publishes again')}")
-    return cast(F, path)
 
 
 def _folders(parent: F) -> list[F]:
     return [cast(F, path) for path in parent.iterdir() if not path.name.startswith(".") and path.is_dir()]
 
 
-def _remedy(folder: Folder, what: str) -> str:
+def publishes(folder: Folder, what: str) -> str:
+    """What to do where a folder lacks what a run publishes."""
     if isinstance(folder, S3Folder):
         return f"`streetloom catalog OUT --to {folder}` copies a run there"
     return f"`streetloom run BLOCK.yaml --out {folder}` {what}"

@@ -10,11 +10,10 @@ from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.published.held import being_read
 from catalogs.published.items import COLUMNS, arrow_type
-from catalogs.published.runs import Folder, Run, items_path, runs_in
+from catalogs.published.runs import Folder, Run, runs_in
 from catalogs.published.s3 import S3Folder, filesystem, folder_at, reached
-from catalogs.query.answers import FORMATS, format_items
+from catalogs.published.snapshot import current
 from catalogs.query.where import parse_since, refusal, select_where
 from facade_core.errors import InputError
 
@@ -22,8 +21,6 @@ if TYPE_CHECKING:
     import duckdb
     import pandas as pd
     import pyarrow as pa
-
-__all__ = ["FORMATS", "Run", "format_items", "items_path", "query", "runs_in"]
 
 _SETTINGS: dict[str, str | bool | int | float | list[str]] = {
     "autoinstall_known_extensions": False,
@@ -105,8 +102,7 @@ def _published(
     found = []
     for run in runs:
         try:
-            path = items_path(run.folder)
-            holds.enter_context(being_read(path.parent))
+            path = holds.enter_context(current(run.folder).being_read()).items
             try:
                 held = _schema(path)
                 united = pa.unify_schemas([united, held], promote_options="permissive")

@@ -9,12 +9,12 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.published.held import being_read
-from catalogs.published.runs import Folder, items_path, runs_in
-from catalogs.published.s3 import S3Folder, folder_at
+from catalogs.published.runs import Folder, runs_in
+from catalogs.published.s3 import folder_at
+from catalogs.published.snapshot import Snapshot, current
 from catalogs.query.answers import located
 from catalogs.query.asking import query
-from facade_core.errors import InputError, StoreError
+from facade_core.errors import InputError
 
 if TYPE_CHECKING:
     import geopandas as gpd
@@ -59,9 +59,8 @@ class Catalogue:
         run: name of the run, as in the column `run`, where more than one has a facade of that id. Raises InputError for a
         facade that there is not, StoreError where the run's store is gone.
         """
-        folder = self._folder(id, run)
-        with being_read(items_path(folder).parent):
-            return _facade(_published_group(folder), id)
+        with current(self._folder(id, run)).being_read() as snapshot:
+            return _facade(snapshot, id)
 
     def _folder(self, id: str, run: str | None) -> Folder:
         rows = query(self.out, where="kind = 'facade'")
@@ -78,12 +77,15 @@ class Catalogue:
         return next(found.folder for found in runs_in(self.out)[0] if found.name == names[0])
 
 
-def _facade(group: Any, id: str) -> xr.Dataset:
+def _facade(snapshot: Snapshot, id: str) -> xr.Dataset:
     import xarray as xr
+    import zarr
 
-    facades = xr.open_zarr(group.store, group="facades", consolidated=False, chunks=None).load()
+    store = snapshot.session().store
+    group: Any = zarr.open_group(store, mode="r")
+    facades = xr.open_zarr(store, group="facades", consolidated=False, chunks=None).load()
     index = list(map(str, facades.id.values)).index(id)
-    charts = xr.open_zarr(group.store, group="charts", consolidated=False, chunks=None)
+    charts = xr.open_zarr(store, group="charts", consolidated=False, chunks=None)
     chart = charts.isel(chart=int(facades.chart.values[index])).load()
     y, x, height, width = (int(chart[name]) for name in ("y", "x", "height", "width"))
     place = int(chart.page), slice(y, y + height), slice(x, x + width)
@@ -119,21 +121,3 @@ def open(out: Folder | str) -> Catalogue:
     folder = folder_at(out)
     runs_in(folder)
     return Catalogue(folder)
-
-
-def _published_group(folder: Folder) -> Any:
-    """The store of a run as it was when it was published last."""
-    import icechunk
-    import zarr
-
-    snapshot = items_path(folder).parent.name
-    icechunk.set_logs_filter("off")  # it warns of writers at every opening
-    try:
-        store = folder / "store"
-        if isinstance(store, S3Folder):
-            repository = icechunk.Repository.open(store.icechunk_storage())
-        else:
-            repository = icechunk.Repository.open(icechunk.local_filesystem_storage(str(store)))
-        return zarr.open_group(repository.readonly_session(snapshot_id=snapshot).store, mode="r")
-    except (icechunk.IcechunkError, OSError, ValueError) as error:
-        raise StoreError(f"{folder / 'store'}: {str(error).splitlines()[0]}; run the block again") from error

@@ -9,7 +9,8 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from urllib.parse import quote
 
-from catalogs.published.runs import Run, items_path, runs_in
+from catalogs.published.runs import Run, runs_in
+from catalogs.published.snapshot import current
 from catalogs.stac.snapshot import collections_in, to_json
 from catalogs.stac.versions import supersede
 from facade_core.errors import InputError
@@ -50,15 +51,15 @@ def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = No
 def _write_run(run: Run) -> None:
     """Until `current` stays: of two that write at once, the last sees the newest snapshot."""
     snapshot = None
-    while snapshot != (snapshot := items_path(run.folder).parent):
-        collections = collections_in(snapshot)
+    while snapshot != (snapshot := current(run.folder)):
+        collections = collections_in(snapshot.folder)
         missing = [path for _, path in collections if not path.is_file()]
         if missing:
             raise InputError(f"{missing[0]} is missing; `streetloom run BLOCK.yaml --out {run.folder}` publishes again")
         name = _name(run.folder)
         children = [(f"./{path.relative_to(run.folder).as_posix()}", kind) for kind, path in collections]
         _write(run.folder, f"What Streetloom published in {name}", children)
-    supersede(run.folder / "published", snapshot.name)
+    supersede(run.folder / "published", snapshot.id)
 
 
 def _write(folder: Path, description: str, children: Sequence[tuple[str, str]]) -> None:

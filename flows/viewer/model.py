@@ -11,10 +11,9 @@ from http import HTTPStatus
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from catalogs.published.held import being_read
+from catalogs.published.snapshot import current_if_any
 from facade_core.errors import StoreError
 from flows.viewer.guard import Guard, in_address, name_in
-from tasks.store.standing import current_snapshot
 
 if TYPE_CHECKING:
     from viser import ViserServer
@@ -33,19 +32,18 @@ class Model:
 
     def port(self) -> int:
         """The port that shows the newest model. Raises StoreError before anything is published."""
-        snapshot = current_snapshot(self._out)
+        snapshot = current_if_any(self._out)
         if snapshot is None:
             raise StoreError("nothing is published yet: the model appears at the end of the run")
         with self._lock:
             if self._server is None:
                 self._server = _server(self._host, self._guard)
-            if self._shown != snapshot:
-                published = self._out / "published" / snapshot
-                with being_read(published):
-                    data = (published / "block.glb").read_bytes()
+            if self._shown != snapshot.id:
+                with snapshot.being_read():
+                    data = snapshot.model.read_bytes()
                 self._server.scene.add_glb("/block", data)
                 _look_at(self._server, data)
-                self._shown = snapshot
+                self._shown = snapshot.id
             return self._server.get_port()
 
     def close(self) -> None:

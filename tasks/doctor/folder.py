@@ -16,6 +16,8 @@ import icechunk
 import zarr
 
 from catalogs.block import read_block
+from catalogs.published.files import amiss
+from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
 from facade_core.atlas.journal import STAGES, read_journal
 from facade_core.atlas.plan_tables import read_plan
@@ -24,11 +26,10 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, StoreError
 from tasks.doctor.findings import Finding
 from tasks.keys.runs import run_of
-from tasks.published.files import amiss
 from tasks.stages.due import what_is_due
 from tasks.stages.ingest import ingest_block
 from tasks.store.digests import differing
-from tasks.store.standing import current_snapshot, recorded_source, unpublished
+from tasks.store.standing import recorded_source, unpublished
 from tasks.store.wounds import find_wounds, is_suspect, suspect
 
 # Charts and panoramas whose digests are computed again.
@@ -97,19 +98,19 @@ def _store(out: Path, repository: Any, session: icechunk.Session, group: StoreGr
 
 
 def _published(out: Path, newest: str | None, again: str) -> Iterator[Finding]:
-    current = current_snapshot(out)
+    current = current_if_any(out)
     folders = sorted(path.name for path in (out / "published").glob("*") if path.is_dir())
     leftovers = [name for name in folders if name.startswith(".")]
     if current is None:
         yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
-    elif fault := amiss(out / "published" / current, thorough=True):
-        yield Finding("published", False, f"{current}: {fault}; {again} publishes it again")
+    elif fault := amiss(current.folder, thorough=True):
+        yield Finding("published", False, f"{current.id}: {fault}; {again} publishes it again")
     elif newest is not None and (fault := unpublished(out, newest)):
         yield Finding(
-            "published", False, f"{current}, whole; the newest snapshot is {newest}: {fault}; {again} goes on"
+            "published", False, f"{current.id}, whole; the newest snapshot is {newest}: {fault}; {again} goes on"
         )
     else:
-        yield Finding("published", True, f"{current}, whole, and {len(folders) - len(leftovers) - 1} older ones")
+        yield Finding("published", True, f"{current.id}, whole, and {len(folders) - len(leftovers) - 1} older ones")
     if leftovers:
         yield Finding(
             "published",

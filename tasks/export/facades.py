@@ -85,7 +85,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     chosen = {found.names[b] for b in buildings.tolist()}
     write_layers(
         folder / f"{file_stem(found.block)}.gpkg",
-        items=found.folder / "items.parquet",
+        items=found.snapshot.items,
         crs=found.crs,
         walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
         buildings=[

@@ -13,7 +13,6 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published.held import being_read
 from facade_core.errors import InputError
 from tasks.published.opened import Published, published
 
@@ -66,14 +65,13 @@ def export(out: Path | str, format: str, to: Path | str | None = None, buildings
     as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)
-    found = published(Path(out))
-    with being_read(found.folder):
+    with published(Path(out)) as found:
         return _export(found, format, None if to is None else Path(to), buildings, as_file)
 
 
 def _export(found: Published, format: str, to: Path | None, buildings: Sequence[str], as_file: bool) -> Exported:
     chosen = found.choose(buildings)
-    target = found.folder.parent.parent / "exports" / format if to is None else to.resolve()
+    target = found.snapshot.out / "exports" / format if to is None else to.resolve()
     if to is None:
         _check_target(target, format, as_file)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
@@ -86,7 +84,7 @@ def _export(found: Published, format: str, to: Path | None, buildings: Sequence[
         about: dict[str, Any] = {
             "format": format,
             "block": found.block,
-            "snapshot": found.snapshot,
+            "snapshot": found.snapshot.id,
             "crs": found.crs,
             "notes": notes,
         }

@@ -54,7 +54,7 @@ def write_3dtiles(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     source = replace(source, mesh=part_of(source.mesh, shown))
     density = found.plan.scene.spec.texels_per_metre
     separation = found.group.attrs.get("geoid_separation")
-    extras = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot}
+    extras = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot.id}
     notes = []
     if separation is None:
         extras["heights"] = (

@@ -47,7 +47,6 @@ APART = frozenset(
         "tasks.store.room",
         "tasks.run",
         "tasks.keys.stage_code",
-        "tasks.stages.streets",
         "tasks.store.wounds",
     }
 )

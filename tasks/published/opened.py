@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
@@ -11,7 +12,9 @@ from typing import TYPE_CHECKING, Any, cast
 
 import numpy as np
 
-from facade_core.errors import InputError, StoreError
+from catalogs.published.runs import runs_in
+from catalogs.published.snapshot import Snapshot, current
+from facade_core.errors import InputError
 from facade_core.plan import Plan
 from facade_core.types import Element
 
@@ -22,11 +25,10 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Published:
-    """A published snapshot: its folder, its store's root group and plan, the buildings' table (id, name, height, levels ...),
+    """A published snapshot: its files, its store's root group and plan, the buildings' table (id, name, height, levels ...),
     and the journal's record of every facade, None where there is none."""
 
-    folder: Path
-    snapshot: str
+    snapshot: Snapshot[Path]
     group: StoreGroup
     plan: Plan
     buildings: Any
@@ -56,15 +58,12 @@ class Published:
         """A filled page of the atlas, (h, w, 3) uint8."""
         from PIL import Image
 
-        from tasks.store.standing import page_path
-
-        path = page_path(self.folder, page)
+        path = self.snapshot.page(page)
         try:
             with Image.open(path) as image:
                 return np.asarray(image.convert("RGB"))
         except OSError as error:
-            again = publishes_again(self.folder.parent.parent)
-            raise InputError(f"{path} cannot be read as a picture; {again}") from error
+            raise InputError(f"{path} cannot be read as a picture; {self.snapshot.remedy}") from error
 
     def choose(self, ids: Sequence[str]) -> np.ndarray:
         """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
@@ -91,42 +90,35 @@ class Published:
         return [i for i, record in enumerate(self.records) if own[i] and record and "lattice" in record]
 
 
-def published(out: Path) -> Published:
-    """What the run in folder `out`, or the one run in the folder of runs `out`, has published.
+@contextmanager
+def published(out: Path) -> Iterator[Published]:
+    """What the run in folder `out`, or the one run in the folder of runs `out`, has published; it stays until the block ends.
 
     Raises InputError where nothing is, or several runs have, and StoreError where the store does not hold the snapshot.
     """
-    import icechunk
-    import zarr
-
-    from catalogs.published.runs import items_path, runs_in
-    from facade_core.atlas.journal import read_journal
-    from facade_core.atlas.plan_tables import read_plan
-    from facade_core.atlas.store import open_repository, open_table
-    from tasks.store.standing import page_path
-
     runs, _ = runs_in(out)
     if len(runs) > 1:
         raise InputError(f"{out}: holds {len(runs)} runs; name one, such as {runs[0].folder}")
-    folder = items_path(runs[0].folder).parent
-    again = publishes_again(runs[0].folder)
-    repository = open_repository(runs[0].folder / "store")
+    with current(runs[0].folder).being_read() as snapshot:
+        yield _opened(snapshot)
+
+
+def _opened(snapshot: Snapshot[Path]) -> Published:
+    import icechunk
+    import zarr
+
+    from facade_core.atlas.journal import read_journal
+    from facade_core.atlas.plan_tables import read_plan
+    from facade_core.atlas.store import open_table
+
+    session = snapshot.session()
     try:
-        session = repository.readonly_session(snapshot_id=folder.name)
         group: StoreGroup = zarr.open_group(session.store, mode="r")
         plan = read_plan(session, float(cast(float, group["atlas"].attrs["texels_per_metre"])))
         buildings, records = open_table(session, "buildings").load(), read_journal(group, "facades")
     except (icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
-        why = " ".join(str(error).split())[:120]
-        raise StoreError(
-            f"{runs[0].folder}: its store does not hold snapshot {folder.name} as this version writes it ({why}); {again}"
-        ) from error
-    missing = [page for page in range(plan.scene.spec.pages) if not page_path(folder, page).is_file()]
+        raise snapshot.unreadable(error) from error
+    missing = [page for page in range(plan.scene.spec.pages) if not snapshot.page(page).is_file()]
     if missing:
-        raise InputError(f"{page_path(folder, missing[0])} is missing; {again}")
-    return Published(folder, folder.name, group, plan, buildings, records)
-
-
-def publishes_again(out: Path) -> str:
-    """The remedy where a published folder is damaged."""
-    return f"`streetloom run BLOCK.yaml --out {out}` publishes again"
+        raise InputError(f"{snapshot.page(missing[0])} is missing; {snapshot.remedy}")
+    return Published(snapshot, group, plan, buildings, records)

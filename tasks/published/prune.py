@@ -9,14 +9,13 @@ from pathlib import Path
 
 import zarr
 
-from catalogs.published.held import alone
+from catalogs.published.files import note_changed, predecessor_of, tags_of
+from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.versions import forget_versions
 from facade_core.atlas.check import is_whole
 from facade_core.atlas.store import BRANCH, expire, open_repository
 from facade_core.errors import FacadeError, InputError
-from tasks.published.files import note_changed, predecessor_of, tags_of
 from tasks.store.commits import standing_tags
-from tasks.store.standing import current_snapshot
 
 # What a process that was killed leaves in a run's folder; nothing but a run, which the caller holds off, makes any.
 LEFTOVERS = (
@@ -35,7 +34,7 @@ def prune(out: Path, keep: int) -> list[str]:
 
     Raises InputError where nothing is published, or the store is damaged: what it holds is not known then.
     """
-    current = current_snapshot(out)
+    current = current_if_any(out)
     if current is None:
         raise InputError(f"{out}: nothing is published; `streetloom run BLOCK.yaml --out {out}` publishes")
     repository = open_repository(out / "store")
@@ -48,8 +47,8 @@ def prune(out: Path, keep: int) -> list[str]:
         _remove(path)
     published = out / "published"
     gone, readers = 0, []
-    for name in _newest_first(published, current)[keep:]:
-        with alone(published / name) as nobody:
+    for name in _newest_first(published, current.id)[keep:]:
+        with Snapshot(published / name).alone() as nobody:
             if not nobody:
                 readers.append(name)
                 continue
@@ -59,7 +58,7 @@ def prune(out: Path, keep: int) -> list[str]:
             gone += 1
     for name, paths in forget_versions(published).items():
         note_changed(published / name, paths)
-    kept = {tag for name in _newest_first(published, current) for tag in tags_of(published / name)}
+    kept = {tag for name in _newest_first(published, current.id) for tag in tags_of(published / name)}
     kept |= standing_tags(zarr.open_group(repository.readonly_session(BRANCH).store, mode="r"))
     tags = sorted(set(repository.list_tags()) - kept)
     for tag in tags:

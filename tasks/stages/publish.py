@@ -21,9 +21,10 @@ import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from catalogs.published.held import alone
+from catalogs.published.files import amiss, predecessor_of, write_files
 from catalogs.published.items import write_items
 from catalogs.published.report import write_report
+from catalogs.published.snapshot import Snapshot, current_if_any, make_current, snapshot_in
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.snapshot import write_stac
 from facade_core.atlas.journal import STAGES, atlas_digest, read_journal
@@ -37,11 +38,10 @@ from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
 from tasks.published.catalogue_facts import block_facts, models_used, run_facts, street_facts
 from tasks.published.facade_report import facade_sheets, item_rows, masked_regions, set_aside_rows
-from tasks.published.files import amiss, predecessor_of, write_files
 from tasks.published.limit import over_limit
 from tasks.run import Run
 from tasks.store.commits import standing_tags
-from tasks.store.standing import current_snapshot, made_by, page_path, published_summary
+from tasks.store.standing import made_by
 from tasks.units.roofs import roof_material, sampler
 
 log = logging.getLogger(__name__)
@@ -66,37 +66,41 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     """
     _stand_by_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
-    snapshot = session.snapshot_id
     out = Path(run.out)
-    final = out / "published" / snapshot
+    final, last = snapshot_in(out, session.snapshot_id), current_if_any(out)
     begin_stage("publish", 1)
-    last = current_snapshot(out)
-    if last != snapshot or amiss(final):
-        predecessor = last if last != snapshot else predecessor_of(final)
-        temporary = out / "published" / f".{snapshot}.tmp"
-        shutil.rmtree(temporary, ignore_errors=True)
-        temporary.mkdir(parents=True)
+    if last != final or amiss(final.folder):
+        predecessor = predecessor_of(final.folder) if last == final else last.id if last else None
+        temporary = Snapshot(_hidden(final, "tmp"))
+        temporary.folder.mkdir(parents=True)
         _write(run, session, temporary, block_file, predecessor)
-        write_files(temporary, predecessor, standing_tags(zarr.open_group(session.store, mode="r")))
-        damaged = out / "published" / f".{snapshot}.damaged.tmp"
-        shutil.rmtree(damaged, ignore_errors=True)
-        if final.exists():
-            os.replace(final, damaged)
-        os.replace(temporary, final)
-        shutil.rmtree(damaged, ignore_errors=True)
-        withheld = over_limit(run, zarr.open_group(session.store, mode="r"))
-        if withheld:
+        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        write_files(temporary.folder, predecessor, standing_tags(group))
+        _put_in_place(temporary, final)
+        if withheld := over_limit(run, group):
             advance("publish", 1)
-            return published_summary(out, snapshot) | {
-                "withheld": f"{withheld}; look at {final / 'report' / 'index.html'}"
-            }
-        pointer = out / ".current.tmp"
-        pointer.write_text(snapshot + "\n")
-        os.replace(pointer, out / "current")
+            return final.outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
+        make_current(final)
         _forget_history(run, last)
     write_catalog(out)  # also where a run ended between the two
     advance("publish", 1)
-    return published_summary(out, snapshot)
+    return final.outcome()
+
+
+def _put_in_place(written: Snapshot[Path], final: Snapshot[Path]) -> None:
+    """Give what was written its name; what has that name is damaged."""
+    damaged = _hidden(final, "damaged.tmp")
+    if final.folder.exists():
+        os.replace(final.folder, damaged)
+    os.replace(written.folder, final.folder)
+    shutil.rmtree(damaged, ignore_errors=True)
+
+
+def _hidden(snapshot: Snapshot[Path], suffix: str) -> Path:
+    """A folder beside a snapshot's that no reader looks into, and that is not there yet."""
+    folder = snapshot.folder.with_name(f".{snapshot.id}.{suffix}")
+    shutil.rmtree(folder, ignore_errors=True)
+    return folder
 
 
 def _stand_by_code(run: Run) -> None:
@@ -108,18 +112,19 @@ def _stand_by_code(run: Run) -> None:
         commit(session, "published by other code")
 
 
-def _forget_history(run: Run, last: str | None) -> None:
+def _forget_history(run: Run, last: Snapshot[Path] | None) -> None:
     """Expire what no unit needs any more: none is under way, and street ends are tagged. Where somebody still reads what was
     published last, it is left to the next run."""
     try:
-        with alone(Path(run.out) / "published" / last) if last else nullcontext(True) as nobody:
+        with last.alone() if last else nullcontext(True) as nobody:
             if nobody:
                 expire(open_repository(run.store))
     except icechunk.IcechunkError as error:  # an earlier snapshot is damaged: what is published does not depend on it
         log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
 
 
-def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predecessor: str | None) -> None:
+def _write(run: Run, session: Any, snapshot: Snapshot[Path], block_file: Path | None, predecessor: str | None) -> None:
+    folder = snapshot.folder
     group: StoreGroup = zarr.open_group(session.store, mode="r")
     plan = read_plan(session, run.texels_per_metre)
     scene = plan.scene
@@ -149,7 +154,7 @@ def _write(run: Run, session: Any, folder: Path, block_file: Path | None, predec
             scene, swatches, page, colour, provenance, levelling=run.levelling, read=texels, aerial=above
         )
         # exports cut their pictures from these pages: as little as can be is lost to being encoded twice
-        page_path(folder, page).write_bytes(_jpeg(filled, 95, subsampling=0))
+        snapshot.page(page).write_bytes(_jpeg(filled, 95, subsampling=0))
         return page, filled, _jpeg(filled, 90)
 
     with ThreadPoolExecutor(2) as threads:

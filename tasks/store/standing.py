@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import json
-import re
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import zarr
 
+from catalogs.published.files import amiss
+from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.check import DAMAGE, is_whole
 from facade_core.atlas.journal import STAGES, read_journal
@@ -19,42 +20,19 @@ from facade_core.errors import InputError, StoreError
 from tasks.keys.stage_code import stage_code, version_of
 from tasks.keys.units import parts_of
 from tasks.outcome import refused
-from tasks.published.files import amiss
 from tasks.run import Run
 from tasks.store.wounds import find_wounds, is_suspect
 
-SUMMARY = "summary.json"
 # In a run's folder: the path of its block file.
 SOURCE = "source"
 
 
-def published_summary(out: Path, snapshot: str) -> dict[str, Any]:
-    """The summary of a published snapshot, with the paths of its outputs."""
-    folder = out / "published" / snapshot
-    return json.loads((folder / SUMMARY).read_text()) | {
-        "outputs": {
-            "glb": [str(folder / "block.glb")],
-            "report": str(folder / "report" / "index.html"),
-            "items": str(folder / "items.parquet"),
-        },
-    }
-
-
-def current_snapshot(out: Path) -> str | None:
-    """The published snapshot that `current` points at, None where there is none."""
-    try:
-        snapshot = (out / "current").read_text(errors="replace").strip()
-    except OSError:
-        return None
-    named = re.fullmatch(r"[A-Za-z0-9_-]+", snapshot)
-    return snapshot if named and (out / "published" / snapshot / SUMMARY).is_file() else None
-
-
 def unpublished(out: Path, snapshot: str) -> str | None:
     """Why a snapshot is not what `current` names, whole; None where it is."""
-    if current_snapshot(out) != snapshot:
+    found = current_if_any(out)
+    if found is None or found.id != snapshot:
         return "it is not published yet"
-    if fault := amiss(out / "published" / snapshot):
+    if fault := amiss(found.folder):
         return f"published/{snapshot}: {fault}"
     try:
         json.loads((out / CATALOG).read_text(encoding="utf-8"))
@@ -75,11 +53,6 @@ def recorded_source(out: Path) -> Path | None:
         return Path((out / SOURCE).read_text().strip())
     except (OSError, ValueError):
         return None
-
-
-def page_path(published: Path, page: int) -> Path:
-    """Where a page of the atlas, filled, lies in the folder of a published snapshot."""
-    return published / "pages" / f"{page:04}.jpg"
 
 
 def nothing_due(run: Run) -> dict[str, Any] | None:
@@ -110,7 +83,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
             return None
     except (StoreError, *DAMAGE):
         return None
-    summary = published_summary(Path(run.out), session.snapshot_id)
+    summary = snapshot_in(Path(run.out), session.snapshot_id).outcome()
     told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *refused(records)]
     set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
     return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}

@@ -13,6 +13,7 @@ import numpy as np
 import zarr
 
 from catalogs.published.items import BBOX, COLUMNS
+from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import STAGES, read_journal
 from facade_core.atlas.plan_tables import read_facades
 from facade_core.atlas.store import BRANCH, open_repository, open_table
@@ -22,7 +23,6 @@ from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
 from tasks.outcome import refused
 from tasks.published.facade_report import chart_raster, facts
-from tasks.store.standing import current_snapshot
 
 # What a facade may be coloured by: not what names it, nor where it lies.
 _NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
@@ -66,7 +66,8 @@ class View:
     @property
     def published(self) -> str | None:
         """The snapshot that was published last; an older one than this while a run goes on."""
-        return current_snapshot(self.out)
+        found = current_if_any(self.out)
+        return found.id if found else None
 
     @cached_property
     def journals(self) -> dict[str, list[dict[str, Any] | None]]:

@@ -6,9 +6,10 @@ import shutil
 from collections.abc import Callable
 from pathlib import Path
 
+from catalogs.published.snapshot import current
 from tasks.run import Run
 from tasks.stages.publish import publish_block
-from tasks.store.standing import current_snapshot, nothing_due
+from tasks.store.standing import nothing_due
 
 
 def cut(path: Path) -> None:
@@ -48,8 +49,7 @@ def test_what_is_damaged_is_not_taken_for_done_and_is_made_again(textured: tuple
     done = nothing_due(run)
     assert done is not None
     out = Path(run.out)
-    snapshot = current_snapshot(out)
-    assert snapshot is not None
+    snapshot = current(out).id
     published = out / "published" / snapshot
     kept = out.parent / "kept"
     shutil.copytree(out, kept)

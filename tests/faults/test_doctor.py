@@ -12,13 +12,14 @@ import yaml
 import zarr
 from click.testing import CliRunner
 
+from catalogs.published.snapshot import current
 from facade_core.atlas.journal import forget_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from flows.cli.commands import main
 from flows.lock import locked
 from tasks.doctor import examine_folder, examine_machine, machine
 from tasks.run import Run
-from tasks.store.standing import current_snapshot, record_source
+from tasks.store.standing import record_source
 from tasks.store.wounds import is_suspect, mend
 
 
@@ -45,7 +46,7 @@ def forget_viewpoint(run: Run) -> None:
 
 def lose_model(run: Run) -> None:
     out = Path(run.out)
-    (out / "published" / str(current_snapshot(out)) / "block.glb").unlink()
+    current(out).model.unlink()
 
 
 def cut_snapshot(run: Run) -> None:

@@ -11,18 +11,18 @@ import pytest
 import zarr
 from click.testing import CliRunner
 
-from catalogs.published.held import being_read
+from catalogs.published.files import amiss
+from catalogs.published.snapshot import Snapshot, current
 from facade_core.atlas.check import is_whole
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
 from flows.cli.commands import main
 from flows.lock import locked
 from tasks.history import after_viewpoint
-from tasks.published.files import amiss
 from tasks.published.prune import prune
 from tasks.run import Run
 from tasks.stages.publish import publish_block
-from tasks.store.standing import current_snapshot, nothing_due
+from tasks.store.standing import nothing_due
 
 
 def published_again(run: Run, block: Path) -> str:
@@ -40,7 +40,7 @@ def published_again(run: Run, block: Path) -> str:
     zarr.open_group(session.store).attrs["ingested"] = 1.0
     commit(session, "of now")
     publish_block.fn(run, block)
-    return str(current_snapshot(Path(run.out)))
+    return current(Path(run.out)).id
 
 
 def leads_to(folder: Path, name: str) -> list[str]:
@@ -55,7 +55,7 @@ def leads_to(folder: Path, name: str) -> list[str]:
 
 def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run], run: Run) -> None:
     out, block = Path(run.out), textured[0]
-    first = str(current_snapshot(out))
+    first = current(out).id
     tags = open_repository(run.store).list_tags()
     second = published_again(run, block)
     published = out / "published"
@@ -70,7 +70,7 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
     assert done is not None
     size = sum(path.stat().st_size for path in (run.store / "chunks").iterdir())
 
-    with being_read(published / read):
+    with Snapshot(published / read).being_read():
         said = prune(out, 1)
     assert "removed 1 published snapshots, 1 tags and 4 leftovers" in said[0]
     assert said[1:] == [f"{out}: kept {read}, which somebody reads"]
@@ -94,7 +94,7 @@ def test_older_snapshots_go_with_what_only_they_hold(textured: tuple[Path, Run],
 
 def test_what_is_kept_is_the_newest_and_a_run_prunes_too(textured: tuple[Path, Run], run: Run) -> None:
     out = Path(run.out)
-    first = str(current_snapshot(out))
+    first = current(out).id
     for name in ("A" * 20, "B" * 20):
         shutil.copytree(out / "published" / first, out / "published" / name)
     shown = CliRunner().invoke(main, ["run", str(textured[0]), "--out", run.out, "--keep", "2"])

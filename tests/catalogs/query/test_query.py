@@ -18,7 +18,7 @@ from shapely import LineString
 
 import catalogs
 from catalogs.published.items import COLUMNS, ROW_KEYS, write_items
-from catalogs.query.asking import format_items, query
+from catalogs.query import format_items, query
 from catalogs.query.where import parse_since
 from facade_core.errors import InputError
 from flows.cli.commands import main

@@ -26,6 +26,7 @@ from shapely import LineString
 import catalogs
 from catalogs.features import file_stem
 from catalogs.published.items import ROW_KEYS, write_items
+from catalogs.published.snapshot import Snapshot
 from catalogs.query import query
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
@@ -544,9 +545,9 @@ def test_two_that_publish_at_once(tmp_path: Path) -> None:
 
 def test_a_snapshot_published_meanwhile_is_seen(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """`current` changes after it was read: the catalogue is written again."""
-    paths = [publish(tmp_path, [row("w1-f1")], snapshot) / "items.parquet" for snapshot in ("ONE", "TWO")]
-    answers = iter([*paths, paths[1]])
-    monkeypatch.setattr("catalogs.stac.catalog.items_path", lambda _: next(answers))
+    found = [Snapshot(publish(tmp_path, [row("w1-f1")], snapshot)) for snapshot in ("ONE", "TWO")]
+    answers = iter([*found, found[1]])
+    monkeypatch.setattr("catalogs.stac.catalog.current", lambda _: next(answers))
     write_catalog(tmp_path)
     assert "published/TWO/stac" in (tmp_path / "catalog.json").read_text()
 

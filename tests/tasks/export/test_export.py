@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -32,8 +33,9 @@ Run = tuple[Path, dict[str, Any]]
 
 
 @pytest.fixture(scope="module")
-def found(undisturbed: Run) -> Published:
-    return published(undisturbed[0])
+def found(undisturbed: Run) -> Iterator[Published]:
+    with published(undisturbed[0]) as opened:
+        yield opened
 
 
 def cityjson_is_sound(city: dict[str, Any]) -> None:
@@ -135,7 +137,7 @@ def test_lod3_has_the_openings_of_the_catalogue(found: Published, undisturbed: R
                 if surface["type"] == "Window":
                     facade = surfaces[surface["parent"]]["facade"]
                     windows[facade] = windows.get(facade, 0) + 1
-    items = gpd.read_parquet(found.folder / "items.parquet")
+    items = gpd.read_parquet(found.snapshot.items)
     expected = dict(items[(items.kind == "facade") & (items.windows > 0)].set_index("id").windows)
     assert windows.keys() == expected.keys()
     assert sum(windows.values()) >= 0.97 * sum(expected.values())
@@ -194,7 +196,7 @@ def test_tiles_stand_on_the_block(found: Published, undisturbed: Run, tmp_path: 
     tileset = json.loads(path.read_text())
     matrix = np.array(tileset["root"]["transform"]).reshape(4, 4).T
     longitude, latitude, _ = Transformer.from_crs("EPSG:4978", "EPSG:4979", always_xy=True).transform(*matrix[:3, 3])
-    items = gpd.read_parquet(found.folder / "items.parquet")
+    items = gpd.read_parquet(found.snapshot.items)
     assert items.xmin.min() - 0.001 < longitude < items.xmax.max() + 0.001
     assert items.ymin.min() - 0.001 < latitude < items.ymax.max() + 0.001
     assert (path.parent / tileset["root"]["content"]["uri"]).is_file()
