@@ -9,9 +9,14 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from hypothesis import settings
 
 from tests.pipeline import stages
 from tests.pipeline.runs import run, write_block
+
+# The same examples each time, however long one takes.
+settings.register_profile("suite", derandomize=True, deadline=None)
+settings.load_profile("suite")
 
 ROOT = Path(__file__).resolve().parent.parent
 # Files of whole runs, the longest first. Files are handed to the suite's processes in the order of collection: what takes

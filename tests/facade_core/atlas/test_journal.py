@@ -24,7 +24,7 @@ def turned(value: Any) -> Any:
     return [turned(inner) for inner in value] if isinstance(value, list) else value
 
 
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 @given(st.lists(VALUES, max_size=4), st.lists(VALUES, max_size=4))
 def test_keys_are_equal_where_their_parts_are(parts: list[Any], others: list[Any]) -> None:
     assert unit_key(*parts) == unit_key(*turned(parts))
@@ -34,7 +34,7 @@ def test_keys_are_equal_where_their_parts_are(parts: list[Any], others: list[Any
     assert unit_key(parts) != unit_key(*parts)
 
 
-@settings(max_examples=10, deadline=None)
+@settings(max_examples=10)
 @given(st.lists(st.none() | RECORDS.filter(bool), min_size=1, max_size=5), st.integers(0, 4))
 def test_records_come_back(records: list[dict[str, Any] | None], forgotten: int) -> None:
     group = zarr.create_group({})

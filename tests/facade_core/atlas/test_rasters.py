@@ -14,7 +14,7 @@ from facade_core.geometry.packing import pack
 PAGE, CHUNK, GUTTER = 256, 32, 2
 
 
-@settings(max_examples=12, deadline=None)
+@settings(max_examples=12)
 @given(
     st.lists(st.tuples(st.integers(1, 100), st.integers(1, 100), st.integers(-1, 3)), min_size=1, max_size=12),
     st.sampled_from([(), (3,)]),

@@ -29,7 +29,7 @@ def blended(d: np.ndarray, rgb: np.ndarray, proper: np.ndarray, view: np.ndarray
     return colour[0]
 
 
-@settings(max_examples=300, deadline=None)
+@settings(max_examples=300)
 @given(
     st.integers(0, 2**32 - 1),
     st.integers(1, 30),

@@ -13,7 +13,7 @@ from facade_core.variation.codec import code_basis, decode, decode_basis, encode
 from facade_core.variation.contents import Group
 
 
-@settings(max_examples=20, deadline=None)
+@settings(max_examples=20)
 @given(st.integers(0, 2**32 - 1), st.integers(0, 3), st.integers(1, 4), st.data())
 def test_a_file_holds_what_it_was_given(seed: int, count: int, levels: int, data: st.DataObject) -> None:
     rng = np.random.default_rng(seed)
