@@ -1,8 +1,15 @@
+"""Layouts as JSON lines: what is no layout is refused, the labels are mapped, and elements come back as they were."""
+
 import json
+from collections import Counter
+from pathlib import Path
+from typing import Any
 
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from catalogs.learning.layouts import read_layouts, split_layouts
+from catalogs.learning.layouts import LABELS, read_layouts, split_layouts
 from facade_core.errors import InputError
 from facade_core.types import Element
 
@@ -67,3 +74,29 @@ def test_folds_part_the_layouts(tmp_path):
     train, held_out = split_layouts(records, 1)
     assert [r.name for r in held_out] == ["layout#2", "layout#7"]
     assert len(train) == 5
+
+
+@st.composite
+def rectangles(draw: st.DrawFn, size: tuple[float, float]) -> dict[str, Any]:
+    """A rectangle of the picture, or one that has no class or no area."""
+    (x0, x1), (y0, y1) = (sorted(draw(st.tuples(*[st.floats(0, side)] * 2))) for side in size)
+    return thing(draw(st.sampled_from([*LABELS, "cornice"])), x0, y0, x1, y1)
+
+
+@settings(max_examples=40)
+@given(st.data())
+def test_layouts_come_back(tmp_path_factory: pytest.TempPathFactory, data: st.DataObject) -> None:
+    path: Path = tmp_path_factory.mktemp("layouts") / "l.jsonl"
+    records = []
+    for number in range(data.draw(st.integers(0, 3))):
+        size = data.draw(st.tuples(*[st.floats(1, 1e4)] * 2))
+        objects = data.draw(st.lists(rectangles(size), max_size=6))
+        records.append({"image": f"{number}.jpg", "width": size[0], "height": size[1], "objects": objects})
+    found = list(read_layouts(write(path, *records)))
+    assert [layout.name for layout in found] == [f"{i}.jpg#{i + 1}" for i in range(len(records))]
+    for layout, record in zip(found, records, strict=True):
+        assert layout.domain == (0, 0, record["width"], record["height"])
+        kept = [o for o in record["objects"] if o["label"] in LABELS and o["x0"] < o["x1"] and o["y0"] < o["y1"]]
+        elements = [Element(LABELS[o["label"]], o["x0"], o["y0"], o["x1"], o["y1"]) for o in kept]
+        assert layout.elements == tuple(dict.fromkeys(elements))
+        assert dict(layout.dropped) == Counter(o["label"] for o in record["objects"] if o not in kept)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from datetime import UTC, datetime, timedelta, timezone
 from pathlib import Path
 from typing import Any
 
@@ -10,10 +10,13 @@ import geopandas as gpd
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from shapely import LineString, from_wkt
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from shapely import LineString, from_wkb, from_wkt
 
 import catalogs
-from catalogs.published.items import COLUMNS, ROW_KEYS, write_items
+from catalogs.features import natural_order
+from catalogs.published.items import BBOX, COLUMNS, ROW_KEYS, Column, write_items
 from facade_core.errors import InputError
 
 
@@ -57,6 +60,61 @@ def test_round_trip(tmp_path: Path) -> None:
     assert items.updated.tolist() == [datetime(2026, 11, 21, 12, 30, tzinfo=UTC)] * 2
     assert pq.read_table(path)["layout_score"].null_count == 2
     assert [p.name for p in tmp_path.iterdir()] == ["items.parquet"], "nothing is left behind"
+
+
+VALUES: dict[str, st.SearchStrategy[Any]] = {
+    "string": st.text(st.characters(exclude_categories=["Cs"]), max_size=12),
+    "int32": st.integers(-(2**31), 2**31 - 1),
+    "int64": st.integers(-(2**63), 2**63 - 1),
+    "double": st.floats(allow_nan=False),
+    "timestamp[us, UTC]": st.datetimes(
+        datetime(1900, 1, 1), datetime(2200, 1, 1), timezones=st.sampled_from([UTC, timezone(timedelta(hours=-9))])
+    ),
+}
+SHAPES = ("id", "kind", "status", "reason", "geometry")
+
+
+def value_of(column: Column) -> st.SearchStrategy[Any]:
+    return VALUES[column.type] if column.required else st.none() | VALUES[column.type]
+
+
+@st.composite
+def rows(draw: st.DrawFn) -> list[dict[str, Any]]:
+    """Facades, and units set aside, with any values in the columns."""
+    made = []
+    for id in draw(st.lists(VALUES["string"], max_size=5, unique=True)):
+        values = {c.name: draw(value_of(c)) for c in COLUMNS if c.name not in (*BBOX, *SHAPES)}
+        kind = draw(st.sampled_from(["facade", "facade", "street"]))
+        x, y = draw(st.floats(380_000, 390_000)), draw(st.floats(6_670_000, 6_680_000))
+        foot = LineString([(x, y), (x + draw(st.floats(1, 90)), y + draw(st.floats(-90, 90)))])
+        failed = kind != "facade" or draw(st.booleans())
+        shape = {"kind": kind, "geometry": foot if kind == "facade" else None}
+        made.append(
+            {"id": id, **shape, "status": "failed" if failed else "done", "reason": "why" if failed else None} | values
+        )
+    return made
+
+
+@settings(max_examples=25)
+@given(rows())
+def test_any_rows_come_back(tmp_path_factory: pytest.TempPathFactory, stated: list[dict[str, Any]]) -> None:
+    path = tmp_path_factory.mktemp("items") / "items.parquet"
+    write_items(path, stated, "EPSG:32635")
+    found = pq.read_table(path).to_pylist()
+    order = sorted(stated, key=lambda row: (row["kind"] != "facade", natural_order(row["id"])))
+    assert [row["id"] for row in found] == [row["id"] for row in order]
+    for row, other in zip(order, found, strict=True):
+        assert {name: other[name] for name in ROW_KEYS if name != "geometry"} == {
+            name: value for name, value in row.items() if name != "geometry"
+        }
+        if row["geometry"] is None:
+            assert other["geometry"] is None
+            assert {other[name] for name in BBOX} == {None}
+            continue
+        foot = from_wkb(other["geometry"])
+        assert foot.bounds == tuple(other[name] for name in BBOX)
+        (back,) = gpd.GeoSeries([foot], crs="OGC:CRS84").to_crs("EPSG:32635")
+        np.testing.assert_allclose(back.coords, row["geometry"].coords, atol=1e-5)
 
 
 def test_same_rows_same_bytes_in_any_order(tmp_path: Path) -> None:
