@@ -30,11 +30,10 @@ CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 def write_store(folder: Path, area: list[float]) -> int:
     """A run's folder `folder`/out without textures; returns how many facades it has."""
     import pyrosm
-    import zarr
 
     from catalogs.block import read_block
     from facade_core.atlas.journal import write_record
-    from facade_core.atlas.store import BRANCH, commit, open_repository
+    from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
     from tasks.keys.runs import run_of
     from tasks.stages.ingest import ingest_block
 
@@ -56,7 +55,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     (folder / "out").mkdir()
     facades = ingest_block.fn(run, read).facades
     session = open_repository(run.store).writable_session(BRANCH)
-    group = zarr.open_group(session.store)
+    group = open_root(session)
     for number, name in enumerate(facades):
         write_record(group, "facades", number, _record(name, number))
     commit(session, "records")

@@ -35,6 +35,10 @@ class StoreError(FacadeError):
     """A store that cannot be opened, or whose content does not fit the block."""
 
 
+class FormatError(StoreError):
+    """A store whose tables, arrays or records another version wrote in another way."""
+
+
 class WithheldError(FacadeError):
     """So many units failed that what was published is not made current."""
 

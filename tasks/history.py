@@ -7,11 +7,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
-import zarr
 
 from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.store import BRANCH, open_repository
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.errors import InputError
 from facade_core.plan import Plan
 from facade_core.street.window import Window
@@ -47,7 +45,7 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
     for an unknown street, and a viewpoint that it has not or that is not textured yet; StoreError where there is no run.
     """
     session = open_repository(Path(out) / "store").readonly_session(BRANCH)
-    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    group = open_root(session)
     plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
     chosen = [index for index, one in enumerate(plan.streets) if street in (one.id, one.name)]
     if len(chosen) != 1:

@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 
 from benchmarks.decisions.timing import bytes_in, figures
-from facade_core.atlas import AtlasSpec, commit, create_arrays, open_repository
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas import AtlasSpec, commit, create_arrays, open_repository, open_root
+from facade_core.atlas.store import new_root
 from facade_core.street.blend import BlendState, add_views
 
 VIEWS = 6
@@ -29,7 +28,7 @@ def measure(quick: bool, data: Path | None) -> dict[str, Any]:
         session = repository.writable_session("main")
         spec = AtlasSpec(1, 20.0, page=page)
         units = dict.fromkeys(("poses", "exemplars", "textures", "facades", "viewpoints", "streets"), 1)
-        create_arrays(zarr.group(store=session.store), spec, crs="EPSG:32635", panorama_width=512, **units)
+        create_arrays(new_root(session), spec, units, crs="EPSG:32635", panorama_width=512)
         commit(session, "arrays")
         by_chunks = {
             str(n): _commits(repository, store, spec, n, repeats, rng)
@@ -54,7 +53,7 @@ def _commits(repository: Any, store: Path, spec: AtlasSpec, chunks: int, repeats
         noise = rng.integers(0, 256, (spec.page, spec.page, 3), dtype=np.uint8)
         start = time.perf_counter()
         session = repository.writable_session("main")
-        group: StoreGroup = zarr.open_group(session.store)
+        group = open_root(session)
         colour = group["atlas/colour"]
         size = (rows * spec.chunk, columns * spec.chunk)
         colour[0, : size[0], : size[1]] = noise[: size[0], : size[1]]
@@ -76,7 +75,7 @@ def _commits(repository: Any, store: Path, spec: AtlasSpec, chunks: int, repeats
 def _one_texel(repository: Any, store: Path, rng: Any) -> float:
     before = bytes_in(store)
     session = repository.writable_session("main")
-    group: StoreGroup = zarr.open_group(session.store)
+    group = open_root(session)
     group["atlas/colour"][0, 5, 5] = rng.integers(0, 256, 3)
     commit(session, "one texel")
     return figures((bytes_in(store) - before) / 1e3)
@@ -108,7 +107,7 @@ def _page(page: int, chunk: int, repeats: int, rng: Any) -> dict[str, Any]:
 def _write_page(store: Path, arrays: list[np.ndarray], chunk: int) -> float:
     repository = open_repository(store, create=True)
     session = repository.writable_session("main")
-    group = zarr.group(store=session.store)
+    group = new_root(session)
     targets = [
         group.create_array(str(i), shape=a.shape, chunks=(chunk, chunk, *a.shape[2:]), dtype=a.dtype)
         for i, a in enumerate(arrays)

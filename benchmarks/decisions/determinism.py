@@ -90,7 +90,7 @@ def _digests(page: int, repeats: int) -> dict[str, Any]:
     rng = np.random.default_rng(0)
     values = [rng.integers(0, 256, (1, page, page, *last), dtype=np.uint8) for last in ((3,), ())]
     with tempfile.TemporaryDirectory() as folder:
-        group = zarr.open_group(folder, mode="w")
+        group: Any = zarr.open_group(folder, mode="w")
         colour, provenance = (
             group.create_array(name, shape=v.shape, chunks=(1, 128, 128, *v.shape[3:]), dtype="uint8")
             for name, v in zip(("colour", "provenance"), values, strict=True)

@@ -16,7 +16,6 @@ import zarr
 
 from benchmarks.decisions.timing import figures
 from facade_core.atlas import commit, open_repository
-from facade_core.atlas.zarr_types import StoreGroup
 
 CHUNK = 128
 ARRAYS = ("colour", "provenance")
@@ -60,7 +59,7 @@ def _state(kind: str, store: Path) -> str:
     return "whole" if len(values) == 1 else "torn"
 
 
-def _open(kind: str, store: Path) -> StoreGroup:
+def _open(kind: str, store: Path) -> Any:
     if kind == "plain_zarr":
         return zarr.open_group(store, mode="r")
     return zarr.open_group(open_repository(store).readonly_session("main").store, mode="r")
@@ -73,7 +72,7 @@ def write_until_killed(kind: str, store: Path, chunks: int) -> None:
     while True:
         start = time.perf_counter()
         session = repository.writable_session("main") if repository else None
-        group: StoreGroup = zarr.open_group(session.store if session else store, mode="a")
+        group: Any = zarr.open_group(session.store if session else store, mode="a")
         for name in ARRAYS:
             if generation == 0:
                 group.create_array(name, shape=(chunks * CHUNK, CHUNK), chunks=(CHUNK, CHUNK), dtype="uint8")

@@ -12,8 +12,7 @@ import numpy as np
 import zarr
 
 from benchmarks.decisions.timing import bytes_in, figures, once
-from facade_core.atlas import commit, open_repository
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas import commit, open_repository, open_root
 
 MAPS = ("evidence", "labels", "occluded")
 CHUNK = 128
@@ -44,7 +43,7 @@ def _commit_one(store: Path, facades: int, repeats: int, *, grouped: bool) -> di
     times, before = [], bytes_in(store)
     for facade in range(repeats):
         session = repository.writable_session("main")
-        group: StoreGroup = zarr.open_group(session.store)
+        group = open_root(session)
         for name in MAPS:
             noise = rng.integers(0, 256, (CHUNK, CHUNK), dtype=np.uint8)
             if grouped:

@@ -55,7 +55,7 @@ def _textured(filled: np.ndarray, unseen: np.ndarray) -> np.ndarray:
 def _stored_mb(scene: Scene, rasters: Any, colour: np.ndarray) -> float:
     spec = scene.spec
     with tempfile.TemporaryDirectory() as folder:
-        array = zarr.create_array(
+        array: Any = zarr.create_array(
             folder,
             shape=(spec.pages, spec.page, spec.page, 3),
             chunks=(1, spec.chunk, spec.chunk, 3),

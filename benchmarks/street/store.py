@@ -8,8 +8,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-import zarr
-
 from benchmarks.decisions.timing import bytes_in
 from benchmarks.street.step import VIEWPOINTS, WIDTH, ingolstadt, window_of
 from facade_core.atlas import (
@@ -19,10 +17,11 @@ from facade_core.atlas import (
     create_arrays,
     expire,
     open_repository,
+    open_root,
     write_rasters,
     write_record,
 )
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.store import new_root
 from facade_core.street import Swatches, blend, propagate, render
 
 TEXELS_PER_METRE = 10.0
@@ -39,8 +38,8 @@ def measure(folder: Path) -> dict[str, Any]:
         store = Path(temporary) / "store"
         repository = open_repository(store, create=True)
         session = repository.writable_session("main")
-        arrays: dict[str, Any] = {"crs": "EPSG:25832", "panorama_width": WIDTH, "viewpoints": len(own), **OTHERS}
-        create_arrays(zarr.group(store=session.store), scene.spec, **arrays)
+        units = {"viewpoints": len(own), **OTHERS}
+        create_arrays(new_root(session), scene.spec, units, crs="EPSG:25832", panorama_width=WIDTH)
         commit(session, "arrays")
         expire(repository)
         empty = bytes_in(store)
@@ -50,7 +49,7 @@ def measure(folder: Path) -> dict[str, Any]:
             rgb = translator.translate(panorama)
             propagate(scene, window, viewpoint, rgb, seen=panorama.chart)
             session = repository.writable_session("main")
-            group: StoreGroup = zarr.open_group(session.store)
+            group = open_root(session)
             group["panoramas/rgb"][viewpoint.id] = rgb
             start = time.perf_counter()
             write_record(group, "viewpoints", viewpoint.id, {"unit": str(viewpoint.id), "key": "k" * 32})
@@ -82,15 +81,16 @@ def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, 
     before = bytes_in(store)
     held = Rasters.of(scene.placement, window.writable)
     session = repository.writable_session("main")
-    group: StoreGroup = zarr.open_group(session.store)
-    atlas = group["atlas"]
+    group = open_root(session)
     colour, views = blend(window.state)
     start = time.process_time()
     results = {"street": colour, "street_views": views, "colour": window.colour, "provenance": window.provenance}
     for name, flat in results.items():
-        write_rasters(atlas[name], scene.spec, scene.placement, held, flat)
+        write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, held, flat)
     written = time.process_time()
-    chunks = chunk_digests(atlas["colour"], atlas["provenance"], scene.spec, scene.placement, window.writable)
+    chunks = chunk_digests(
+        group["atlas/colour"], group["atlas/provenance"], scene.spec, scene.placement, window.writable
+    )
     digested = time.process_time()
     begun = time.perf_counter()
     write_record(group, "streets", 0, {"unit": "street", "key": "k" * 32, "wave": 0, "chunks": chunks})
@@ -113,5 +113,5 @@ def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, 
 
 def _panorama_bytes(repository: Any) -> int:
     """Bytes of the chunks that the panoramas have at the newest snapshot."""
-    group: StoreGroup = zarr.open_group(repository.readonly_session("main").store, mode="r")
+    group = open_root(repository.readonly_session("main"))
     return int(group["panoramas/rgb"].nbytes_stored())

@@ -21,10 +21,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-import zarr
-
 from facade_core.atlas import atlas_digest, open_repository
-from facade_core.atlas.store import BRANCH
+from facade_core.atlas.store import BRANCH, open_root
 from facade_core.errors import StoreError
 from tasks.store.commits import journal
 
@@ -114,7 +112,7 @@ def run_block(block: Path, out: Path, workers: int) -> str:
     if not _streets_done(out / "store"):
         raise SystemExit(f"the run ended with {run.returncode} before its streets were done")
     session = open_repository(out / "store").readonly_session(BRANCH)
-    return atlas_digest(zarr.open_group(session.store, mode="r"))
+    return atlas_digest(open_root(session))
 
 
 def _streets_done(store: Path) -> bool:

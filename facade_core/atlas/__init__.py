@@ -1,12 +1,15 @@
 """The texture atlas in chunked zarr (Icechunk): its shape, its store, its journal and what wins on a texel."""
 
+from facade_core.atlas.arrays import FORMAT, create_arrays
 from facade_core.atlas.journal import STAGES, atlas_digest, latest_digests, read_journal, unit_key, write_record
+from facade_core.atlas.opened import Atlas, open_atlas
 from facade_core.atlas.provenance import INPAINTED, PHOTO, PROVENANCE, SYNTHESISED, TRANSLATED, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, chunk_digests, read_rasters, write_rasters
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.store import commit, create_arrays, expire, open_repository, open_table, write_table
+from facade_core.atlas.store import commit, expire, open_repository, open_root, open_table, write_table
 
 __all__ = [
+    "FORMAT",
     "INPAINTED",
     "PHOTO",
     "PROVENANCE",
@@ -14,6 +17,7 @@ __all__ = [
     "SYNTHESISED",
     "TRANSLATED",
     "UNSEEN",
+    "Atlas",
     "AtlasSpec",
     "Rasters",
     "atlas_digest",
@@ -23,7 +27,9 @@ __all__ = [
     "create_arrays",
     "expire",
     "latest_digests",
+    "open_atlas",
     "open_repository",
+    "open_root",
     "open_table",
     "read_journal",
     "read_rasters",

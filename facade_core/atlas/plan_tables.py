@@ -2,236 +2,177 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping, Sequence
+from dataclasses import fields
+from typing import Any, TypeVar
 
 import icechunk
 import numpy as np
 import shapely
 
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.store import open_table, text_column, write_table
+from facade_core.atlas.store import open_table, write_table
+from facade_core.atlas.tables import TABLES
 from facade_core.facades import Facades
-from facade_core.geometry.charts import KINDS, Charts, Mesh
+from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.packing import Placement
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan import Plan, Sightings
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Pose, Street
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-METRES = {"units": "m"}
+# A table's columns and attributes, by name.
+Values = Mapping[str, Any]
+T = TypeVar("T", Charts, Facades, Placement, Sightings)
 
 
 def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Building], crs: str) -> None:
     """Write the plan's tables. Every group opens in xarray with named dimensions, units and the CRS."""
-    import xarray as xr
-
-    scene, charts, placement, facades = plan.scene, plan.scene.charts, plan.scene.placement, plan.facades
-    streets, shown, refused = plan.streets, plan.sightings, dict(plan.refused)
-    tables: dict[str, xr.Dataset] = {
-        "charts": xr.Dataset(
-            {
-                "kind": ("chart", charts.kind, {"long_name": ", ".join(f"{i} {kind}" for i, kind in enumerate(KINDS))}),
-                "surface": ("chart", charts.surface),
-                "building": ("chart", charts.building, {"long_name": "row of buildings, -1 for ground"}),
-                "origin": (("chart", "xyz"), charts.origin, METRES),
-                "axis_u": (("chart", "xyz"), charts.axis_u),
-                "axis_v": (("chart", "xyz"), charts.axis_v),
-                "size": (("chart", "width_height"), charts.size, METRES),
-                "page": ("chart", placement.page),
-                "x": ("chart", placement.x, {"units": "texel"}),
-                "y": ("chart", placement.y, {"units": "texel"}),
-                "width": ("chart", placement.width, {"units": "texel"}),
-                "height": ("chart", placement.height, {"units": "texel"}),
-                "writable": ("chart", plan.writable, {"long_name": "written by the street stage"}),
-                "textured": (
-                    "chart",
-                    plan.textured,
-                    {"long_name": "with a texture of the source's own, or from above"},
-                ),
-                "id": ("chart", plan.ids, {"long_name": "digest of the chart's kind, place and building"}),
-            },
-            attrs={"page_size": scene.spec.page, "chunk": scene.spec.chunk, "gutter": scene.spec.gutter},
-        ),
-        "mesh": xr.Dataset(
-            {
-                "vertices": (("vertex", "xyz"), scene.mesh.vertices, METRES),
-                "triangles": (("triangle", "corner"), scene.mesh.triangles),
-                "triangle_chart": ("triangle", scene.mesh.chart),
-                "vertex_chart": ("vertex", scene.mesh.vertex_chart),
-                **_own_textures(scene.mesh),
-            }
-        ),
-        "sightings": xr.Dataset(
-            {
-                "facade": ("sighting", shown.facade),
-                "panorama": ("sighting", shown.panorama),
-                "seen": ("sighting", shown.seen, {"units": "1", "long_name": "share of the facade that it shows"}),
-                "pixels_per_metre": ("sighting", shown.pixels_per_metre, {"units": "m-1"}),
-            }
-        ),
-        "poses": xr.Dataset(
-            {
-                "position": (
-                    ("panorama", "xyz"),
-                    np.array([[p.x, p.y, p.z] for p in plan.poses]).reshape(-1, 3),
-                    METRES,
-                ),
-                "angles": (
-                    ("panorama", "heading_pitch_roll"),
-                    np.array([[p.heading, p.pitch, p.roll] for p in plan.poses]).reshape(-1, 3),
-                    {"units": "degree", "long_name": "heading clockwise from grid north, pitch up, roll clockwise"},
-                ),
-                "view": (
-                    ("panorama", "left_top_width_height"),
-                    np.array([p.view for p in plan.poses]).reshape(-1, 4),
-                    {"units": "1", "long_name": "part of the full sphere that the picture holds"},
-                ),
-            }
-        ),
-        "facades": xr.Dataset(
-            {
-                "id": ("facade", text_column(facades.id)),
-                "chart": ("facade", facades.chart),
-                "street": ("facade", facades.street),
-                "building": ("facade", facades.building),
-                "width": ("facade", facades.width, METRES),
-                "height": ("facade", facades.height, METRES),
-                "floors": ("facade", facades.floors),
-                "seen": ("facade", facades.seen, {"units": "1", "long_name": "share seen from its street"}),
-            }
-        ),
-        "viewpoints": xr.Dataset(
-            {
-                "street": ("viewpoint", np.array([v.street for v in plan.viewpoints], np.int32)),
-                "position": (
-                    ("viewpoint", "xyz"),
-                    np.array([v.position for v in plan.viewpoints]).reshape(-1, 3),
-                    METRES,
-                ),
-                "forward": (("viewpoint", "xy"), np.array([v.forward for v in plan.viewpoints]).reshape(-1, 2)),
-                "look": ("viewpoint", text_column(plan.looks), {"long_name": "digest of the geometry in sight"}),
-                "view_viewpoint": ("view", plan.views[:, 0]),
-                "view_chart": ("view", plan.views[:, 1]),
-            },
-            attrs={"spacing": scene.spacing, "visibility_range": scene.visibility_range},
-        ),
-        "streets": xr.Dataset(
-            {
-                "id": ("street", text_column([s.id for s in streets])),
-                "name": ("street", text_column([s.name or "" for s in streets])),
-                "wave": ("street", plan.wave),
-                "point": (
-                    ("vertex", "xy"),
-                    np.concatenate([_points(s) for s in streets] or [np.empty((0, 2))]),
-                    METRES,
-                ),
-                "point_street": ("vertex", np.repeat(np.arange(len(streets)), [len(_points(s)) for s in streets])),
-            }
-        ),
-        "buildings": xr.Dataset(
-            {
-                "id": ("building", text_column([b.id for b in buildings])),
-                "name": ("building", text_column([b.name or "" for b in buildings])),
-                "height": ("building", np.array([b.height for b in buildings]), METRES),
-                "height_source": ("building", text_column([b.height_source for b in buildings])),
-                "levels": ("building", np.array([b.levels or 0 for b in buildings], np.int32)),
-                "refused": ("building", text_column([refused.get(b.id, "") for b in buildings])),
-            }
-        ),
-    }
-    for name, table in tables.items():
-        write_table(session, name, table.assign_attrs(crs=crs))
-
-
-def _own_textures(mesh: Mesh) -> dict[str, Any]:
-    """The columns of a mesh with textures of the source's own; a mesh without needs no room for them."""
-    if not (mesh.texture >= 0).any():
-        return {}
-    return {
-        "texture": ("triangle", mesh.texture, {"long_name": "picture of the source, -1 none"}),
-        "uv": (("triangle", "corner", "uv"), mesh.uv),
-    }
-
-
-def _read_mesh(table: xr.Dataset) -> Mesh:
-    triangles = table.triangles.values
-    return Mesh(
-        vertices=table.vertices.values,
-        triangles=triangles,
-        chart=table.triangle_chart.values,
-        vertex_chart=table.vertex_chart.values,
-        texture=table.texture.values if "texture" in table else np.full(len(triangles), -1, np.int32),
-        uv=table.uv.values if "uv" in table else np.zeros((len(triangles), 3, 2), np.float32),
-    )
+    for name, values in _values(plan, buildings).items():
+        table = TABLES[name]
+        attributes = {key: values.pop(key) for key in table.attributes}
+        write_table(session, name, table.dataset(values, attributes, crs))
 
 
 def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
     """The plan as `write_plan` wrote it."""
-    charts_table = open_table(session, "charts").load()
-    mesh = _read_mesh(open_table(session, "mesh").load())
-    cameras = open_table(session, "viewpoints").load()
-    streets = open_table(session, "streets").load()
-    built = open_table(session, "buildings").load()
-    poses = open_table(session, "poses").load()
-    shown = open_table(session, "sightings").load()
-
-    def columns(table: xr.Dataset, *names: str) -> dict[str, np.ndarray]:
-        return {name: table[name].values for name in names}
-
-    charts = Charts(**columns(charts_table, "kind", "surface", "building", "origin", "axis_u", "axis_v", "size"))
-    placement = Placement(
-        **columns(charts_table, "page", "x", "y", "width", "height"), pages=int(charts_table.page.max()) + 1
-    )
-    sizes = charts_table.attrs
-    spec = AtlasSpec(placement.pages, texels_per_metre, sizes["page_size"], sizes["chunk"], sizes["gutter"])
-    scene = Scene(
-        mesh,
-        charts,
-        placement,
-        spec,
-        spacing=cameras.attrs["spacing"],
-        visibility_range=cameras.attrs["visibility_range"],
-        names=tuple(map(str, built.id.values)),
-    )
-    lines = [streets.point.values[streets.point_street.values == i] for i in range(streets.sizes["street"])]
-    return Plan(
-        scene=scene,
-        streets=tuple(
-            Street(str(id_), str(name) or None, shapely.LineString(line))
-            for id_, name, line in zip(streets.id.values, streets.name.values, lines, strict=True)
-        ),
-        facades=read_facades(session),
-        poses=tuple(
-            Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
-            for (x, y, z), (heading, pitch, roll), (left, top, width, height) in zip(
-                poses.position.values.tolist(), poses.angles.values.tolist(), poses.view.values.tolist(), strict=True
-            )
-        ),
-        refused=tuple((str(i), str(why)) for i, why in zip(built.id.values, built.refused.values, strict=True) if why),
-        sightings=Sightings(**columns(shown, "facade", "panorama", "seen", "pixels_per_metre")),
-        textured=charts_table.textured.values,
-        viewpoints=tuple(
-            Viewpoint(i, int(street), position, forward)
-            for i, (street, position, forward) in enumerate(
-                zip(cameras.street.values, cameras.position.values, cameras.forward.values, strict=True)
-            )
-        ),
-        views=np.column_stack([cameras.view_viewpoint.values, cameras.view_chart.values]),
-        writable=charts_table.writable.values,
-        wave=streets.wave.values,
-        ids=charts_table.id.values,
-        looks=tuple(map(str, cameras.look.values)),
-    )
+    return _plan({name: _read(session, name) for name in TABLES}, texels_per_metre)
 
 
 def read_facades(session: icechunk.Session) -> Facades:
-    table = open_table(session, "facades").load()
-    names = ("chart", "street", "building", "width", "height", "floors", "seen")
-    return Facades(id=tuple(str(i) for i in table.id.values), **{name: table[name].values for name in names})
+    return _of(Facades, _read(session, "facades"))
+
+
+def _read(session: icechunk.Session, name: str) -> Values:
+    return TABLES[name].read(open_table(session, name).load())
+
+
+def _of(kind: type[T], values: Values, **others: Any) -> T:
+    """A value whose fields are columns of their names; others are those that are not."""
+    return kind(**{field.name: values[field.name] for field in fields(kind) if field.name not in others}, **others)
+
+
+def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, Any]:
+    return {field.name: getattr(value, field.name) for field in fields(value)}
+
+
+def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, Any]]:
+    """The plan as tables."""
+    scene, streets, refused = plan.scene, plan.streets, dict(plan.refused)
+    placement = _columns(scene.placement)
+    del placement["pages"]
+    return {
+        "charts": {
+            **_columns(scene.charts),
+            **placement,
+            "writable": plan.writable,
+            "textured": plan.textured,
+            "id": plan.ids,
+            "page_size": scene.spec.page,
+            "chunk": scene.spec.chunk,
+            "gutter": scene.spec.gutter,
+        },
+        "mesh": {
+            "vertices": scene.mesh.vertices,
+            "triangles": scene.mesh.triangles,
+            "triangle_chart": scene.mesh.chart,
+            "vertex_chart": scene.mesh.vertex_chart,
+            **_own_textures(scene.mesh),
+        },
+        "sightings": _columns(plan.sightings),
+        "poses": {
+            "position": np.array([[p.x, p.y, p.z] for p in plan.poses]).reshape(-1, 3),
+            "angles": np.array([[p.heading, p.pitch, p.roll] for p in plan.poses]).reshape(-1, 3),
+            "view": np.array([p.view for p in plan.poses]).reshape(-1, 4),
+        },
+        "facades": _columns(plan.facades),
+        "viewpoints": {
+            "street": [v.street for v in plan.viewpoints],
+            "position": np.array([v.position for v in plan.viewpoints]).reshape(-1, 3),
+            "forward": np.array([v.forward for v in plan.viewpoints]).reshape(-1, 2),
+            "look": plan.looks,
+            "view_viewpoint": plan.views[:, 0],
+            "view_chart": plan.views[:, 1],
+            "spacing": scene.spacing,
+            "visibility_range": scene.visibility_range,
+        },
+        "streets": {
+            "id": [s.id for s in streets],
+            "name": [s.name or "" for s in streets],
+            "wave": plan.wave,
+            "point": np.concatenate([_points(s) for s in streets] or [np.empty((0, 2))]),
+            "point_street": np.repeat(np.arange(len(streets)), [len(_points(s)) for s in streets]),
+        },
+        "buildings": {
+            "id": [b.id for b in buildings],
+            "name": [b.name or "" for b in buildings],
+            "height": [b.height for b in buildings],
+            "height_source": [b.height_source for b in buildings],
+            "levels": [b.levels or 0 for b in buildings],
+            "refused": [refused.get(b.id, "") for b in buildings],
+        },
+    }
+
+
+def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
+    """The plan of some tables."""
+    charts, mesh, cameras, poses = (tables[name] for name in ("charts", "mesh", "viewpoints", "poses"))
+    streets, buildings = tables["streets"], tables["buildings"]
+    placement = _of(Placement, charts, pages=int(charts["page"].max()) + 1)
+    spec = AtlasSpec(placement.pages, texels_per_metre, charts["page_size"], charts["chunk"], charts["gutter"])
+    scene = Scene(
+        _mesh(mesh),
+        _of(Charts, charts),
+        placement,
+        spec,
+        spacing=cameras["spacing"],
+        visibility_range=cameras["visibility_range"],
+        names=buildings["id"],
+    )
+    lines = [streets["point"][streets["point_street"] == i] for i in range(len(streets["id"]))]
+    return Plan(
+        scene=scene,
+        streets=tuple(
+            Street(id_, name or None, shapely.LineString(line))
+            for id_, name, line in zip(streets["id"], streets["name"], lines, strict=True)
+        ),
+        facades=_of(Facades, tables["facades"]),
+        poses=tuple(
+            Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
+            for (x, y, z), (heading, pitch, roll), (left, top, width, height) in zip(
+                *(poses[n].tolist() for n in ("position", "angles", "view")), strict=True
+            )
+        ),
+        refused=tuple((id_, why) for id_, why in zip(buildings["id"], buildings["refused"], strict=True) if why),
+        sightings=_of(Sightings, tables["sightings"]),
+        textured=charts["textured"],
+        viewpoints=tuple(
+            Viewpoint(i, int(street), position, forward)
+            for i, (street, position, forward) in enumerate(
+                zip(cameras["street"], cameras["position"], cameras["forward"], strict=True)
+            )
+        ),
+        views=np.column_stack([cameras["view_viewpoint"], cameras["view_chart"]]),
+        writable=charts["writable"],
+        wave=streets["wave"],
+        ids=charts["id"],
+        looks=cameras["look"],
+    )
+
+
+def _own_textures(mesh: Mesh) -> dict[str, Any]:
+    """The columns of a mesh with textures of the source's own; a mesh without needs no room for them."""
+    return {"texture": mesh.texture, "uv": mesh.uv} if (mesh.texture >= 0).any() else {}
+
+
+def _mesh(values: Values) -> Mesh:
+    return Mesh(
+        vertices=values["vertices"],
+        triangles=values["triangles"],
+        chart=values["triangle_chart"],
+        vertex_chart=values["vertex_chart"],
+        **{name: values[name] for name in ("texture", "uv") if name in values},
+    )
 
 
 def _points(street: Street) -> np.ndarray:

@@ -9,7 +9,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.zarr_types import StoreArray, StoreGroup
+from facade_core.atlas.zarr_types import StoreArray
+from facade_core.errors import StoreError
 from facade_core.geometry.packing import Placement
 
 
@@ -73,7 +74,7 @@ def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rast
         if max(block.shape[:2]) > spec.chunk // 2:
             rows, columns = (-size % spec.chunk for size in block.shape[:2])
             block = np.pad(block, [(0, rows), (0, columns), *colour])
-            array[page, y : y + block.shape[0], x : x + block.shape[1]] = block
+            write_chunks(array, (page, slice(y, y + block.shape[0]), slice(x, x + block.shape[1])), block)
         else:
             place = (y % spec.chunk, x % spec.chunk, block)
             shared.setdefault((page, y // spec.chunk, x // spec.chunk), []).append(place)
@@ -82,16 +83,19 @@ def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rast
         whole = np.array(array[region])
         for y, x, block in members:
             whole[y : y + block.shape[0], x : x + block.shape[1]] = block
-        array[region] = whole
+        write_chunks(array, region, whole)
 
 
-def clear_rasters(group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int]) -> None:
-    """Make the atlas and the facade maps at some charts as they were before anything was written."""
-    arrays = [array for folder in ("atlas", "facade_maps") for _, array in group[folder].arrays()]
-    for chart in charts:
-        one = Rasters.of(placement, [chart])
-        for array in arrays:
-            write_rasters(array, spec, placement, one, np.zeros((one.total, *array.shape[3:]), array.dtype))
+def write_chunks(array: StoreArray, region: tuple[int, slice, slice], values: np.ndarray) -> None:
+    """Write a region of a page (page, rows, columns) that begins and ends on chunks: a chunk has one writer, and is written
+    whole. Raises StoreError for any other."""
+    for part, chunk, size in zip(region[1:], array.chunks[1:], array.shape[1:], strict=False):
+        if part.start % chunk or part.stop % chunk or not 0 <= part.start < part.stop <= size:
+            raise StoreError(
+                f"{array.path}: rows {region[1].start}:{region[1].stop}, columns {region[2].start}:{region[2].stop} of page "
+                f"{region[0]} do not begin and end on chunks of {chunk} within {size}; place charts by geometry.pack"
+            )
+    array[region] = values
 
 
 def _region(cell: tuple[int, int, int], chunk: int) -> tuple[int, slice, slice]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from itertools import islice
 from pathlib import Path
@@ -10,12 +9,10 @@ from threading import Lock
 from typing import TYPE_CHECKING, Any, cast
 
 import icechunk
-import numpy as np
 
-from facade_core.atlas.journal import STAGES
-from facade_core.atlas.spec import AtlasSpec
+from facade_core.atlas.arrays import FORMAT
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import LostStoreError, StoreError
+from facade_core.errors import FormatError, LostStoreError, StoreError
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -24,23 +21,6 @@ BRANCH = "main"
 
 # It warns at every opening that local folders are unsafe for concurrent commits; one process commits, behind a lock.
 icechunk.set_logs_filter("off")
-
-# name -> (dtype, trailing dimension, meaning)
-ATLAS_ARRAYS = {
-    "seed": ("uint8", "band", "colour from the facade stages"),
-    "seed_evidence": ("uint8", None, "provenance of seed, 0 where there is none"),
-    "street": ("uint8", "band", "colour from the street stage, Eq. 1"),
-    "street_views": ("uint16", None, "views blended into street"),
-    "colour": ("uint8", "band", "resolved colour"),
-    "provenance": ("uint8", None, "source of colour: 0 unseen, 1 translated, 2 synthesised, 3 inpainted, 4 photo"),
-}
-FACADE_ARRAYS = {
-    "evidence": ("uint8", "band", "facade image before completion"),
-    "labels": ("uint8", None, "class id as in facade_core.labels, 255 unknown"),
-    "occluded": ("bool", None, "hidden in the facade image"),
-    "confidence": ("uint8", None, "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all"),
-}
-
 
 # The local file system has no compare-and-swap: of two threads that move a branch at once, one commit is lost without an error.
 _committing = Lock()
@@ -53,9 +33,7 @@ class Repository(icechunk.Repository):
     path: Path
 
     def writable_session(self, branch: str) -> icechunk.Session:
-        session = self._readable(super().writable_session(branch))
-        session.repository = self  # type: ignore[attr-defined]
-        return session
+        return self._readable(super().writable_session(branch))
 
     def readonly_session(
         self, branch: str | None = None, *, tag: str | None = None, snapshot_id: str | None = None, **of: Any
@@ -70,6 +48,7 @@ class Repository(icechunk.Repository):
                 f"{self.path}: snapshot {session.snapshot_id} cannot be read ({str(error).splitlines()[0].strip(' x')}); "
                 f"`streetloom run BLOCK.yaml --out {self.path.parent}` goes on from one that can"
             ) from error
+        session.repository = self  # type: ignore[attr-defined]
         return session
 
 
@@ -90,95 +69,41 @@ def open_repository(path: Path, *, create: bool = False) -> Repository:
     return repository
 
 
-def create_arrays(
-    group: StoreGroup,
-    spec: AtlasSpec,
-    *,
-    crs: str,
-    panorama_width: int,
-    poses: int,
-    exemplars: int,
-    textures: int,
-    facades: int,
-    viewpoints: int,
-    streets: int,
-) -> None:
-    """Empty atlas pages, facade maps, panoramas and journal, for so many units: metadata only, no chunk is written."""
-    pages = (spec.pages, spec.page, spec.page)
-    for folder, arrays in (("atlas", ATLAS_ARRAYS), ("facade_maps", FACADE_ARRAYS)):
-        for name, (dtype, last, meaning) in arrays.items():
-            group.create_array(
-                f"{folder}/{name}",
-                shape=(*pages, 3) if last else pages,
-                chunks=(1, spec.chunk, spec.chunk, 3) if last else (1, spec.chunk, spec.chunk),
-                dtype=dtype,
-                dimension_names=("page", "y", "x", *([last] if last else [])),
-                fill_value=0,
-                attributes={"long_name": meaning},
-                overwrite=True,
-            )
-        group[folder].attrs.update(crs=crs, texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel")
-    create_panoramas(group, crs=crs, width=panorama_width, viewpoints=viewpoints)
-    for exemplar in range(exemplars):  # units that run side by side must not create the same group
-        group.create_group(f"exemplars/{exemplar}", overwrite=True)
-    group.create_array(
-        "hierarchies/data",
-        shape=(facades,),
-        chunks=(1,),
-        dtype=str,
-        dimension_names=("facade",),
-        attributes={"long_name": "variation hierarchy of each facade, base64 of its file"},
-        overwrite=True,
-    )
-    for stage, units in zip(STAGES, (poses, exemplars, textures, facades, viewpoints, streets), strict=True):
-        group.create_array(
-            f"journal/{stage}",
-            shape=(units,),
-            chunks=(1,),
-            dtype=str,
-            dimension_names=(stage.removesuffix("s"),),
-            attributes={"long_name": f"record of each unit of {stage}, JSON; empty until it is done"},
-            overwrite=True,
-        )
-
-
-def create_panoramas(group: StoreGroup, *, crs: str, width: int, viewpoints: int) -> None:
-    """An empty panorama for each viewpoint, `width` pixels wide."""
-    group.create_array(
-        "panoramas/rgb",
-        shape=(viewpoints, width // 2, width, 3),
-        chunks=(1, width // 2, width, 3),
-        dtype="uint8",
-        dimension_names=("viewpoint", "row", "column", "band"),
-        fill_value=0,
-        attributes={"long_name": "translated equirectangular panorama; the truth of street texturing"},
-        overwrite=True,
-    )
-    group["panoramas"].attrs.update(crs=crs)
-
-
-def resize_arrays(
-    group: StoreGroup, spec: AtlasSpec, *, units: Mapping[str, int], panorama_width: int, exemplars: int
-) -> None:
-    """The arrays of `create_arrays` for other numbers of pages and of units by stage.
-
-    What is in both keeps its content, but for panoramas of another width, which begin anew.
+def open_root(session: icechunk.Session) -> StoreGroup:
+    """The root group of a store, to be written to where the session is. Raises FormatError where it is of another format;
+    a store to which nothing was written yet is of any.
     """
-    for folder in ("atlas", "facade_maps"):
-        for _, array in group[folder].arrays():
-            array.resize((spec.pages, *array.shape[1:]))
-    for stage, count in units.items():
-        group[f"journal/{stage}"].resize((count,))
-    group["hierarchies/data"].resize((units["facades"],))
-    panoramas = group["panoramas/rgb"]
-    if panoramas.shape[2] == panorama_width:
-        panoramas.resize((units["viewpoints"], *panoramas.shape[1:]))
-    else:
-        create_panoramas(
-            group, crs=group["panoramas"].attrs["crs"], width=panorama_width, viewpoints=units["viewpoints"]
+    group = root_of_any_format(session)
+    found = format_of(group)
+    if found != FORMAT and dict(group.attrs):
+        repository = getattr(session, "repository", None)
+        where, out = (repository.path, repository.path.parent) if repository else ("the store", "OUT")
+        raise FormatError(
+            f"{where}: is of format {found or 'unknown'}, and this version of Streetloom reads {FORMAT}; `streetloom run "
+            f"BLOCK.yaml --out {out}` makes it anew, or install the version that made it"
         )
-    for exemplar in range(exemplars):
-        group.require_group(f"exemplars/{exemplar}")
+    return group
+
+
+def root_of_any_format(session: icechunk.Session) -> StoreGroup:
+    """The root group of a store, whoever wrote it; where the session is to be written to, it is made if there is none."""
+    import zarr
+
+    return cast(StoreGroup, zarr.open_group(session.store, mode="r" if session.read_only else "a"))
+
+
+def new_root(session: icechunk.Session) -> StoreGroup:
+    """An empty root group in place of whatever the store held."""
+    import zarr
+
+    return cast(StoreGroup, zarr.group(store=session.store, overwrite=True))
+
+
+def format_of(group: StoreGroup) -> int | None:
+    """The format of a store. Those made before it had an attribute of its own say it of what they were made for."""
+    made_for = group.attrs.get("made_for")
+    found = group.attrs.get("format", made_for.get("format") if isinstance(made_for, dict) else None)
+    return found if isinstance(found, int) else None
 
 
 def write_table(session: icechunk.Session, group: str, table: xr.Dataset) -> None:
@@ -228,8 +153,3 @@ def expire(repository: icechunk.Repository) -> None:
         *_, before = islice(repository.ancestry(branch=BRANCH), 2)
         repository.expire_snapshots(before.written_at)
         repository.garbage_collect(datetime.now(UTC))
-
-
-def text_column(values: Sequence[str]) -> np.ndarray:
-    """Strings as a column that zarr keeps with variable length."""
-    return np.array(list(values), dtype=object) if len(values) else np.array([], dtype="U1")

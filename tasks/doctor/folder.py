@@ -13,7 +13,6 @@ from pathlib import Path
 from typing import Any
 
 import icechunk
-import zarr
 
 from catalogs.block import read_block
 from catalogs.published.files import amiss
@@ -21,9 +20,9 @@ from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
 from facade_core.atlas.journal import STAGES, read_journal
 from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.errors import FacadeError, StoreError
+from facade_core.errors import FacadeError, FormatError, StoreError
 from tasks.doctor.findings import Finding
 from tasks.keys.runs import run_of
 from tasks.stages.due import what_is_due
@@ -47,9 +46,13 @@ def examine_folder(out: Path) -> Iterator[Finding]:
     try:
         repository = open_repository(store)
         session = repository.readonly_session(BRANCH)
-        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        group = open_root(session)
         records = {stage: read_journal(group, stage) for stage in STAGES}
         attrs = dict(group.attrs)
+    except FormatError as error:
+        yield Finding("store", False, str(error))
+        yield from _published(out, None, again)
+        return
     except (StoreError, *DAMAGE) as error:
         line = str(error).strip().splitlines()[0].strip(" x")
         yield Finding("store", False, f"the newest snapshot cannot be read ({line}); {again} goes back to one that can")

@@ -105,15 +105,14 @@ def published(out: Path) -> Iterator[Published]:
 
 def _opened(snapshot: Snapshot[Path]) -> Published:
     import icechunk
-    import zarr
 
     from facade_core.atlas.journal import read_journal
     from facade_core.atlas.plan_tables import read_plan
-    from facade_core.atlas.store import open_table
+    from facade_core.atlas.store import open_root, open_table
 
     session = snapshot.session()
     try:
-        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        group = open_root(session)
         plan = read_plan(session, float(cast(float, group["atlas"].attrs["texels_per_metre"])))
         buildings, records = open_table(session, "buildings").load(), read_journal(group, "facades")
     except (icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:

@@ -7,13 +7,11 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-import zarr
-
 from catalogs.published.files import note_changed, predecessor_of, tags_of
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.versions import forget_versions
 from facade_core.atlas.check import is_whole
-from facade_core.atlas.store import BRANCH, expire, open_repository
+from facade_core.atlas.store import BRANCH, expire, open_repository, open_root
 from facade_core.errors import FacadeError, InputError
 from tasks.store.commits import standing_tags
 
@@ -59,7 +57,7 @@ def prune(out: Path, keep: int) -> list[str]:
     for name, paths in forget_versions(published).items():
         note_changed(published / name, paths)
     kept = {tag for name in _newest_first(published, current.id) for tag in tags_of(published / name)}
-    kept |= standing_tags(zarr.open_group(repository.readonly_session(BRANCH).store, mode="r"))
+    kept |= standing_tags(open_root(repository.readonly_session(BRANCH)))
     tags = sorted(set(repository.list_tags()) - kept)
     for tag in tags:
         repository.delete_tag(tag)

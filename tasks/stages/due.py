@@ -7,11 +7,10 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import zarr
 
 from catalogs.block import Block
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
@@ -52,7 +51,7 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> str | None:
     if outline.anew:
         return f"all is due: {outline.anew}"
     session = open_repository(run.store).readonly_session(BRANCH)
-    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    group = open_root(session)
     if not any(read_journal(group, "streets")):
         return None
     plan = plan_of_run(run)

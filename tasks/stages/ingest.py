@@ -10,13 +10,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
-import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.features import file_stem
+from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.plan_tables import read_plan, write_plan
-from facade_core.atlas.store import BRANCH, commit, create_arrays, open_repository
+from facade_core.atlas.store import BRANCH, commit, new_root, open_repository, root_of_any_format
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
 from facade_core.geometry.charts import WALL
@@ -82,7 +82,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
-    root: StoreGroup = zarr.open_group(session.store, mode="a")
+    root = root_of_any_format(session)
     skipped, anew = root.attrs.get("key") == run.key, None
     if skipped:
         plan = read_plan(session, run.texels_per_metre)
@@ -92,7 +92,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
         require_room(Path(run.out), room_for(plan, run.panorama_width))
         if last is None:
             anew = why_anew(run, root)
-            root = zarr.group(store=session.store, overwrite=True)
+            root = new_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.refused]
         set_aside += [("building", "all buildings", reason) for reason in no_facade(plan, run.texels_per_metre)]
@@ -115,14 +115,16 @@ def ingest_block(run: Run, block: Block) -> Outline:
             create_arrays(
                 root,
                 plan.scene.spec,
+                {
+                    "poses": len(block.panoramas),
+                    "exemplars": len(block.exemplars),
+                    "textures": len(plan.textured_buildings()),
+                    "facades": len(plan.facades),
+                    "viewpoints": len(plan.viewpoints),
+                    "streets": len(plan.streets),
+                },
                 crs=run.crs,
                 panorama_width=run.panorama_width,
-                poses=len(block.panoramas),
-                exemplars=len(block.exemplars),
-                textures=len(plan.textured_buildings()),
-                facades=len(plan.facades),
-                viewpoints=len(plan.viewpoints),
-                streets=len(plan.streets),
             )
         else:
             carry_over(

@@ -17,7 +17,6 @@ from typing import Any, TypeVar
 
 import icechunk
 import numpy as np
-import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
@@ -29,8 +28,7 @@ from catalogs.stac.catalog import write_catalog
 from catalogs.stac.snapshot import write_stac
 from facade_core.atlas.journal import STAGES, atlas_digest, read_journal
 from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.store import BRANCH, commit, expire, open_repository, open_table
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.store import BRANCH, commit, expire, open_repository, open_root, open_table
 from facade_core.export import Picture, aerial, aim, fill_unseen, street_level, write_glb
 from facade_core.plan import Plan
 from facade_core.street.translate import Swatches
@@ -74,7 +72,7 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
         temporary = Snapshot(_hidden(final, "tmp"))
         temporary.folder.mkdir(parents=True)
         _write(run, session, temporary, block_file, predecessor)
-        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        group = open_root(session)
         write_files(temporary.folder, predecessor, standing_tags(group))
         _put_in_place(temporary, final)
         if withheld := over_limit(run, group):
@@ -106,7 +104,7 @@ def _hidden(snapshot: Snapshot[Path], suffix: str) -> Path:
 def _stand_by_code(run: Run) -> None:
     """Have the store say which code publishes it: by another the same texels are another snapshot, in a folder of its own."""
     session = open_repository(run.store).writable_session(BRANCH)
-    root: StoreGroup = zarr.open_group(session.store)
+    root = open_root(session)
     if root.attrs.get("published_by") != stage_code("publish"):
         root.attrs["published_by"] = stage_code("publish")
         commit(session, "published by other code")
@@ -125,7 +123,7 @@ def _forget_history(run: Run, last: Snapshot[Path] | None) -> None:
 
 def _write(run: Run, session: Any, snapshot: Snapshot[Path], block_file: Path | None, predecessor: str | None) -> None:
     folder = snapshot.folder
-    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    group = open_root(session)
     plan = read_plan(session, run.texels_per_metre)
     scene = plan.scene
     swatches = Swatches(scene, plan.streets, seed=run.seed, roof_material=roof_material(run))

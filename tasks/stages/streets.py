@@ -9,13 +9,11 @@ from threading import Lock
 
 import icechunk
 import numpy as np
-import zarr
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from facade_core.atlas.journal import read_records, unit_key
-from facade_core.atlas.store import BRANCH, open_repository
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.errors import StoreError
 from tasks.compute.connect import Compute
 from tasks.keys.streets import street_keys
@@ -37,7 +35,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     """
     plan = plan_of_run(run)
     session = open_repository(run.store).readonly_session(BRANCH)
-    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    group = open_root(session)
     wave, name = int(plan.wave[street]), plan.streets[street].id
     own = [v.id for v in plan.of_street(street)]
     reads, writes = street_chunks(plan, street)

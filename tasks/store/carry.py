@@ -12,14 +12,13 @@ from typing import Any
 
 import icechunk
 import numpy as np
-import zarr
 
+from facade_core.atlas.arrays import FORMAT, clear_rasters, resize_arrays
 from facade_core.atlas.journal import STAGES, forget_record, read_journal
 from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.rasters import clear_rasters
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.store import BRANCH, commit, open_repository, resize_arrays
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.store import BRANCH, commit, format_of, open_repository, open_root
+from facade_core.atlas.zarr_types import StoreGroup, group_at
 from facade_core.errors import StoreError
 from facade_core.geometry.packing import Places
 from facade_core.plan import Plan
@@ -28,8 +27,6 @@ from tasks.run import Run
 Records = list[dict[str, Any] | None]
 # Names and keys.
 Units = Sequence[tuple[str, str]]
-# Raised when tables, arrays or records are written in another way: stores of before begin anew.
-FORMAT = 2
 
 
 @dataclass(frozen=True)
@@ -47,7 +44,6 @@ class Last:
 def made_for(run: Run) -> dict[str, Any]:
     """What a store is made for, in which nothing can be taken over from one for anything else."""
     return {
-        "format": FORMAT,
         "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
         "crs": run.crs,
         "texels_per_metre": run.texels_per_metre,
@@ -58,8 +54,8 @@ def why_anew(run: Run, group: StoreGroup) -> str | None:
     """Why nothing can be taken over of what a store holds, in words; None where it holds nothing."""
     if "key" not in group.attrs:
         return None
-    held, wanted = group.attrs.get("made_for"), made_for(run)
-    if not isinstance(held, dict) or any(held.get(name) != wanted[name] for name in ("format", "pages")):
+    held = group.attrs.get("made_for")
+    if not isinstance(held, dict) or format_of(group) != FORMAT or held.get("pages") != made_for(run)["pages"]:
         return "another version of Streetloom made the store"
     changed = []
     if held["texels_per_metre"] != run.texels_per_metre:
@@ -76,8 +72,9 @@ def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
     """
     session = repository.readonly_session(BRANCH)
     try:
-        group: StoreGroup = zarr.open_group(session.store, mode="r")
-        if group.attrs["made_for"] != made_for(run):
+        group = open_root(session)
+        held = group.attrs["made_for"]
+        if any(held.get(name) != wanted for name, wanted in made_for(run).items()):
             return None
         return Last(group, read_plan(session, run.texels_per_metre))
     except (KeyError, FileNotFoundError, StoreError):
@@ -103,7 +100,7 @@ def carry_over(
     resize_arrays(
         group,
         plan.scene.spec,
-        units={
+        {
             "poses": len(poses),
             "exemplars": len(exemplars),
             "textures": len(plan.textured_buildings()),
@@ -112,7 +109,6 @@ def carry_over(
             "streets": len(plan.streets),
         },
         panorama_width=panorama_width,
-        exemplars=len(exemplars),
     )
     streets = _streets(last.plan, plan)
     same_width = last.group["panoramas/rgb"].shape[2] == panorama_width
@@ -150,7 +146,7 @@ def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[
     if not units:
         return
     session = open_repository(run.store).writable_session(BRANCH)
-    group: StoreGroup = zarr.open_group(session.store)
+    group = open_root(session)
     for index, charts in units.items():
         forget_record(group, stage, index)
         clear_rasters(group, plan.scene.spec, plan.scene.placement, charts)
@@ -275,7 +271,7 @@ def _write_changed(array: Any, before: Any, texts: Sequence[str]) -> None:
 
 
 def _copy_exemplar(group: StoreGroup, before: StoreGroup, new: int, old: int) -> None:
-    for name, array in before[f"exemplars/{old}"].arrays():
+    for name, array in group_at(before, f"exemplars/{old}").arrays():
         group.create_array(
             f"exemplars/{new}/{name}",
             data=array[:],

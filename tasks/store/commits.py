@@ -6,11 +6,10 @@ from pathlib import Path
 from typing import Any
 
 import icechunk
-import zarr
 
 from catalogs.features import file_stem
 from facade_core.atlas.journal import read_journal, unit_key, write_record
-from facade_core.atlas.store import BRANCH, commit, open_repository
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 
 
@@ -23,7 +22,7 @@ def begin(store: Path) -> tuple[icechunk.Session, Any]:
 def finish(session: icechunk.Session, fork: Any, stage: str, records: dict[int, dict[str, Any]], message: str) -> str:
     """Commit a fork's data together with its journal records (unit index -> record); returns the snapshot id."""
     session.merge(fork)
-    group: StoreGroup = zarr.open_group(session.store)
+    group = open_root(session)
     for index, record in records.items():
         write_record(group, stage, index, record)
     return commit(session, message)
@@ -32,7 +31,7 @@ def finish(session: icechunk.Session, fork: Any, stage: str, records: dict[int, 
 def journal(store: Path, stage: str) -> list[dict[str, Any] | None]:
     """The records of a stage at the newest snapshot."""
     session = open_repository(store).readonly_session(BRANCH)
-    return read_journal(zarr.open_group(session.store, mode="r"), stage)
+    return read_journal(open_root(session), stage)
 
 
 def tag_of(record: dict[str, Any]) -> str:

@@ -5,11 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from difflib import get_close_matches
 
-import zarr
-
 from facade_core.atlas.journal import forget_record, read_journal, write_record
-from facade_core.atlas.store import BRANCH, commit, open_repository
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.errors import InputError
 from facade_core.plan import Plan
 from tasks.run import Run
@@ -31,7 +28,7 @@ def redo_street(run: Run, street: str, *, only: bool) -> tuple[list[str], list[s
     Raises InputError for an unknown street, and where everything is due anyway.
     """
     session = open_repository(run.store).writable_session(BRANCH)
-    group: StoreGroup = zarr.open_group(session.store)
+    group = open_root(session)
     if group.attrs.get("key") != run.key:
         raise InputError(f"{run.out}: its inputs or the code changed since it was made; run it without --redo first")
     plan = plan_of_run(run)

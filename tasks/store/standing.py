@@ -7,14 +7,12 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-import zarr
-
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.check import DAMAGE, is_whole
 from facade_core.atlas.journal import STAGES, read_journal
-from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from tasks.keys.stage_code import stage_code, version_of
@@ -66,7 +64,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
     try:
         repository = open_repository(run.store)
         session = repository.readonly_session(BRANCH)
-        group: StoreGroup = zarr.open_group(session.store, mode="r")
+        group = open_root(session)
         _check_block(run, group)
         if group.attrs.get("key") != run.key or unpublished(Path(run.out), session.snapshot_id):
             return None

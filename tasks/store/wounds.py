@@ -11,14 +11,15 @@ from typing import Any
 
 import icechunk
 import numpy as np
-import zarr
 
+from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.check import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
 from facade_core.atlas.journal import STAGES, forget_record, read_journal, unit_key
 from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.rasters import clear_rasters, picture_digest
-from facade_core.atlas.store import BRANCH, commit, open_repository, open_table
+from facade_core.atlas.rasters import picture_digest
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_table, root_of_any_format
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import FormatError
 from facade_core.geometry.packing import Placement
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
@@ -44,7 +45,7 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
 
     A street whose viewpoints are being done again is among them: whether it is due anyway is for its key to say.
     """
-    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    group = open_root(session)
     records = {stage: read_journal(group, stage) for stage in STAGES}
     viewpoints = _without_panorama(session, group, records["viewpoints"])
     found = {
@@ -95,7 +96,10 @@ def _mend(run: Run, *, thorough: bool) -> list[str]:
     session = repository.writable_session(BRANCH)
     if repository.lookup_snapshot(session.snapshot_id).parent_id is None:
         return said
-    group: StoreGroup = zarr.open_group(session.store)
+    try:
+        group = open_root(session)
+    except FormatError:  # the ingest begins it anew
+        return said
     if group.attrs.get("block", run.block) != run.block:
         return said
     due: dict[str, set[int]] = {}
@@ -163,7 +167,7 @@ def _names(plan: Plan) -> dict[str, Sequence[str]]:
 
 def _read_plan_tables(session: icechunk.Session) -> None:
     """Read what of a snapshot cannot be made again unit by unit."""
-    group: StoreGroup = zarr.open_group(session.store, mode="r")
+    group = root_of_any_format(session)
     for name, table in group.groups():
         if name not in MADE:
             for _, array in table.arrays():

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 
+from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facade import prepare_exemplar
 from tasks.run import Run
@@ -34,7 +34,7 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
     texture = cv2.resize(prepared.facade.image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
     labels = cv2.resize(prepared.facade.labels, size, interpolation=cv2.INTER_NEAREST)
 
-    group: StoreGroup = zarr.open_group(fork.store)
+    group = open_root(fork)
     group.create_array(
         f"exemplars/{index}/image",
         data=texture,

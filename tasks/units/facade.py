@@ -10,10 +10,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import zarr
 
 from facade_core.atlas.provenance import resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
@@ -45,7 +45,7 @@ def facade_unit(
     """
     start = time.time()
     plan = plan_of_run(run)
-    group: StoreGroup = zarr.open_group(fork.store)
+    group = open_root(fork)
     prepared = time.time()
     records: dict[int, dict[str, Any]] = {}
     for facade in facades:

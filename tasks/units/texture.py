@@ -9,11 +9,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import zarr
 
 from facade_core.atlas.provenance import PHOTO, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
-from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.atlas.store import open_root
 from facade_core.rectify import own_texture
 from facade_core.street.overhead import from_above, shown_from_above
 from tasks.outcome import refusal
@@ -33,8 +32,7 @@ def texture_unit(
     charts = plan.own_charts(building)
     refused: list[Exception] = []
     images = read_textures(textures, scene.mesh.texture[np.isin(scene.mesh.chart, charts)], refused)
-    group: StoreGroup = zarr.open_group(fork.store)
-    atlas = group["atlas"]
+    group = open_root(fork)
     digests: dict[str, str] = {}
     aerial, roofs = sampler(run), shown_from_above(scene)
     for chart in charts:
@@ -52,7 +50,7 @@ def texture_unit(
             "colour": colour,
             "provenance": provenance,
         }.items():
-            write_rasters(atlas[array], scene.spec, scene.placement, rasters, flat)
+            write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
         digests |= chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
     record = {
         "unit": name,

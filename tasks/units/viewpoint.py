@@ -9,10 +9,10 @@ from threading import Lock
 from typing import Any
 
 import numpy as np
-import zarr
 
 from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters, write_rasters
+from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from facade_core.street import neural
@@ -64,7 +64,7 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     """Texture the `step`-th viewpoint of a street: render, translate, propagate, write the panorama through the fork."""
     start = time.time()
     here = context(run)
-    group: StoreGroup = zarr.open_group(fork.store)
+    group = open_root(fork)
     entry = (run, street, street_key)
     progress, mark = _take(entry, here, group, step)
     viewpoint = here.plan.of_street(street)[step]
@@ -103,7 +103,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     """Write what the street's `steps` viewpoints made of its charts: street colour, views, resolved colour, provenance."""
     start = time.time()
     here = context(run)
-    group: StoreGroup = zarr.open_group(fork.store)
+    group = open_root(fork)
     window = _take((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
     colour, views = blend(window.state)
@@ -182,8 +182,9 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: in
     is_own = np.isin(plan.views[:, 0], [v.id for v in own])
     charts = np.unique(plan.views[is_own, 1])
     rasters, writable = Window.layout(scene.placement, charts[plan.writable[charts]], charts)
-    atlas = group["atlas"]
-    seed, evidence = (read_rasters(atlas[name], scene.placement, rasters) for name in ("seed", "seed_evidence"))
+    seed, evidence = (
+        read_rasters(group[f"atlas/{name}"], scene.placement, rasters) for name in ("seed", "seed_evidence")
+    )
     window = Window.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
     shows = np.unique(plan.views[np.isin(plan.views[:, 1], writable), 0])

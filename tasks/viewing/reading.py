@@ -10,13 +10,12 @@ from typing import Any
 
 import icechunk
 import numpy as np
-import zarr
 
 from catalogs.published.items import BBOX, COLUMNS
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import STAGES, read_journal
 from facade_core.atlas.plan_tables import read_facades
-from facade_core.atlas.store import BRANCH, open_repository, open_table
+from facade_core.atlas.store import BRANCH, open_repository, open_root, open_table
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from facade_core.facades import Facades
@@ -197,7 +196,7 @@ class Reader:
                 self._repository = open_repository(self.out / "store")
             session = self._repository.readonly_session(BRANCH)
             if self._view is None or self._view.snapshot != session.snapshot_id:
-                group: StoreGroup = zarr.open_group(session.store, mode="r")
+                group = open_root(session)
                 if "ingested" not in group.attrs:
                     raise StoreError(f"{self.out}: the block is not read yet")
                 key = group.attrs["key"], group.attrs["ingested"]

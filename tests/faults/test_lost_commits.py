@@ -10,9 +10,10 @@ from typing import Any, cast
 import pytest
 import zarr
 
+from facade_core.atlas.arrays import create_arrays
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.store import BRANCH, Repository, commit, create_arrays, open_repository
+from facade_core.atlas.store import BRANCH, Repository, commit, new_root, open_repository
 from facade_core.errors import StoreError
 from tasks.store.carry import forget_units
 from tasks.store.commits import begin, finish
@@ -25,7 +26,7 @@ def store(tmp_path: Path) -> Path:
     session = open_repository(tmp_path / "store", create=True).writable_session(BRANCH)
     units = {"poses": 0, "exemplars": 1, "textures": 1, "facades": 1, "viewpoints": THREADS * ROUNDS, "streets": 1}
     spec = AtlasSpec(1, 20.0, page=256)
-    create_arrays(zarr.group(store=session.store), spec, crs="EPSG:32635", panorama_width=16, **units)
+    create_arrays(new_root(session), spec, units, crs="EPSG:32635", panorama_width=16)
     commit(session, "arrays")
     return tmp_path / "store"
 

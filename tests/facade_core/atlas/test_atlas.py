@@ -32,6 +32,7 @@ from facade_core.atlas import (
     write_record,
 )
 from facade_core.atlas.journal import forget_record, read_records
+from facade_core.atlas.store import new_root
 from facade_core.errors import StoreError
 from facade_core.geometry import pack
 
@@ -49,16 +50,11 @@ def repository(tmp_path: Path, placement):
     repository = open_repository(tmp_path / "store", create=True)
     session = repository.writable_session("main")
     create_arrays(
-        zarr.group(store=session.store),
+        new_root(session),
         AtlasSpec(placement.pages, 20.0, page=512),
+        {"poses": 0, "exemplars": 1, "textures": 1, "facades": 3, "viewpoints": 4, "streets": 2},
         crs="EPSG:32635",
         panorama_width=64,
-        exemplars=1,
-        poses=0,
-        textures=1,
-        facades=3,
-        viewpoints=4,
-        streets=2,
     )
     commit(session, "arrays")
     return repository

@@ -1,0 +1,180 @@
+"""The arrays of a store, declared once: what is created, resized and opened of them follows from here."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.provenance import PROVENANCE
+from facade_core.atlas.rasters import Rasters, write_rasters
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.atlas.zarr_types import StoreArray, StoreGroup
+from facade_core.geometry.packing import Placement
+from facade_core.labels import CLASSES, UNKNOWN
+
+# Of what stores hold, in an attribute of theirs: raised when tables, arrays or records are written in another way. A store of
+# another format begins anew at the next run.
+FORMAT = 2
+
+
+@dataclass(frozen=True)
+class Axis:
+    """A dimension as one store has it: its size, and that of a chunk along it."""
+
+    size: int
+    chunk: int
+
+
+@dataclass(frozen=True)
+class Array:
+    """An array of a store: its path, the names of its dimensions, its dtype, what it holds, and other CF attributes."""
+
+    path: str
+    dims: tuple[str, ...]
+    dtype: str
+    long_name: str
+    attributes: Mapping[str, Any] = field(default_factory=dict)
+
+    @property
+    def attrs(self) -> dict[str, Any]:
+        return {"long_name": self.long_name, **self.attributes}
+
+    def create(self, group: StoreGroup, axes: Mapping[str, Axis]) -> StoreArray:
+        """Make the array anew, empty: metadata only."""
+        return group.create_array(
+            self.path,
+            shape=tuple(axes[dim].size for dim in self.dims),
+            chunks=tuple(axes[dim].chunk for dim in self.dims),
+            dtype=self.dtype,
+            dimension_names=self.dims,
+            fill_value="" if self.dtype == TEXT else 0,
+            attributes=self.attrs,
+            overwrite=True,
+        )
+
+    def fit(self, group: StoreGroup, axes: Mapping[str, Axis]) -> None:
+        """Resize the array, which keeps what lies in both sizes; where its chunks would be others, it is made anew."""
+        array = group[self.path]
+        if array.chunks == tuple(axes[dim].chunk for dim in self.dims):
+            array.resize(tuple(axes[dim].size for dim in self.dims))
+        else:
+            self.create(group, axes)
+
+
+TEXT = "string"
+PAGE, PAGE_RGB = ("page", "y", "x"), ("page", "y", "x", "band")
+FROM = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}
+
+ARRAYS = (
+    Array("atlas/seed", PAGE_RGB, "uint8", "colour from the facade stages", {"ancillary_variables": "seed_evidence"}),
+    Array("atlas/seed_evidence", PAGE, "uint8", "provenance of seed, 0 where there is none", FROM),
+    Array(
+        "atlas/street",
+        PAGE_RGB,
+        "uint8",
+        "colour from the street stage, Eq. 1",
+        {"ancillary_variables": "street_views"},
+    ),
+    Array("atlas/street_views", PAGE, "uint16", "views blended into street", {"units": "1"}),
+    Array("atlas/colour", PAGE_RGB, "uint8", "resolved colour", {"ancillary_variables": "provenance"}),
+    Array(
+        "atlas/provenance",
+        PAGE,
+        "uint8",
+        "source of colour: " + ", ".join(f"{rank} {source}" for rank, source in enumerate(PROVENANCE)),
+        FROM,
+    ),
+    Array("facade_maps/evidence", PAGE_RGB, "uint8", "facade image before completion"),
+    Array(
+        "facade_maps/labels",
+        PAGE,
+        "uint8",
+        "class id as in facade_core.labels, 255 unknown",
+        {
+            "_FillValue": UNKNOWN,
+            "flag_values": list(range(len(CLASSES))),
+            "flag_meanings": " ".join(CLASSES),
+            "ancillary_variables": "confidence occluded",
+        },
+    ),
+    Array("facade_maps/occluded", PAGE, "bool", "hidden in the facade image"),
+    Array(
+        "facade_maps/confidence",
+        PAGE,
+        "uint8",
+        "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all",
+        {"units": "1"},
+    ),
+    Array(
+        "panoramas/rgb",
+        ("viewpoint", "row", "column", "band"),
+        "uint8",
+        "translated equirectangular panorama; the truth of street texturing",
+    ),
+    Array("hierarchies/data", ("facade",), TEXT, "variation hierarchy of each facade, base64 of its file"),
+)
+
+
+def journal(stage: str) -> Array:
+    """The array of the records of a stage, one a unit."""
+    meaning = f"record of each unit of {stage}, JSON; empty until it is done"
+    return Array(f"journal/{stage}", (_unit(stage),), TEXT, meaning)
+
+
+def create_arrays(
+    group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, crs: str, panorama_width: int
+) -> None:
+    """Empty atlas pages, facade maps, panoramas and journal, for so many units by stage: no chunk is written."""
+    axes = _axes(spec, units, panorama_width)
+    for array in (*ARRAYS, *map(journal, units)):
+        array.create(group, axes)
+    for folder in ("atlas", "facade_maps"):
+        group.require_group(folder).attrs.update(
+            crs=crs, texels_per_metre=spec.texels_per_metre, gutter=spec.gutter, units="texel"
+        )
+    group.require_group("panoramas").attrs.update(crs=crs)
+    for exemplar in range(units["exemplars"]):  # units that run side by side must not create the same group
+        group.create_group(f"exemplars/{exemplar}", overwrite=True)
+    group.attrs.update(format=FORMAT)
+
+
+def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], *, panorama_width: int) -> None:
+    """The arrays of `create_arrays` for other numbers of pages and of units by stage.
+
+    What is in both keeps its content, but for panoramas of another width, which begin anew.
+    """
+    axes = _axes(spec, units, panorama_width)
+    for array in (*ARRAYS, *map(journal, units)):
+        array.fit(group, axes)
+    for exemplar in range(units["exemplars"]):
+        group.require_group(f"exemplars/{exemplar}")
+    group.attrs.update(format=FORMAT)
+
+
+def clear_rasters(group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int]) -> None:
+    """Make the atlas and the facade maps at some charts as they were before anything was written."""
+    arrays = [group[array.path] for array in ARRAYS if array.dims[:3] == PAGE]
+    for chart in charts:
+        one = Rasters.of(placement, [chart])
+        for array in arrays:
+            write_rasters(array, spec, placement, one, np.zeros((one.total, *array.shape[3:]), array.dtype))
+
+
+def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, Axis]:
+    """Every dimension of ARRAYS and of the journal: a chunk is a square of a page, a panorama, or what one unit writes."""
+    return {
+        "page": Axis(spec.pages, 1),
+        "y": Axis(spec.page, spec.chunk),
+        "x": Axis(spec.page, spec.chunk),
+        "band": Axis(3, 3),
+        "row": Axis(panorama_width // 2, panorama_width // 2),
+        "column": Axis(panorama_width, panorama_width),
+        **{_unit(stage): Axis(count, 1) for stage, count in units.items()},
+    }
+
+
+def _unit(stage: str) -> str:
+    return stage.removesuffix("s")

@@ -1,0 +1,66 @@
+"""Runs over stores that earlier versions made: one of this format goes on, one of another begins anew and is said so."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from catalogs.block import Block, read_block
+from facade_core.atlas import FORMAT, commit, open_repository, open_root, read_journal
+from facade_core.errors import FormatError
+from tasks.history import after_viewpoint
+from tasks.keys.runs import run_of
+from tasks.run import Run
+from tasks.stages.ingest import ingest_block
+from tasks.store.wounds import mend
+from tasks.viewing.reading import Reader
+from tests.facade_core.atlas.stores import BUILDINGS, FORMAT_2, STREETS, unpack
+from tests.pipeline.stages import write_block
+
+
+@pytest.fixture
+def before(tmp_path: Path) -> tuple[Run, Block]:
+    """A block whose store revision 6eff616 made, in which the format had no attribute of its own."""
+    out = unpack(FORMAT_2, tmp_path / "out")
+    block = read_block(write_block(tmp_path / "in", buildings=BUILDINGS, streets=STREETS))
+    run = run_of(block, out)
+    assert "format" not in open_root(open_repository(run.store).readonly_session("main")).attrs
+    return run, block
+
+
+def test_a_store_of_before_goes_on(before: tuple[Run, Block]) -> None:
+    run, block = before
+    held = open_root(open_repository(run.store).readonly_session("main"))
+    assert mend(run) == []
+    outline = ingest_block.fn(run, block)
+    assert outline.anew is None
+    assert not outline.skipped
+    group = open_root(open_repository(run.store).readonly_session("main"))
+    assert group.attrs["format"] == FORMAT
+    for stage in ("exemplars", "facades", "viewpoints", "streets"):
+        records = read_journal(group, stage)
+        assert all(records)
+        assert records == read_journal(held, stage)
+    for path in ("atlas/colour", "atlas/provenance", "facade_maps/labels", "panoramas/rgb"):
+        assert held[path][:].any()
+        assert (group[path][:] == held[path][:]).all()
+
+
+def test_a_store_of_another_format_begins_anew(before: tuple[Run, Block]) -> None:
+    run, block = before
+    session = open_repository(run.store).writable_session("main")
+    open_root(session).attrs["format"] = FORMAT + 1
+    commit(session, "as a later version")
+    said = (
+        f"is of format {FORMAT + 1}, and .* reads {FORMAT}; `streetloom run BLOCK.yaml --out {run.out}` makes it anew"
+    )
+    with pytest.raises(FormatError, match=said):
+        Reader(Path(run.out)).view()
+    with pytest.raises(FormatError, match=said):
+        after_viewpoint(run.out, "s1", 0)
+    assert mend(run) == []
+    assert ingest_block.fn(run, block).anew == "another version of Streetloom made the store"
+    group = open_root(open_repository(run.store).readonly_session("main"))
+    assert group.attrs["format"] == FORMAT
+    assert not any(read_journal(group, "facades"))
