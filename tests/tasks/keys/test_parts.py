@@ -1,0 +1,345 @@
+"""Keys change where what they stand on does, and nowhere else: whichever inputs are others, exactly their parts are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field, replace
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+import shapely
+import trimesh
+import zarr
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from facade_core.atlas.journal import STAGES, write_record
+from facade_core.ingest import ingest
+from facade_core.plan import Plan
+from facade_core.types import Building, Pose, Shell, Street
+from tasks.keys.streets import NOT_OF_STREETS, street_keys
+from tasks.keys.units import changed_parts, exemplar_key, facade_keys, parts_key, parts_of, pose_key, texture_key
+from tasks.run import Run
+from tasks.units.imagery import Imagery
+
+RUN = Run(
+    out="/out",
+    block="block",
+    key="k",
+    crs="EPSG:3067",
+    seed=1,
+    texels_per_metre=4.0,
+    panorama_width=128,
+    storey=3.2,
+    walls="translate",
+)
+POSE = Pose(5.0, -3.0, 2.5, 30.0, 1.0, 2.0)
+# Settings that no key of a facade, a pose or an exemplar knows of.
+ELSEWHERE = {"out": "/other", "block": "other", "key": "l", "crs": "EPSG:32635", "ingested": 2.0, "failed_limit": 0.5}
+
+
+def house(name: str, x: float, y: float, height: float = 8.0) -> Building:
+    return Building(name, shapely.box(x, y, x + 10, y + 4), height, "height")
+
+
+def carrying(name: str, x: float, y: float) -> Building:
+    """A house whose walls carry the first of the block's pictures."""
+    box = trimesh.creation.box((10, 4, 8))
+    box.apply_translation((x + 5, y + 2, 4))
+    count = len(box.faces)
+    wall = np.abs(box.face_normals[:, 2]) < 0.5
+    uv = np.broadcast_to(np.float32([[0, 0], [1, 0], [1, 1]]), (count, 3, 2)) * wall[:, None, None]
+    shell = Shell(
+        box.vertices.astype(np.float64),
+        box.faces.astype(np.int32),
+        np.where(wall, 0, 1).astype(np.uint8),
+        np.where(wall, 0, -1).astype(np.int32),
+        uv.astype(np.float32),
+    )
+    return Building(name, shapely.box(x, y, x + 10, y + 4), 8.0, "model", shell=shell)
+
+
+@cache
+def planned(*kinds: str) -> Plan:
+    """House a on a street, or one higher or carrying pictures of its own; another near it, or far behind, and other streets."""
+    first = (
+        house("a", 0, 5, 11.0)
+        if "higher" in kinds
+        else carrying("a", 0, 5)
+        if "carrying" in kinds
+        else house("a", 0, 5)
+    )
+    others = {"near": house("k", 4, 0.5), "far": house("z", 0, 400)}
+    lines = {"1": [(-10, -4), (30, -4)]} | (
+        {"2": [(-20, -14), (-20, 30)], "3": [(40, -14), (40, 30)]} if "streets" in kinds else {}
+    )
+    return ingest(
+        [first, *(building for kind, building in others.items() if kind in kinds)],
+        [Street(name, None, shapely.LineString(line)) for name, line in lines.items()],
+        texels_per_metre=4.0,
+        spacing=12.0,
+        height=2.5,
+        visibility_range=60.0,
+        panorama_width=128,
+        storey=3.2,
+        walls="translate",
+    )
+
+
+@dataclass
+class Inputs:
+    """What the keys of a house, its pictures and an exemplar are made of."""
+
+    folder: Path
+    run: Run = RUN
+    kinds: frozenset[str] = frozenset()
+    pose: Pose = POSE
+    rectified: bool = True
+    exemplar: tuple[int, str] = (0, "brick")
+    exemplars: dict[int, str] = field(default_factory=lambda: {0: "e0", 1: "e1"})
+    files: dict[str, bytes] = field(default_factory=dict)
+
+    def path(self, name: str) -> Path:
+        """A picture, of this content alone: the digest of a file is kept while it is as old and as large."""
+        content = self.files.get(name, b"as it was")
+        folder = self.folder / content.hex()
+        folder.mkdir(exist_ok=True)
+        path = folder / name
+        path.write_bytes(content)
+        return path
+
+    def imagery(self) -> Imagery:
+        panoramas = ((self.path("panorama.jpg"), self.pose),)
+        return Imagery(self.path("photo.jpg"), self.rectified, panoramas, exemplar=self.exemplar)
+
+    def plan(self) -> Plan:
+        return planned(*sorted(self.kinds))
+
+
+def of_run(**values: Any) -> Callable[[Inputs], None]:
+    def change(inputs: Inputs) -> None:
+        inputs.run = replace(inputs.run, **values)
+
+    return change
+
+
+def of_inputs(**values: Any) -> Callable[[Inputs], None]:
+    def change(inputs: Inputs) -> None:
+        for name, value in values.items():
+            setattr(inputs, name, value)
+
+    return change
+
+
+def of_file(name: str) -> Callable[[Inputs], None]:
+    return lambda inputs: inputs.files.update({name: b"another"})
+
+
+def of_kinds(kind: str) -> Callable[[Inputs], None]:
+    def change(inputs: Inputs) -> None:
+        inputs.kinds |= {kind}
+
+    return change
+
+
+def facade_of(inputs: Inputs) -> tuple[str, ...]:
+    plan = inputs.plan()
+    facade = plan.facades.id.index("a-0")
+    return facade_keys(inputs.run, plan, facade, inputs.imagery(), inputs.exemplars, ())
+
+
+def pose_of(inputs: Inputs) -> tuple[str, ...]:
+    plan = replace(inputs.plan(), poses=(inputs.pose,))
+    return (pose_key(inputs.run, plan, 0, inputs.path("panorama.jpg")),)
+
+
+def exemplar_of(inputs: Inputs) -> tuple[str, ...]:
+    return (exemplar_key(inputs.run, inputs.path("exemplar.png")),)
+
+
+def texture_of(inputs: Inputs) -> tuple[str, ...]:
+    inputs.kinds |= {"carrying"}
+    return (texture_key(inputs.run, inputs.plan(), 0, [inputs.path("own.png")]),)
+
+
+AERIAL: Any = SimpleNamespace(content="x", crs="EPSG:3067", frame=None)
+Changes = Mapping[str, tuple[Callable[[Inputs], None], set[str]]]
+NOWHERE: Changes = {name: (of_run(**{name: value}), set()) for name, value in ELSEWHERE.items()}
+# Of the keys of each kind of unit: what is another, how, and the parts of the key that tell.
+CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
+    "facade": (
+        facade_of,
+        {
+            "seed": (of_run(seed=2), {"settings"}),
+            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "walls": (of_run(walls="exemplar"), {"walls"}),
+            "photo": (of_file("photo.jpg"), {"photo"}),
+            "rectified": (of_inputs(rectified=False), {"photo"}),
+            "panorama": (of_file("panorama.jpg"), {"panoramas"}),
+            "pose": (of_inputs(pose=replace(POSE, roll=3.0)), {"panoramas"}),
+            "what is between": (of_kinds("near"), {"between"}),
+            "what is behind": (of_kinds("far"), set()),
+            "the house": (of_kinds("higher"), {"geometry", "between"}),
+            "which exemplar": (of_inputs(exemplar=(1, "plaster")), {"exemplar"}),
+            "the exemplar": (of_inputs(exemplars={0: "f0", 1: "f1"}), {"exemplar"}),
+            "storey": (of_run(storey=4.0), set()),
+        }
+        | NOWHERE,
+    ),
+    "pose": (
+        pose_of,
+        {
+            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "seed": (of_run(seed=2), set()),
+            "panorama": (of_file("panorama.jpg"), {"picture"}),
+            "pose": (of_inputs(pose=replace(POSE, heading=31.0)), {"pose"}),
+            "near": (of_kinds("near"), {"geometry"}),
+            "far": (of_kinds("far"), set()),
+        }
+        | NOWHERE,
+    ),
+    "exemplar": (
+        exemplar_of,
+        {
+            "seed": (of_run(seed=2), {"settings"}),
+            "storey": (of_run(storey=4.0), {"settings"}),
+            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "walls": (of_run(walls="exemplar"), set()),
+            "picture": (of_file("exemplar.png"), {"picture"}),
+        }
+        | NOWHERE,
+    ),
+    "texture": (
+        texture_of,
+        {
+            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "seed": (of_run(seed=2), set()),
+            "picture": (of_file("own.png"), {"own"}),
+            "far": (of_kinds("far"), set()),
+            "from above": (of_run(aerial=AERIAL), {"aerial", "above"}),
+        }
+        | NOWHERE,
+    ),
+}
+
+
+@pytest.mark.parametrize("kind", CHANGES)
+@settings(max_examples=20)
+@given(data=st.data())
+def test_exactly_what_changed_is_told(tmp_path_factory: pytest.TempPathFactory, kind: str, data: st.DataObject) -> None:
+    keys_of, changes = CHANGES[kind]
+    chosen = data.draw(st.lists(st.sampled_from(sorted(changes)), unique=True, max_size=4))
+    folder = tmp_path_factory.mktemp("pictures")
+    before = keys_of(Inputs(folder))
+    assert keys_of(Inputs(folder)) == before
+    inputs = Inputs(folder)
+    for name in chosen:
+        changes[name][0](inputs)
+    now = keys_of(inputs)
+    expected = {part for name in chosen for part in changes[name][1]}
+    assert len(now) == len(before)
+    for key, other in zip(before, now, strict=True):
+        there = parts_of(key).keys() | parts_of(other).keys()
+        assert set(changed_parts(key, other)) == expected & there
+
+
+def test_every_part_of_a_facade_is_changed_by_something(tmp_path: Path) -> None:
+    for kind, (keys_of, changes) in CHANGES.items():
+        parts = {part for key in keys_of(Inputs(tmp_path)) for part in parts_of(key)}
+        assert parts - {"code"} <= {part for _, told in changes.values() for part in told}, kind
+
+
+@settings(max_examples=25)
+@given(
+    st.dictionaries(
+        st.from_regex("[a-z]{1,8}", fullmatch=True),
+        st.text(max_size=5) | st.lists(st.floats(allow_nan=False), max_size=3),
+    ),
+    st.text("0123456789abcdef", min_size=1),
+    st.data(),
+)
+def test_parts_of_a_key_are_told_apart(parts: dict[str, Any], code: str, data: st.DataObject) -> None:
+    parts.pop("code", None)
+    key = parts_key(code, **parts)
+    assert key == parts_key(code, **dict(parts.items()))
+    assert parts_of(key).keys() == {"code", *parts}
+    others = data.draw(st.sets(st.sampled_from(sorted(parts)))) if parts else set()
+    changed = parts | {name: [parts[name]] for name in others}
+    assert changed_parts(key, parts_key(code, **changed)) == sorted(others)
+    assert changed_parts(key, parts_key(code + "0", **changed)) == sorted({"code", *others})
+
+
+def seeded(plan: Plan, digests: Mapping[str, str], passes: Mapping[int, str]) -> Any:
+    """The journal of a block whose facades are done, with what some viewpoints pass on to later streets."""
+    group = zarr.create_group({})
+    counts = {"facades": len(plan.facades.id), "viewpoints": len(plan.viewpoints), "streets": len(plan.streets)}
+    for stage in STAGES:
+        group.create_array(f"journal/{stage}", shape=(counts.get(stage, 0),), chunks=(1,), dtype=str)
+    for facade, chart in enumerate(plan.facades.chart.tolist()):
+        id = f"{plan.ids[chart]:016x}"
+        record = {"unit": plan.facades.id[facade], "key": f"code:0 photo:{facade}", "status": "done"}
+        write_record(group, "facades", facade, record | {"digests": {id: digests.get(id, "as it was")}})
+    for viewpoint in range(len(plan.viewpoints)):
+        record = {"unit": str(viewpoint), "key": "k", "status": "done", "passes": passes.get(viewpoint, "as it was")}
+        write_record(group, "viewpoints", viewpoint, record)
+    return group
+
+
+def first_that_differs(one: tuple[str, ...], other: tuple[str, ...]) -> int:
+    return next((i for i, (a, b) in enumerate(zip(one, other, strict=True)) if a != b), len(one))
+
+
+@settings(max_examples=12)
+@given(st.data())
+def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it(data: st.DataObject) -> None:
+    plan = planned("near", "streets")
+    group = seeded(plan, {}, {})
+    street = data.draw(st.integers(0, len(plan.streets) - 1))
+    before = street_keys(RUN, plan, group, street)
+    assert street_keys(RUN, plan, seeded(plan, {}, {}), street) == before
+    own = [viewpoint.id for viewpoint in plan.of_street(street)]
+    pairs = set(map(tuple, plan.views.tolist()))
+
+    chart = data.draw(st.sampled_from(plan.facades.chart.tolist()))
+    now = street_keys(RUN, plan, seeded(plan, {f"{plan.ids[chart]:016x}": "another"}, {}), street)
+    seen = [(viewpoint, chart) in pairs for viewpoint in own]
+    assert changed_parts(before.street, now.street) == ["seeds"] * any(seen)
+    assert first_that_differs(before.viewpoints, now.viewpoints) == (seen.index(True) if any(seen) else len(own))
+
+    looked = data.draw(st.integers(0, len(own) - 1))
+    looks = tuple("another" if v == own[looked] else look for v, look in enumerate(plan.looks))
+    now = street_keys(RUN, replace(plan, looks=looks), group, street)
+    assert changed_parts(before.street, now.street) == ["views"]
+    first = first_that_differs(before.viewpoints, now.viewpoints)
+    assert first == looked
+    assert not set(now.viewpoints[first:]) & set(before.viewpoints), "each stands on the one before it"
+
+    name, value = data.draw(
+        st.sampled_from(
+            [("seed", 2), ("levelling", False), ("panorama_width", 256), ("walls", "x"), *ELSEWHERE.items()]
+        )
+    )
+    now = street_keys(replace(RUN, **{name: value}), plan, group, street)
+    assert changed_parts(before.street, now.street) == ([] if name in NOT_OF_STREETS else ["settings"])
+    assert (now == before) == (name in NOT_OF_STREETS)
+
+
+def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
+    plan = planned("near", "streets")
+    assert len({*plan.wave.tolist()}) > 1
+    for street in range(len(plan.streets)):
+        before = street_keys(RUN, plan, seeded(plan, {}, {}), street)
+        mine = plan.street_charts[plan.street_charts[:, 0] == street, 1]
+        told = set()
+        for viewpoint in plan.viewpoints:
+            now = street_keys(RUN, plan, seeded(plan, {}, {viewpoint.id: "another"}), street)
+            shown = plan.views[plan.views[:, 0] == viewpoint.id, 1]
+            shares = np.isin(shown, mine) & plan.writable[shown]
+            earlier = bool(plan.wave[viewpoint.street] < plan.wave[street] and shares.any())
+            assert changed_parts(before.street, now.street) == ["earlier"] * earlier
+            told.add(earlier)
+        assert told == ({False} if plan.wave[street] == plan.wave.min() else {False, True})
