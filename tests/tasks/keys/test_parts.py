@@ -81,7 +81,7 @@ def planned(*kinds: str) -> Plan:
         [first, *(building for kind, building in others.items() if kind in kinds)],
         [Street(name, None, shapely.LineString(line)) for name, line in lines.items()],
         texels_per_metre=4.0,
-        spacing=12.0,
+        spacing=6.0,
         height=2.5,
         visibility_range=60.0,
         panorama_width=128,
