@@ -12,17 +12,7 @@ from urllib.parse import quote
 
 from markupsafe import Markup
 
-from catalogs.features import file_stem
 from catalogs.visible import visible
-
-# Stages in their order with what a reader should see; a picture that does not exist is left out.
-STAGES = (
-    ("hidden", "Photo, hidden part tinted"),
-    ("parse", "Parse and lattice"),
-    ("result", "Texture"),
-    ("level", "Variation level"),
-    ("sample", "Sampled variation"),
-)
 
 
 def write_report(
@@ -34,18 +24,22 @@ def write_report(
     records: Mapping[str, Mapping[str, Any]],
     streets: Sequence[Mapping[str, Any]],
     viewpoints: Sequence[Mapping[str, Any]],
+    views: Sequence[str],
     panoramas: Sequence[tuple[str, str]],
+    sheets: Mapping[str, Sequence[tuple[str, str]]],
     poses: Sequence[Mapping[str, Any]],
     heights: Mapping[str, int],
 ) -> None:
-    """Write index.html into `folder`, beside its images/ (which are looked for, not made)."""
+    """Write index.html into `folder`, beside its images/, which are there already.
+
+    Those are given by their names: views along streets, panoramas (name, title), and by facade its sheets (name, title).
+    """
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
         loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=_shown, undefined=StrictUndefined
     )
-    images = sorted((folder / "images").iterdir())
-    facades = [_facade(row, records.get(row["id"], {}), images) for row in rows]
+    facades = [_facade(row, records.get(row["id"], {}), sheets.get(row["id"], ())) for row in rows]
     style = (Path(__file__).parent / "report.css").read_text(encoding="utf-8")
     page = environment.get_template("report.html.j2").render(
         style=Markup(style),
@@ -54,10 +48,10 @@ def write_report(
         facades=facades,
         set_aside=set_aside,
         streets=streets,
-        panoramas=panoramas,
+        panoramas=[(title, f"images/{name}") for name, title in panoramas],
         poses=poses,
         heights=heights,
-        views=[f"images/{image.name}" for image in images if image.name.startswith("street-")],
+        views=[f"images/{name}" for name in views],
         timings=[*_timings("facade", records.values()), *_timings("viewpoint", viewpoints)],
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
@@ -68,15 +62,8 @@ def _shown(value: Any) -> Any:
     return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
-def _facade(row: Mapping[str, Any], record: Mapping[str, Any], images: Sequence[Path]) -> dict[str, Any]:
-    pictures = []
-    stem = file_stem(row["id"])
-    for stage, title in STAGES:
-        for image in images:
-            if not image.name.startswith(f"{stem}-{stage}"):
-                continue
-            level = image.stem.rsplit("-", 1)[-1] if stage == "level" else ""
-            pictures.append({"path": f"images/{quote(image.name)}", "title": f"{title} {level}".strip()})
+def _facade(row: Mapping[str, Any], record: Mapping[str, Any], sheets: Sequence[tuple[str, str]]) -> dict[str, Any]:
+    pictures = [{"path": f"images/{quote(name)}", "title": title} for name, title in sheets]
     return {"row": row, "pictures": pictures, "seconds": record.get("seconds", {})}
 
 

@@ -3,7 +3,7 @@
 from facade_core.export.camera import Camera, aerial, street_level
 from facade_core.export.fill import fill_unseen
 from facade_core.export.gltf import write_glb
-from facade_core.export.picture import Picture, aim, draw_facade, overlay_hidden
+from facade_core.export.picture import Picture, aim, draw_facade, draw_layout, overlay_hidden
 
 __all__ = [
     "Camera",
@@ -11,6 +11,7 @@ __all__ = [
     "aerial",
     "aim",
     "draw_facade",
+    "draw_layout",
     "fill_unseen",
     "overlay_hidden",
     "street_level",

@@ -2,18 +2,24 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from facade_core.export.camera import Camera
 from facade_core.geometry.raycast import MISS
-from facade_core.labels import colourise
+from facade_core.labels import CLASSES, COLOURS, colourise
 from facade_core.street.scene import Scene
 from facade_core.types import Lattice
 
 # Pixels to a side of the squares in which what hides a wall is shown.
 MOSAIC = 12
+# An element of which more than this share was hidden comes from the completed layout.
+COMPLETED = 0.3
+# Layouts are drawn at least so many pixels high: lines over small facades stay thin.
+LAYOUT_HEIGHT = 480
 SKY_HIGH, SKY_LOW = np.array([126, 168, 214]), np.array([226, 234, 240])
 
 
@@ -76,3 +82,23 @@ def overlay_hidden(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
     tinted = image.copy()
     tinted[hidden] = (0.45 * mosaic[hidden] + 0.55 * np.array([214, 52, 44])).astype(np.uint8)
     return tinted
+
+
+def draw_layout(image: np.ndarray, hidden: np.ndarray, elements: Sequence[Sequence[Any]]) -> np.ndarray:
+    """Elements over a texture (h, w, 3): outlined where they were seen, filled where the completed layout put them.
+
+    elements: rows of label, x0, y0, x1, y1 in texels and confidence. The texture is enlarged by a whole number.
+    """
+    import cv2
+
+    times = max(1, -(-LAYOUT_HEIGHT // image.shape[0]))
+    drawn = np.repeat(np.repeat(image, times, axis=0), times, axis=1)
+    for name, *box, _ in elements:
+        x0, y0, x1, y1 = (round(value) for value in box)
+        colour = COLOURS[CLASSES.index(name)] if name in CLASSES else np.full(3, 128, np.uint8)
+        part = hidden[max(0, y0) : y1, max(0, x0) : x1]
+        if part.size and part.mean() > COMPLETED:
+            area = drawn[max(0, y0) * times : y1 * times, max(0, x0) * times : x1 * times]
+            area[:] = (0.45 * area + 0.55 * colour).astype(np.uint8)
+        cv2.rectangle(drawn, (x0 * times, y0 * times), (x1 * times - 1, y1 * times - 1), colour.tolist(), 2)
+    return drawn

@@ -73,7 +73,7 @@ def application(out: Path, host: str, bound: str) -> Starlette:
         record = view.records[index] or {}
         return JSONResponse(
             {
-                "stages": [{"stage": stage, "title": title} for stage, title in stages(view, index)],
+                "stages": [{"stage": stage.name, "title": stage.title} for stage in stages(view, index)],
                 "elements": record.get("elements", []),
                 "seconds": record.get("seconds", {}),
                 "reason": record.get("reason"),

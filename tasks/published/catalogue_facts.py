@@ -15,16 +15,15 @@ import shapely
 
 from catalogs.block.sources import sources_of
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
-from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export.footprints import footprints
 from facade_core.export.models import textured_scene
 from facade_core.layout.model import SHIPPED as LAYOUTS
 from facade_core.parse.network import SHIPPED as NETWORK
 from facade_core.plan import Plan
 from facade_core.street.neural import SHIPPED as TRANSLATOR
-from tasks.published.facade_report import made_at
+from tasks.published.rows import Rows, made_at
+from tasks.published.stored import StoredBlock
 from tasks.run import Run
-from tasks.store.standing import made_by
 
 Records = Sequence[Mapping[str, Any] | None]
 # A footprint's outline in the catalogue may be off by this.
@@ -71,32 +70,26 @@ OF_STREETS = Shipped(
 
 
 def block_facts(
-    run: Run,
-    plan: Plan,
-    group: StoreGroup,
-    snapshot: str,
-    rows: Sequence[Mapping[str, Any]],
-    updated: datetime,
-    block_file: Path | None,
+    run: Run, block: StoredBlock, snapshot: str, rows: Rows, updated: datetime, block_file: Path | None
 ) -> BlockFacts:
-    """rows: the items of the facades. block_file: what the block was read from, for its sources; None: they are not known."""
+    """block_file: what the block was read from, for its sources; None: they are not known."""
+    plan, group = block.plan, block.group
     outlines = list(footprints(textured_scene(plan.scene, lambda page: np.empty((0, 0, 3), np.uint8))).values())
-    done = sum(row["status"] == "done" for row in rows)
     return BlockFacts(
         name=run.block,
         crs=run.crs,
         snapshot=snapshot,
-        code_version=made_by(group),
+        code_version=block.version,
         config_digest=run.key,
         updated=updated,
         footprint=_outline(outlines) if outlines else None,
         counts={
             "buildings": len(outlines),
-            "facades_done": done,
-            "facades_failed": len(rows) - done,
+            "facades_done": rows.done,
+            "facades_failed": rows.failed,
             "streets": len(plan.streets),
             "viewpoints": len(plan.viewpoints),
-            "windows": sum(row["windows"] or 0 for row in rows),
+            "windows": sum(row["windows"] or 0 for row in rows.facades),
         },
         settings={
             "texture.texels_per_metre": run.texels_per_metre,

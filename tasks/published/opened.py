@@ -8,31 +8,25 @@ from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.published.runs import runs_in
 from catalogs.published.snapshot import Snapshot, current
-from facade_core.errors import InputError
-from facade_core.plan import Plan
+from facade_core.errors import FormatError, InputError
 from facade_core.types import Element
+from tasks.published.stored import StoredBlock, stored_block
 
 if TYPE_CHECKING:
-    from facade_core.atlas.zarr_types import StoreGroup
     from facade_core.export.models import Textured
 
 
 @dataclass(frozen=True)
-class Published:
-    """A published snapshot: its files, its store's root group and plan, the buildings' table (id, name, height, levels ...),
-    and the journal's record of every facade, None where there is none."""
+class Published(StoredBlock):
+    """A block as a published snapshot holds it, and that snapshot's files."""
 
     snapshot: Snapshot[Path]
-    group: StoreGroup
-    plan: Plan
-    buildings: Any
-    records: Sequence[dict[str, Any] | None]
 
     @property
     def block(self) -> str:
@@ -41,11 +35,6 @@ class Published:
     @property
     def crs(self) -> str:
         return str(self.group.attrs["crs"])
-
-    @cached_property
-    def names(self) -> dict[int, str]:
-        """Building -> its id."""
-        return dict(enumerate(map(str, self.buildings.id.values)))
 
     @cached_property
     def textured(self) -> Textured:
@@ -106,18 +95,12 @@ def published(out: Path) -> Iterator[Published]:
 def _opened(snapshot: Snapshot[Path]) -> Published:
     import icechunk
 
-    from facade_core.atlas.journal import read_journal
-    from facade_core.atlas.plan_tables import read_plan
-    from facade_core.atlas.store import open_root, open_table
-
     session = snapshot.session()
     try:
-        group = open_root(session)
-        plan = read_plan(session, float(cast(float, group["atlas"].attrs["texels_per_metre"])))
-        buildings, records = open_table(session, "buildings").load(), read_journal(group, "facades")
-    except (icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
+        stored = stored_block(session)
+    except (FormatError, icechunk.IcechunkError, ValueError, KeyError, AttributeError, FileNotFoundError) as error:
         raise snapshot.unreadable(error) from error
-    missing = [page for page in range(plan.scene.spec.pages) if not snapshot.page(page).is_file()]
+    missing = [page for page in range(stored.plan.scene.spec.pages) if not snapshot.page(page).is_file()]
     if missing:
         raise InputError(f"{snapshot.page(missing[0])} is missing; {snapshot.remedy}")
-    return Published(snapshot, group, plan, buildings, records)
+    return Published(stored.group, stored.plan, stored.buildings, snapshot)

@@ -21,7 +21,8 @@ from facade_core.errors import InputError, StoreError
 from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
 from tasks.outcome import refused
-from tasks.published.facade_report import chart_raster, facts
+from tasks.published.facade_stages import StoredFacade
+from tasks.published.rows import facts
 
 # What a facade may be coloured by: not what names it, nor where it lies.
 _NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest", "reason", "parents", *BBOX}
@@ -88,9 +89,11 @@ class View:
             raise InputError(f"no facade {facade} in this block; its page lists those there are")
         return self.facade_number[facade]
 
-    def rasters(self, index: int, name: str) -> np.ndarray:
-        """The texels (h, w, ...) of facade number `index` in an array of the store, such as facade_maps/labels."""
-        return chart_raster(self.group, self.tables.placement, int(self.tables.facades.chart[index]), name)
+    def facade(self, index: int) -> StoredFacade:
+        """Facade number `index`."""
+        chart = int(self.tables.facades.chart[index])
+        exemplars = [record["unit"] if record else "" for record in self.journals["exemplars"]]
+        return StoredFacade(self.group, self.tables.placement, index, chart, self.records[index], exemplars)
 
     def overview(self) -> dict[str, Any]:
         """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the viewpoints."""

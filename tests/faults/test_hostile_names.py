@@ -67,7 +67,7 @@ def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
         for module in ("limits", "pictures.folders"):
             patch.setattr(f"catalogs.readers.{module}.one_line", lambda text: text)
         textured: Textured = texture(block, top / "out")
-        patch.setattr("tasks.stages.publish._aim", lambda plan, records: {})  # pictures take most of the time
+        patch.setattr("tasks.stages.publish.aim_views", lambda block: {})  # views take most of the time
         summary = publish_block.fn(textured.run, block)
     published = top / "out" / "published" / (top / "out" / "current").read_text().strip()
     yield SimpleNamespace(top=top, out=top / "out", names=names, run=textured.run, summary=summary, published=published)

@@ -24,7 +24,7 @@ from tasks.published.catalogue_facts import (
     run_facts,
     street_facts,
 )
-from tasks.published.facade_report import facts
+from tasks.published.rows import facts
 
 START = 1_800_000_000.0
 

@@ -1,87 +1,83 @@
-"""What the catalogue and the report say and show of each facade."""
+"""What the catalogue and the report say of each facade, and of what was set aside."""
 
 from __future__ import annotations
 
-import base64
-from collections.abc import Mapping, Sequence
+import json
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
-from catalogs.features import file_stem
 from catalogs.published.items import ROW_KEYS
-from facade_core.atlas.rasters import Rasters, read_rasters
-from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.export import draw_facade, overlay_hidden
+from facade_core.atlas.journal import atlas_digest
 from facade_core.facades import Facades
-from facade_core.geometry.packing import Placement
-from facade_core.plan import Plan
-from facade_core.types import Lattice
-from facade_core.variation import Hierarchy, draw_level
+from tasks.published.stored import StoredBlock
 from tasks.run import Run
 
-if TYPE_CHECKING:
-    import xarray as xr
-
-# Levels of the hierarchy that the report draws.
-LEVELS_SHOWN = 3
-# Sampled variations that the report draws.
-SAMPLES_SHOWN = 3
+# Of the stages whose units can be set aside, what a unit is of.
+KINDS = {"poses": "panorama", "exemplars": "exemplar", "textures": "building"}
 # A facade of which more than this share was hidden, or of whose elements the parser was less sure on average, wants a look.
 HIDDEN, SURE = 0.5, 0.5
 
 
-def chart_raster(group: StoreGroup, placement: Placement, chart: int, name: str) -> np.ndarray:
-    """The texels (h, w, ...) of a chart in an array of the store, such as facade_maps/labels."""
-    flat = read_rasters(group[name], placement, Rasters.of(placement, [chart]))
-    return flat.reshape(int(placement.height[chart]), int(placement.width[chart]), *flat.shape[1:])
+@dataclass(frozen=True)
+class Rows:
+    """The rows of items.parquet: of the facades in their order, and of what is no facade and could not be used."""
+
+    facades: list[dict[str, Any]]
+    set_aside: list[dict[str, Any]]
+
+    @property
+    def every(self) -> list[dict[str, Any]]:
+        return self.facades + self.set_aside
+
+    @property
+    def done(self) -> int:
+        """How many facades are done."""
+        return sum(row["status"] == "done" for row in self.facades)
+
+    @property
+    def failed(self) -> int:
+        """How many facades are not."""
+        return len(self.facades) - self.done
 
 
-def facade_sheets(group: StoreGroup, plan: Plan, records: Sequence[dict[str, Any] | None], folder: Path) -> None:
-    """One WebP per facade and stage: evidence, hidden, parse with lattice, levels of the hierarchy, samples, the result."""
-    for index, record in enumerate(records):
-        if record is None or "lattice" not in record:
-            continue
-        chart = int(plan.facades.chart[index])
-
-        def raster(name: str, chart: int = chart) -> np.ndarray:
-            return chart_raster(group, plan.scene.placement, chart, name)
-
-        lattice = Lattice(tuple(record["lattice"]["rows"]), tuple(record["lattice"]["columns"]))
-        hierarchy = Hierarchy.from_bytes(base64.b64decode(group["hierarchies/data"][index].item()))
-        stages = {
-            "parse": draw_facade(raster("facade_maps/labels"), lattice),
-            "result": raster("atlas/seed"),
-        }
-        for seed in range(SAMPLES_SHOWN):
-            stages["sample" if seed == 0 else f"sample-{seed}"] = hierarchy.sample(len(hierarchy.levels) // 2, seed)
-        hidden = raster("facade_maps/occluded")
-        if hidden.any():
-            stages["hidden"] = overlay_hidden(raster("facade_maps/evidence"), hidden)
-        for level in shown_levels(len(hierarchy.levels)):
-            stages[f"level-{level}"] = draw_level(hierarchy, level)
-        for stage, image in stages.items():
-            _save(folder / f"{file_stem(record['unit'])}-{stage}.webp", image)
+def rows_of(run: Run, block: StoredBlock) -> Rows:
+    """What the catalogue says of a block's units."""
+    return Rows(_facade_rows(run, block), _set_aside_rows(run, block))
 
 
-def shown_levels(levels: int) -> list[int]:
-    """The levels of a hierarchy that are drawn: the first, the last, and what fits between."""
-    return sorted({round(i * (levels - 1) / max(1, LEVELS_SHOWN - 1)) for i in range(LEVELS_SHOWN)})
+def write_masked(path: Path, records: Sequence[dict[str, Any] | None]) -> None:
+    """Write the facades whose imagery showed things in front: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
+    regions = [
+        {"facade": record["unit"], "source": record["source"], "boxes": record["masked"]}
+        for record in records
+        if record and record.get("masked")
+    ]
+    path.write_text(json.dumps(regions, indent=1))
 
 
-def item_rows(
-    run: Run,
-    plan: Plan,
-    buildings: xr.Dataset,
-    records: Sequence[dict[str, Any] | None],
-    code_version: str,
-    ingested: datetime,
-) -> list[dict[str, Any]]:
-    """One row per facade, in the order of the facades; a facade without a record counts as failed when it was ingested."""
+def write_summary(path: Path, block: StoredBlock, rows: Rows) -> dict[str, Any]:
+    """Write what a block comes to, and return it."""
+    summary = {
+        "block": block.group.attrs["block"],
+        "facades_done": rows.done,
+        "facades_failed": rows.failed,
+        "viewpoints": len(block.journals["viewpoints"]),
+        "atlas_digest": atlas_digest(block.group),
+    }
+    path.write_text(json.dumps(summary, indent=1))
+    return summary
+
+
+def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
+    """One row per facade; one without a record counts as failed when it was ingested."""
     from shapely import LineString
 
+    plan, buildings = block.plan, block.buildings
     facades, charts = plan.facades, plan.scene.charts
     heights = list(map(str, buildings.height_source.values))
     rows = []
@@ -90,7 +86,7 @@ def item_rows(
         start = charts.origin[chart, :2]
         end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
         normal = charts.normal()[chart]
-        record = records[index] or {"status": "failed", "reason": "not processed"}
+        record = block.records[index] or {"status": "failed", "reason": "not processed"}
         street = plan.streets[int(facades.street[index])]
         rows.append(
             {
@@ -103,10 +99,10 @@ def item_rows(
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
                 **facts(facades, index, record, heights[int(facades.building[index])]),
                 "parents": _parents(run.block, str(buildings.id.values[facades.building[index]]), street.id, record),
-                "updated": made_at(record) or ingested,
+                "updated": made_at(record) or block.ingested,
                 "status": record["status"],
                 "reason": record.get("reason"),
-                "code_version": code_version,
+                "code_version": block.version,
                 "config_digest": run.key,
             }
         )
@@ -157,15 +153,6 @@ def _parents(block: str, building: str, street: str, record: Mapping[str, Any]) 
     return ", ".join([f"block/{block}", f"building/{building}", f"street/{street}", *images])
 
 
-def masked_regions(records: Sequence[dict[str, Any] | None]) -> list[dict[str, Any]]:
-    """The facades whose imagery showed things in front: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
-    return [
-        {"facade": record["unit"], "source": record["source"], "boxes": record["masked"]}
-        for record in records
-        if record and record.get("masked")
-    ]
-
-
 def made_at(record: Mapping[str, Any] | None) -> datetime | None:
     """When the unit of a journal record was finished."""
     if record is None or "started" not in record:
@@ -173,20 +160,31 @@ def made_at(record: Mapping[str, Any] | None) -> datetime | None:
     return datetime.fromtimestamp(record["started"] + sum(record.get("seconds", {}).values()), UTC)
 
 
-def set_aside_rows(
-    run: Run, units: Sequence[tuple[str, str, str]], code_version: str, ingested: datetime
-) -> list[dict[str, Any]]:
-    """One row per unit (kind, id, reason) that is no facade and could not be used."""
+def _set_aside_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
     known = {
         "block": run.block,
         "status": "failed",
-        "code_version": code_version,
+        "code_version": block.version,
         "config_digest": run.key,
-        "updated": ingested,
+        "updated": block.ingested,
     }
     return [
-        dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason} for kind, unit, reason in units
+        dict.fromkeys(ROW_KEYS) | known | {"id": unit, "kind": kind, "reason": reason}
+        for kind, unit, reason in _set_aside(block)
     ]
+
+
+def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
+    """Kind, id and reason of what is no facade and could not be used, or is out of date."""
+    yield from block.group.attrs["set_aside"]
+    for stage, kind in KINDS.items():
+        for record in block.journals[stage]:
+            if record and record["status"] == "failed":
+                yield kind, record["unit"], record["reason"]
+    for record in block.journals["streets"]:
+        if record and record["status"] in ("stale", "failed"):
+            stale = "stale: " if record["status"] == "stale" else ""
+            yield "street", record["unit"], f"{stale}{record['reason']}"
 
 
 _SHARES = ("translated", "synthesised", "inpainted", "photo")
@@ -204,9 +202,3 @@ _FROM_RECORD = (
     "variation_bytes",
     "layout_score",
 )
-
-
-def _save(path: Path, image: np.ndarray) -> None:
-    from PIL import Image
-
-    Image.fromarray(image).save(path, "WEBP", quality=82, method=2)

@@ -1,0 +1,36 @@
+"""What the report is made of."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+from catalogs.published.report import write_report
+from tasks.published.images import Images
+from tasks.published.rows import Rows
+from tasks.published.stored import StoredBlock
+from tasks.run import Run
+
+
+def write_block_report(
+    folder: Path, run: Run, block: StoredBlock, rows: Rows, summary: Mapping[str, Any], images: Images
+) -> None:
+    """Write the report into its folder, in which its images are already."""
+    journals = {stage: [record for record in journal if record] for stage, journal in block.journals.items()}
+    notes = block.group.attrs.get("notes", [])
+    write_report(
+        folder,
+        summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
+        rows=rows.facades,
+        set_aside=rows.set_aside,
+        records={record["unit"]: record for record in journals["facades"]},
+        streets=journals["streets"],
+        viewpoints=journals["viewpoints"],
+        poses=[record for record in journals["poses"] if record["status"] == "done"],
+        heights=Counter(map(str, block.buildings.height_source.values)),
+        views=images.views,
+        panoramas=images.panoramas,
+        sheets=images.sheets,
+    )

@@ -1,0 +1,59 @@
+"""A block as one snapshot of its store holds it."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from functools import cached_property
+from typing import TYPE_CHECKING, Any, cast
+
+from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.store import open_root, open_table
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.plan import Plan
+from tasks.store.standing import made_by
+
+if TYPE_CHECKING:
+    import icechunk
+    import xarray as xr
+
+
+@dataclass(frozen=True)
+class StoredBlock:
+    """A block as a snapshot of its store holds it: root group, plan, and the table of its buildings (id, height ...)."""
+
+    group: StoreGroup
+    plan: Plan
+    buildings: xr.Dataset
+
+    @cached_property
+    def journals(self) -> dict[str, list[dict[str, Any] | None]]:
+        """Stage -> the record of every unit, None where there is none."""
+        return {stage: read_journal(self.group, stage) for stage in STAGES}
+
+    @property
+    def records(self) -> list[dict[str, Any] | None]:
+        """Those of the facades."""
+        return self.journals["facades"]
+
+    @cached_property
+    def names(self) -> dict[int, str]:
+        """Building -> its id."""
+        return dict(enumerate(map(str, self.buildings.id.values)))
+
+    @cached_property
+    def version(self) -> str:
+        """That of the code that made it."""
+        return made_by(self.group)
+
+    @property
+    def ingested(self) -> datetime:
+        return datetime.fromtimestamp(float(cast(float, self.group.attrs["ingested"])), UTC)
+
+
+def stored_block(session: icechunk.Session) -> StoredBlock:
+    """The block in a session's snapshot. Raises as Icechunk, zarr and the tables do where that is none of this version."""
+    group = open_root(session)
+    plan = read_plan(session, float(cast(float, group["atlas"].attrs["texels_per_metre"])))
+    return StoredBlock(group, plan, open_table(session, "buildings").load())

@@ -1,0 +1,67 @@
+"""The stages of facades are shown alike wherever they are: the report's files and page, STAC's assets, the viewer."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import lxml.html
+import numpy as np
+import pytest
+from PIL import Image
+
+from catalogs.features import file_stem
+from tasks.published.facade_stages import shown_levels, stages_of
+from tasks.viewing import Reader, View
+from tasks.viewing.pictures import picture, stages
+
+
+@pytest.fixture(scope="module")
+def view(undisturbed: tuple[Path, dict[str, Any]]) -> View:
+    return Reader(undisturbed[0]).view()
+
+
+def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
+    view: View, undisturbed: tuple[Path, dict[str, Any]]
+) -> None:
+    report = Path(undisturbed[1]["outputs"]["report"])
+    page = lxml.html.document_fromstring(report.read_text("utf-8"))
+    shown = {one.get("id"): one.findall(".//figure") for one in page.iter("details")}
+    files = set()
+    for index, facade in enumerate(view.tables.facades.id):
+        declared = [stage.report for stage in stages_of(view.facade(index)) if stage.report]
+        assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
+        names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
+        assert [figure.find("img").get("src") for figure in shown[facade]] == [f"images/{name}" for name in names]
+        files |= set(names)
+        building = view.tables.buildings[int(view.tables.facades.building[index])]
+        item = report.parents[1] / "stac" / "facades" / file_stem(building) / f"{file_stem(facade)}.json"
+        assets = json.loads(item.read_text())["assets"]
+        assert set(assets) == {stage.name for stage in declared}
+        assert [name for name, asset in assets.items() if "thumbnail" in asset["roles"]] == ["result"]
+    assert files == {path.name for path in (report.parent / "images").glob("*.webp")}
+
+
+def test_both_draw_the_same_picture_of_a_stage_that_both_show(
+    view: View, undisturbed: tuple[Path, dict[str, Any]]
+) -> None:
+    images = Path(undisturbed[1]["outputs"]["report"]).parent / "images"
+    index = next(i for i, record in enumerate(view.records) if record and record.get("occluded"))
+    both = [(stage.viewer, stage.report) for stage in stages_of(view.facade(index)) if stage.viewer and stage.report]
+    assert [here.name for here, _ in both] == ["hidden", "lattice", "texture", "sample"]
+    for here, there in both:
+        kept = np.asarray(Image.open(images / f"{file_stem(view.tables.facades.id[index])}-{there.name}.webp"))
+        assert np.abs(picture(view, index, here.name).astype(int) - kept).mean() < 8, here.name
+
+
+def test_a_facade_that_is_not_done_has_none(view: View) -> None:
+    view.journals["facades"][0], record = {"status": "failed"}, view.journals["facades"][0]
+    assert stages(view, 0) == []
+    view.journals["facades"][0] = record
+    names = [stage.name for stage in stages(view, 0)]
+    assert len(set(names)) == len(names) > 6
+
+
+def test_the_levels_of_the_report() -> None:
+    assert [shown_levels(n) for n in (0, 1, 2, 3, 12)] == [[], [0], [0, 1], [0, 1, 2], [0, 6, 11]]
