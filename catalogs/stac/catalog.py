@@ -10,7 +10,7 @@ from pathlib import Path
 from urllib.parse import quote
 
 from catalogs.published.runs import Run, runs_in
-from catalogs.published.snapshot import current
+from catalogs.published.snapshot import Snapshot, current
 from catalogs.stac.snapshot import collections_in, to_json
 from catalogs.stac.versions import supersede
 from facade_core.errors import InputError
@@ -18,23 +18,33 @@ from facade_core.errors import InputError
 CATALOG = "catalog.json"
 
 
-def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = None) -> Path:
+def write_catalog(
+    folder: Path | str,
+    *,
+    note: Callable[[str], None] | None = None,
+    newest: Callable[[Path], Snapshot] = current,
+) -> Path:
     """Write folder/catalog.json, of a run or of a folder of runs, in one step: a reader sees the old file or the new one.
 
     A run's has the Collections as children that `current` leads to, and the STAC files of older snapshots are marked as
     deprecated. A folder's has one child per run in it, at most two levels down: the run's own catalog.json, which is mended
-    where it is missing or old. note is told of each run that is left out, in one line. Raises InputError where nothing is
-    published.
+    where it is missing or old.
+
+    Args:
+        note: is told of each run that is left out, in one line.
+        newest: says which snapshot of a run is published, and is asked until it says the same twice.
+
+    Raises InputError where nothing is published.
     """
     folder = Path(folder)
     runs, left_out = runs_in(folder)
     if runs and runs[0].folder == folder:
-        _write_run(runs[0])
+        _write_run(runs[0], newest)
         return folder / CATALOG
     children = []
     for run in runs:
         try:
-            _write_run(run)
+            _write_run(run, newest)
             # a run's folder may have a name that means something in a link
             children.append((f"./{re.sub('[%?#]', lambda sign: quote(sign[0]), run.name)}/{CATALOG}", run.name))
         except (InputError, OSError) as error:
@@ -48,10 +58,10 @@ def write_catalog(folder: Path | str, *, note: Callable[[str], None] | None = No
     return folder / CATALOG
 
 
-def _write_run(run: Run) -> None:
+def _write_run(run: Run, newest: Callable[[Path], Snapshot]) -> None:
     """Until `current` stays: of two that write at once, the last sees the newest snapshot."""
     snapshot = None
-    while snapshot != (snapshot := current(run.folder)):
+    while snapshot != (snapshot := newest(run.folder)):
         collections = collections_in(snapshot.folder)
         missing = [path for _, path in collections if not path.is_file()]
         if missing:

@@ -1,6 +1,6 @@
 """Units on the workers of a Dask scheduler, through the loss of some of them.
 
-A watcher looks at the scheduler's view of its workers every LOOK_S. What lies on a worker that is gone, or gives no sign, is
+A watcher looks at the scheduler's view of its workers again and again. What lies on a worker that is gone, or gives no sign, is
 placed anew, under a key of its own; what takes longer than the deadline of its stage is tried on another worker too. The first
 copy of a unit that ends counts, and what the others make is never asked for.
 """
@@ -22,16 +22,13 @@ from facade_core.errors import FacadeError, MachineError
 from tasks.compute.attempts import Copy, Unit, fetched
 from tasks.compute.deadlines import Deadlines
 from tasks.compute.leases import Forget, Lease, Leases
+from tasks.compute.patience import USUAL, Patience
 from tasks.compute.scheduler_view import Roll, View, Worker, look, restart
 from tasks.compute.workers import timed_unit
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-# Seconds between two looks at the scheduler; for it to answer one; and without an answer until it is given up.
-LOOK_S, ANSWER_S, PATIENCE_S = 2.0, 30.0, 300.0
-# Seconds that a cluster may be without any worker: one that is started anew, by its nanny or by a scaler, needs some.
-EMPTY_S = 120.0
 # Workers that may go away under a unit until it is suspected.
 DEATHS = 1
 
@@ -39,6 +36,10 @@ OVERRAN = "the run took longer than its deadline; run again to go on from here"
 REMEDY = "start some (`dask worker ADDRESS`) and run again"
 
 log = logging.getLogger(__name__)
+
+
+# Asks a scheduler for its view of the workers: the client, and the seconds within which it is to answer.
+Look = Callable[["Client", float], View]
 
 
 class ClusterGone(MachineError):
@@ -64,16 +65,19 @@ class Cluster:
     there were at the last look.
     """
 
-    def __init__(self, client: Client, until: float | None = None) -> None:
+    def __init__(
+        self, client: Client, until: float | None = None, *, look: Look = look, patience: Patience = USUAL
+    ) -> None:
         self._client, self._until = client, until
+        self._look, self._patience = look, patience
         self._changed = threading.Condition()  # holds for all that follows
-        self._roll = Roll(look(client, ANSWER_S))
+        self._roll = Roll(look(client, patience.answer), patience)
         self._units: set[Unit] = set()
         self._leases, self._names = Leases(), itertools.count(1)
         self._forgetting: list[Future] = []
         self._over: FacadeError | None = None
         self._suspects = threading.Lock()
-        self._deadlines = Deadlines()
+        self._deadlines = Deadlines(patience)
         self._closed = threading.Event()
         self._watcher = threading.Thread(target=self._watch, name="watch the cluster", daemon=True)
         self._watcher.start()
@@ -81,7 +85,7 @@ class Cluster:
     def close(self) -> None:
         """Stop looking."""
         self._closed.set()
-        self._watcher.join(LOOK_S)  # a scheduler that is gone may be long in not answering
+        self._watcher.join(self._patience.look)  # a scheduler that is gone may be long in not answering
 
     @property
     def memory(self) -> int:
@@ -149,7 +153,7 @@ class Cluster:
         with self._changed:
             self._check()
             while not self._leases.take(name, lease, self._roll.usable):
-                self._changed.wait(timeout=LOOK_S)
+                self._changed.wait(timeout=self._patience.look)
                 self._check()
         try:
             yield name
@@ -256,10 +260,10 @@ class Cluster:
 
     def _watch(self) -> None:
         last = answered = time.monotonic()
-        while not self._closed.wait(LOOK_S):
+        while not self._closed.wait(self._patience.look):
             view = None
             try:
-                view = look(self._client, ANSWER_S)
+                view = self._look(self._client, self._patience.answer)
                 answered = time.monotonic()
             except Exception as error:  # of many kinds, and what matters is whether there is a scheduler still
                 log.debug("the scheduler does not answer: %s", error)
@@ -267,10 +271,10 @@ class Cluster:
                 return
             now = time.monotonic()
             # what this process slept through is nobody's delay
-            awake, last = min(now - last, 2 * LOOK_S), now
+            awake, last = min(now - last, 2 * self._patience.look), now
             with self._changed:
                 try:
-                    if self._client.status != "running" or now - answered > PATIENCE_S:
+                    if self._client.status != "running" or now - answered > self._patience.silence:
                         self._end(_gone())
                     elif self._until is not None and now > self._until:
                         self._end(RunOverran(OVERRAN))
@@ -285,7 +289,7 @@ class Cluster:
 
     def _mend(self, view: View, awake: float) -> None:
         self._roll.call(view, awake)
-        if self._roll.empty > EMPTY_S:
+        if self._roll.empty > self._patience.empty:
             self._end(ClusterGone(f"the Dask scheduler has no worker left; {REMEDY}"))
         for unit in list(self._units):  # no name of the watcher itself: a unit keeps its result on the cluster
             self._reconsider(unit, awake)

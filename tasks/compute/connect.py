@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 from facade_core.errors import InputError, MachineError
 from tasks.compute.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
 from tasks.compute.leases import Forget
+from tasks.compute.patience import USUAL, Patience
 from tasks.compute.scheduler_view import UNITS_SHARE
 from tasks.compute.workers import ONE_THREAD, TOPIC, limit_threads, make, prepared, run_unit, standing, unlike
 
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 
 log = logging.getLogger(__name__)
 
-# Seconds in which a scheduler must answer, and in which it must show a worker: those may be on their way.
-GREETING_S, ANSWER_S = 8, 30
 REMEDY = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 
 
@@ -90,12 +89,26 @@ Compute = Serial | Cluster
 
 
 @contextmanager
-def connect(workers: int, dask: str | None, folder: str, until: float | None = None) -> Iterator[Compute]:
+def connect(
+    workers: int,
+    dask: str | None,
+    folder: str,
+    until: float | None = None,
+    *,
+    patience: Patience = USUAL,
+    make: Callable[[], dict[str, str]] = make,
+) -> Iterator[Compute]:
     """Compute on the scheduler at address `dask`, else on `workers` local processes; one worker is this process itself.
 
-    At the time `until`, by time.monotonic(), what is still at work ends with RunOverran; in this process at its unit's end.
-    `folder` is where units write: every worker must see it. Raises InputError where the scheduler does not answer, has no
-    worker, or its workers do not see the folder or have another version of the code.
+    Args:
+        folder: where units write: every worker must see it.
+        until: a time by time.monotonic(), at which what is still at work ends with RunOverran; in this process at its unit's
+            end.
+        patience: how long the scheduler, its workers and units are waited for.
+        make: says what this process computes with, which workers must be made of too.
+
+    Raises InputError where the scheduler does not answer, has no worker, or its workers do not see the folder or have another
+    version of the code.
     """
     if dask is None and workers <= 1:
         limit_threads()
@@ -126,20 +139,20 @@ def connect(workers: int, dask: str | None, folder: str, until: float | None = N
     }
     with dask_module.config.set(settings):
         if dask is not None:
-            with _client(dask) as client:
-                _check_workers(client, dask, folder)
-                with _watched(client, until) as compute:
+            with _client(dask, patience) as client:
+                _check_workers(client, dask, folder, make())
+                with _watched(client, until, patience) as compute:
                     yield compute
             return
         with _local(workers) as cluster, Client(cluster) as client:
             client.register_plugin(prepared(), name="streetloom")
-            with _watched(client, until) as compute:
+            with _watched(client, until, patience) as compute:
                 yield compute
 
 
 @contextmanager
-def _watched(client: Client, until: float | None) -> Iterator[Cluster]:
-    cluster = Cluster(client, until)
+def _watched(client: Client, until: float | None, patience: Patience) -> Iterator[Cluster]:
+    cluster = Cluster(client, until, patience=patience)
     try:
         yield cluster
     finally:
@@ -169,22 +182,22 @@ def _local(workers: int) -> LocalCluster:
     ) from cause
 
 
-def require_scheduler(address: str) -> None:
-    """Raise InputError at once where nothing listens, within GREETING_S whatever else is there.
+def require_scheduler(address: str, within: float = USUAL.greeting) -> None:
+    """Raise InputError at once where nothing listens, `within` so many seconds whatever else is there.
 
     A client that finds no scheduler is long in ending, and so is a name or a connection that nobody answers.
     """
     answer: Queue[Exception | None] = Queue()
-    threading.Thread(target=_greet, args=(address, answer), daemon=True).start()
+    threading.Thread(target=_greet, args=(address, answer, within), daemon=True).start()
     try:
-        error: Exception | None = answer.get(timeout=GREETING_S)
+        error: Exception | None = answer.get(timeout=within)
     except Empty:
-        error = TimeoutError(f"no answer in {GREETING_S} s")
+        error = TimeoutError(f"no answer in {within:g} s")
     if error is not None:
         raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
 
 
-def _greet(address: str, answer: Queue[Exception | None]) -> None:
+def _greet(address: str, answer: Queue[Exception | None], within: float) -> None:
     import asyncio
     import socket
 
@@ -198,7 +211,7 @@ def _greet(address: str, answer: Queue[Exception | None]) -> None:
         scheme, place = parse_address(address)
         if scheme not in ("tcp", "tls"):
             raise ValueError(f"not a Dask address: {address!r}")
-        socket.create_connection(parse_host_port(place), timeout=GREETING_S).close()
+        socket.create_connection(parse_host_port(place), timeout=within).close()
         asyncio.run(hello())
         answer.put(None)
     except Exception as error:  # what does not speak Dask is met with errors of every kind
@@ -206,22 +219,22 @@ def _greet(address: str, answer: Queue[Exception | None]) -> None:
 
 
 @contextmanager
-def _client(address: str) -> Iterator[Client]:
+def _client(address: str, patience: Patience) -> Iterator[Client]:
     from distributed import Client
 
-    require_scheduler(address)
-    with Client(address, timeout=ANSWER_S) as client:
+    require_scheduler(address, patience.greeting)
+    with Client(address, timeout=patience.arrival) as client:
         try:
-            client.wait_for_workers(1, timeout=ANSWER_S)
+            client.wait_for_workers(1, timeout=patience.arrival)
         except (TimeoutError, OSError) as error:
             raise InputError(f"--dask {address}: the scheduler has no worker; {REMEDY}") from error
         yield client
 
 
-def _check_workers(client: Client, address: str, folder: str) -> None:
+def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, str]) -> None:
+    """wanted: what the workers must be made of, as this process is."""
     import tempfile
 
-    own = make()
     try:
         with tempfile.NamedTemporaryFile(
             dir=folder, prefix=".seen-"
@@ -237,7 +250,7 @@ def _check_workers(client: Client, address: str, folder: str) -> None:
                 f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
                 "name a folder with --out that all workers share"
             )
-        if said := unlike(own, theirs):
+        if said := unlike(wanted, theirs):
             raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")
     client.subscribe_topic(TOPIC, lambda event: log.warning("%s", event[1]))
-    client.register_plugin(prepared(own), name="streetloom")
+    client.register_plugin(prepared(wanted), name="streetloom")

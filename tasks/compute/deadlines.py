@@ -6,8 +6,10 @@ from collections import defaultdict, deque
 from statistics import median
 from threading import Lock
 
-# Times the median of its stage that a unit may take, in seconds at least, and in seconds before a median is known.
-TIMES, LEAST_S, FIRST_S = 20, 600.0, 3600.0
+from tasks.compute.patience import Patience
+
+# Times the median of its stage that a unit may take.
+TIMES = 20
 # Units that make a median, and as many as are remembered.
 ENOUGH, REMEMBERED = 3, 500
 
@@ -15,7 +17,8 @@ ENOUGH, REMEMBERED = 3, 500
 class Deadlines:
     """What the units of each stage took, and how long the next one may; from any thread."""
 
-    def __init__(self) -> None:
+    def __init__(self, patience: Patience) -> None:
+        self._patience = patience
         self._took: defaultdict[str, deque[float]] = defaultdict(lambda: deque(maxlen=REMEMBERED))
         self._lock = Lock()
 
@@ -28,4 +31,6 @@ class Deadlines:
         """Seconds that a unit of a stage may run before it is tried elsewhere too."""
         with self._lock:
             took = self._took[stage]
-            return max(LEAST_S, TIMES * median(took)) if len(took) >= ENOUGH else FIRST_S
+            if len(took) < ENOUGH:
+                return self._patience.unit_first
+            return max(self._patience.unit_least, TIMES * median(took))

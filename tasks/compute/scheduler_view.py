@@ -7,6 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any
 
+from tasks.compute.patience import Patience
+
 if TYPE_CHECKING:
     from distributed import Client
 
@@ -14,17 +16,22 @@ if TYPE_CHECKING:
 UNITS_SHARE = 0.6
 # Memory of a worker that was started without a limit, in bytes.
 UNLIMITED = 2**33
-# Seconds without a sign of a worker, or with one that takes no units, until it is left out; and of one that has just joined and
-# imports what units need, of which nothing is heard meanwhile.
-SILENT_S, STARTING_S = 30.0, 120.0
 
 log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
 class Worker:
-    """A worker. memory: its limit in bytes, 0 for none; nanny: whether one starts it anew; running: whether it takes units;
-    last_seen: the scheduler's time of its last sign."""
+    """A worker.
+
+    Args:
+        name: what it calls itself.
+        threads: units that it runs at once.
+        memory: its limit in bytes, 0 for none.
+        nanny: whether one starts it anew.
+        running: whether it takes units.
+        last_seen: the scheduler's time of its last sign.
+    """
 
     name: str
     threads: int
@@ -41,7 +48,13 @@ class Worker:
 
 @dataclass(frozen=True)
 class View:
-    """Workers by address; where units lie that were given to one, by key; and the keys of those that run."""
+    """What a scheduler says at one look.
+
+    Args:
+        workers: by address.
+        given: the address of the worker that each unit lies on, by the unit's key.
+        executing: the keys of the units that run.
+    """
 
     workers: dict[str, Worker] = field(default_factory=dict)
     given: dict[str, str] = field(default_factory=dict)
@@ -55,17 +68,24 @@ class Roll:
     another. Seconds are those in which this process was awake, by its own clock.
     """
 
-    def __init__(self, view: View) -> None:
+    def __init__(self, view: View, patience: Patience) -> None:
         self.view = view
+        self._patience = patience
         self.stuck: set[str] = set()
         self.empty = 0.0
         # address -> seconds since it gave a sign; below zero before the first
-        self._silent = dict.fromkeys(view.workers, SILENT_S - STARTING_S)
+        self._silent = dict.fromkeys(view.workers, self._new)
+
+    @property
+    def _new(self) -> float:
+        """Seconds without a sign that a worker is given which has just joined."""
+        return self._patience.worker_silence - self._patience.worker_start
 
     @property
     def usable(self) -> dict[str, Worker]:
         """The workers that units may be given to, by address."""
-        heard = {address for address, seconds in self._silent.items() if seconds < SILENT_S} - self.stuck
+        limit = self._patience.worker_silence
+        heard = {address for address, seconds in self._silent.items() if seconds < limit} - self.stuck
         return {address: worker for address, worker in self.view.workers.items() if address in heard}
 
     def call(self, view: View, awake: float) -> None:
@@ -74,9 +94,9 @@ class Roll:
         before, self._silent = self._silent, {}
         for address, worker in view.workers.items():
             seen = worker.running and address in known and worker.last_seen != known[address].last_seen
-            silent = before.get(address, SILENT_S - STARTING_S)
+            silent = before.get(address, self._new)
             self._silent[address] = 0.0 if seen else silent + awake
-            if not seen and silent < SILENT_S <= silent + awake:
+            if not seen and silent < self._patience.worker_silence <= silent + awake:
                 log.warning("worker %s at %s gives no sign; its units are done elsewhere", worker.name, address)
         self.empty = 0.0 if view.workers.keys() - self.stuck else self.empty + awake
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping
 from pathlib import Path
 
 from catalogs.examples.sources import BLOCKS, SOURCES, Source, download
@@ -13,19 +14,28 @@ from tasks.progress import advance, begin_stage
 LIBRARY = "${STREETLOOM_DATA}/facades/ecp/images"
 
 
-def fetch_block(name: str, folder: Path) -> tuple[Path, Source]:
+def fetch_block(
+    name: str,
+    folder: Path,
+    sources: Mapping[str, Source] = SOURCES,
+    paint: Callable[[Path], None] = paint_exemplars,
+) -> tuple[Path, Source]:
     """Make `folder`/NAME.yaml with everything that it names; what is there already stays. Returns it and its source.
+
+    Args:
+        sources: what each block is made from, by its name.
+        paint: paints a style library into a folder.
 
     Raises InputError for a name without public data, and where a file cannot be had.
     """
-    source = SOURCES.get(name)
+    source = sources.get(name)
     if source is None:
-        raise InputError(f"{name}: no block of this name has public data; there is {', '.join(SOURCES)}")
+        raise InputError(f"{name}: no block of this name has public data; there is {', '.join(sources)}")
     begin_stage("fetch", len(source.files))
     download(source, folder, lambda: advance("fetch", 1))
     exemplars = folder / "exemplars"
     if not (exemplars.is_dir() and len(list(exemplars.iterdir())) == EXEMPLARS):
-        paint_exemplars(exemplars)
+        paint(exemplars)
     text = (BLOCKS / f"{name}.yaml").read_text(encoding="utf-8")
     block = folder / f"{name}.yaml"
     block.write_text(text.replace(LIBRARY, "exemplars").replace("${STREETLOOM_DATA}/", ""), encoding="utf-8")

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -83,13 +83,17 @@ def new_block(
     exemplars: Path | None,
     poses: Path | None = None,
     seed: int = 0,
+    paint: Callable[[Path], None] = paint_exemplars,
 ) -> Found:
     """Write the block file `path` for the part of the map file `osm` inside `bbox` (west, south, east, north in degrees).
 
-    photos: a folder of pictures; panoramas are told by their shape and pose (in themselves or in `poses`), photos of a facade
-    by its id as their name.
-    Without `exemplars` a style library is painted beside the file. Raises InputError, and leaves nothing behind, where a block
-    file is there already or the map holds no building there.
+    Args:
+        photos: a folder of pictures; panoramas are told by their shape and pose, photos of a facade by its id as their name.
+        exemplars: the style library; without it one is painted beside the file.
+        poses: a file of the panoramas' poses, where they have none in themselves.
+        paint: paints a style library into a folder.
+
+    Raises InputError, and leaves nothing behind, where a block file is there already or the map holds no building there.
     """
     if path.exists():
         raise InputError(f"{path} is there already; name another file, or remove it")
@@ -98,7 +102,7 @@ def new_block(
     path.parent.mkdir(parents=True, exist_ok=True)
     try:
         if library in made:
-            paint_exemplars(library)
+            paint(library)
         return _written(path, osm, bbox, photos, library, poses, seed)
     except BaseException:
         for folder in made:  # the library first, then parents from the inside out

@@ -14,9 +14,9 @@ import pytest
 from distributed import Client, LocalCluster
 
 from facade_core.errors import MachineError
-from tasks.compute import cluster, deadlines, scheduler_view
 from tasks.compute.cluster import Cluster, ClusterGone, UnitOverran
 from tasks.compute.connect import connect
+from tasks.compute.patience import Patience
 from tasks.compute.workers import make, prepared
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -25,13 +25,9 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 @pytest.fixture(scope="module")
 def two(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Cluster]:
     """Two local workers, of which a second's silence is noticed, and three seconds are too long for a unit."""
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(cluster, "LOOK_S", 0.2)
-        patch.setattr(scheduler_view, "SILENT_S", 3.0)
-        for name in ("LEAST_S", "FIRST_S"):
-            patch.setattr(deadlines, name, 3.0)
-        with connect(2, None, str(tmp_path_factory.mktemp("two"))) as made:
-            yield made
+    patience = Patience(look=0.2, worker_silence=3.0, unit_least=3.0, unit_first=3.0)
+    with connect(2, None, str(tmp_path_factory.mktemp("two")), patience=patience) as made:
+        yield made
 
 
 def worker() -> int:

@@ -10,16 +10,17 @@ import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
+from typing import Any
 
 import cloudpickle
 import pytest
 from distributed import LocalCluster
 
 from facade_core.errors import InputError
-from tasks.compute import cluster
 from tasks.compute import connect as compute
-from tasks.compute.cluster import ClusterGone, RunOverran, WorkersDied
+from tasks.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
 from tasks.compute.connect import connect
+from tasks.compute.patience import Patience
 from tasks.compute.scheduler_view import View, Worker
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
@@ -115,26 +116,28 @@ class Machines:
 
     status = "running"
 
-    def __init__(self, monkeypatch: pytest.MonkeyPatch, **workers: tuple[int, int]) -> None:
+    def __init__(self, **workers: tuple[int, int]) -> None:
         self.workers = workers
-        monkeypatch.setattr(cluster, "LOOK_S", 0.05)
-        monkeypatch.setattr(cluster, "look", lambda client, timeout: client.view())
+        self.silent = False
 
-    def view(self) -> View:
+    def look(self, client: object, timeout: float) -> View:
+        if self.silent:
+            raise TimeoutError
         named = self.workers.items()
         return View({n: Worker(n, threads, memory, last_seen=time.monotonic()) for n, (threads, memory) in named})
 
 
 @contextmanager
-def watched(machines: Machines) -> Iterator[cluster.Cluster]:
-    made = cluster.Cluster(machines)  # type: ignore[arg-type]
+def watched(machines: Machines, until: float | None = None, **patience: float) -> Iterator[Cluster]:
+    client: Any = machines
+    made = Cluster(client, until, look=machines.look, patience=Patience(look=0.05, **patience))
     try:
         yield made
     finally:
         made.close()
 
 
-def holder(leases: cluster.Cluster, memory: int, held: dict[str, None], let_go: threading.Event) -> threading.Thread:
+def holder(leases: Cluster, memory: int, held: dict[str, None], let_go: threading.Event) -> threading.Thread:
     def hold() -> None:
         with leases.lease(memory) as name:
             held[name] = None
@@ -153,8 +156,8 @@ def settle(held: dict[str, None], count: int) -> bool:
     return len(held) == count
 
 
-def test_leases_wait_for_a_thread_and_take_a_worker_that_joins(monkeypatch: pytest.MonkeyPatch) -> None:
-    machines = Machines(monkeypatch, one=(1, 10**9), two=(2, 10**9))
+def test_leases_wait_for_a_thread_and_take_a_worker_that_joins() -> None:
+    machines = Machines(one=(1, 10**9), two=(2, 10**9))
     with watched(machines) as leases:
         held: dict[str, None] = {}
         events = [threading.Event() for _ in range(5)]
@@ -173,10 +176,9 @@ def test_leases_wait_for_a_thread_and_take_a_worker_that_joins(monkeypatch: pyte
             assert not thread.is_alive()
 
 
-def test_a_cluster_without_workers_is_not_waited_for_for_ever(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cluster, "EMPTY_S", 0.2)
-    machines = Machines(monkeypatch)
-    with watched(machines) as empty:
+def test_a_cluster_without_workers_is_not_waited_for_for_ever() -> None:
+    machines = Machines()
+    with watched(machines, empty=0.2) as empty:
         with pytest.raises(ClusterGone, match="no worker left; start some"), empty.lease(1):
             pass
         with pytest.raises(ClusterGone, match="no worker left"):
@@ -186,25 +188,21 @@ def test_a_cluster_without_workers_is_not_waited_for_for_ever(monkeypatch: pytes
         pass
 
 
-def test_a_scheduler_that_does_not_answer_is_given_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    machines = Machines(monkeypatch)
-    monkeypatch.setattr(cluster, "PATIENCE_S", 0.2)
-
-    def silent(client: object, timeout: float) -> View:
-        raise TimeoutError
-
-    with watched(machines) as made:
-        monkeypatch.setattr(cluster, "look", silent)
+def test_a_scheduler_that_does_not_answer_is_given_up() -> None:
+    machines = Machines()
+    with watched(machines, silence=0.2) as made:
+        machines.silent = True
         with pytest.raises(ClusterGone, match="went away"), made.lease(1):
             pass
 
 
-def test_a_run_ends_at_its_time(monkeypatch: pytest.MonkeyPatch) -> None:
-    machines = Machines(monkeypatch)
-    made = cluster.Cluster(machines, until=time.monotonic())  # type: ignore[arg-type]
-    with pytest.raises(RunOverran, match="longer than its deadline; run again"), made.lease(1):
+def test_a_run_ends_at_its_time() -> None:
+    with (
+        watched(Machines(), until=time.monotonic()) as made,
+        pytest.raises(RunOverran, match="longer than its deadline; run again"),
+        made.lease(1),
+    ):
         pass
-    made.close()
     with pytest.raises(RunOverran):
         compute.Serial(until=time.monotonic()).submit(square, 1)
 
@@ -264,36 +262,32 @@ def black_hole():
 
 
 @pytest.mark.parametrize("what", ["listener", "black_hole"])
-def test_what_is_no_scheduler_is_refused(
-    what: str, request: pytest.FixtureRequest, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(compute, "GREETING_S", 1)
+def test_what_is_no_scheduler_is_refused(what: str, request: pytest.FixtureRequest, tmp_path: Path) -> None:
     address = request.getfixturevalue(what)
     start = time.monotonic()
-    with pytest.raises(InputError, match="no scheduler answers there"), connect(1, address, str(tmp_path)):
+    with (
+        pytest.raises(InputError, match="no scheduler answers there"),
+        connect(1, address, str(tmp_path), patience=Patience(greeting=1)),
+    ):
         pass
     assert time.monotonic() - start < 10
 
 
-def test_a_scheduler_without_workers_is_refused(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compute, "ANSWER_S", 1)
+def test_a_scheduler_without_workers_is_refused(tmp_path: Path) -> None:
     with (
         LocalCluster(
             n_workers=0, host="127.0.0.1", dashboard_address="127.0.0.1:0", processes=False, protocol="tcp"
         ) as empty,
         pytest.raises(InputError, match="the scheduler has no worker"),
-        connect(1, empty.scheduler_address, str(tmp_path)),
+        connect(1, empty.scheduler_address, str(tmp_path), patience=Patience(arrival=1)),
     ):
         pass
 
 
-def test_workers_with_other_code_are_refused(
-    workers: LocalCluster, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(compute, "make", lambda: {"Streetloom": "other"})
+def test_workers_with_other_code_are_refused(workers: LocalCluster, tmp_path: Path) -> None:
     with (
         pytest.raises(InputError, match="and this run other; start them in the same environment"),
-        connect(1, workers.scheduler_address, str(tmp_path)),
+        connect(1, workers.scheduler_address, str(tmp_path), make=lambda: {"Streetloom": "other"}),
     ):
         pass
 

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import pytest
 
-from tasks.compute import deadlines, scheduler_view
-from tasks.compute.deadlines import Deadlines
+from tasks.compute.deadlines import TIMES, Deadlines
 from tasks.compute.leases import Lease, Leases
+from tasks.compute.patience import USUAL
 from tasks.compute.scheduler_view import Roll, View, Worker
 
 
@@ -50,8 +50,8 @@ def test_a_worker_that_gives_no_sign_is_left_out_until_it_does(caplog: pytest.Lo
     def view(one: float, running: bool = True) -> View:
         return View({"one": Worker("one", 1, running=running, last_seen=one), "two": Worker("two", 1, last_seen=one)})
 
-    half = scheduler_view.SILENT_S / 2
-    roll = Roll(view(0))
+    half = USUAL.worker_silence / 2
+    roll = Roll(view(0), USUAL)
     for _ in range(7):  # it has just joined
         roll.call(view(0), half)
         assert roll.usable.keys() == {"one", "two"}
@@ -75,12 +75,12 @@ def test_a_worker_that_gives_no_sign_is_left_out_until_it_does(caplog: pytest.Lo
 
 
 def test_a_unit_may_take_many_times_the_median_of_its_stage() -> None:
-    known = Deadlines()
-    assert known.of("facade_unit") == deadlines.FIRST_S
+    known = Deadlines(USUAL)
+    assert known.of("facade_unit") == USUAL.unit_first
     for seconds in (1.0, 2.0, 90.0):
         known.note("facade_unit", seconds)
-    assert known.of("facade_unit") == deadlines.LEAST_S
-    assert known.of("viewpoint_unit") == deadlines.FIRST_S
+    assert known.of("facade_unit") == USUAL.unit_least
+    assert known.of("viewpoint_unit") == USUAL.unit_first
     for seconds in (80.0, 100.0, 120.0, 90.0, 110.0):
         known.note("facade_unit", seconds)
-    assert known.of("facade_unit") == deadlines.TIMES * 90
+    assert known.of("facade_unit") == TIMES * 90

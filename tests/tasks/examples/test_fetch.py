@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from functools import partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -14,10 +14,8 @@ import yaml
 
 from catalogs.block.keys import check_keys
 from catalogs.block.yaml_files import read_yaml
-from catalogs.examples import sources
 from catalogs.examples.sources import BLOCKS, SOURCES, Source, SourceFile
 from facade_core.errors import InputError
-from tasks.examples import fetch
 from tasks.examples.fetch import fetch_block
 
 CONTENT = b'{"type": "CityJSON"}'
@@ -44,20 +42,18 @@ def address(tmp_path: Path) -> Iterator[str]:
 
 
 @pytest.fixture
-def publish(monkeypatch: pytest.MonkeyPatch, address: str):
-    """Let the block delfshaven be published at loopback, with a checksum."""
-    monkeypatch.setattr(fetch, "paint_exemplars", lambda folder: folder.mkdir(exist_ok=True))
+def fetch(address: str, tmp_path: Path) -> Callable[..., tuple[Path, Source]]:
+    """Fetch the block delfshaven, whose one file is published at loopback, with a checksum, and paint nothing."""
 
-    def at(name: str, sha256: str) -> None:
+    def fetched(folder: Path, name: str, sha256: str) -> tuple[Path, Source]:
         source = Source("open data", (SourceFile(PATH, address + name, sha256),))
-        monkeypatch.setitem(sources.SOURCES, "delfshaven", source)
+        return fetch_block("delfshaven", folder, {"delfshaven": source}, lambda library: library.mkdir(exist_ok=True))
 
-    return at
+    return fetched
 
 
-def test_a_fetched_block_names_what_was_fetched(publish, tmp_path: Path) -> None:
-    publish("model.json", hashlib.sha256(CONTENT).hexdigest())
-    block, source = fetch_block("delfshaven", tmp_path / "blocks")
+def test_a_fetched_block_names_what_was_fetched(fetch: Callable[..., tuple[Path, Source]], tmp_path: Path) -> None:
+    block, source = fetch(tmp_path / "blocks", "model.json", hashlib.sha256(CONTENT).hexdigest())
     assert source.licence == "open data"
     keys = check_keys(read_yaml(block))
     assert (block.parent / str(keys.buildings.path)).read_bytes() == CONTENT
@@ -66,21 +62,21 @@ def test_a_fetched_block_names_what_was_fetched(publish, tmp_path: Path) -> None
     assert "$" not in block.read_text()
 
 
-def test_what_is_there_is_not_fetched_again(publish, tmp_path: Path) -> None:
-    publish("gone.json", hashlib.sha256(CONTENT).hexdigest())
+def test_what_is_there_is_not_fetched_again(fetch: Callable[..., tuple[Path, Source]], tmp_path: Path) -> None:
     (tmp_path / PATH).parent.mkdir(parents=True)
     (tmp_path / PATH).write_bytes(CONTENT)
-    fetch_block("delfshaven", tmp_path)
+    fetch(tmp_path, "gone.json", hashlib.sha256(CONTENT).hexdigest())
 
 
 @pytest.mark.parametrize(
     ("name", "sha256", "words"),
     [("model.json", "0" * 64, "checksum differs"), ("gone.json", "0" * 64, "cannot be fetched from http")],
 )
-def test_a_file_that_is_not_what_it_was_is_refused(publish, tmp_path: Path, name: str, sha256: str, words: str) -> None:
-    publish(name, sha256)
+def test_a_file_that_is_not_what_it_was_is_refused(
+    fetch: Callable[..., tuple[Path, Source]], tmp_path: Path, name: str, sha256: str, words: str
+) -> None:
     with pytest.raises(InputError, match=words) as error:
-        fetch_block("delfshaven", tmp_path)
+        fetch(tmp_path, name, sha256)
     assert "\n" not in str(error.value)
     assert not (tmp_path / PATH).exists()
 

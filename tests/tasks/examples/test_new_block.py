@@ -74,28 +74,25 @@ def test_nothing_is_written_over_or_left_behind(osm: Path, exemplars: Path, tmp_
     assert sorted(p.name for p in tmp_path.iterdir()) == ["facades", "mine.yaml"]
 
 
-def test_a_refusal_leaves_no_painted_library_and_no_folder(
-    osm: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: Path, tmp_path: Path) -> None:
     def paint(folder: Path) -> None:
         folder.mkdir(parents=True)
         Image.new("RGB", (40, 60)).save(folder / "0.png")
 
-    monkeypatch.setattr("tasks.examples.new_block.paint_exemplars", paint)
     with pytest.raises(InputError, match=r"^--bbox: "):
-        new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None)
+        new_block(tmp_path / "new" / "deep" / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
     assert list(tmp_path.iterdir()) == []
     with pytest.raises(InputError, match=r"^--bbox: "):
-        new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None)
+        new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None, paint=paint)
     assert list(tmp_path.iterdir()) == []
     (tmp_path / "broken.osm.pbf").write_bytes(b"no map")
     with pytest.raises(InputError, match=r"^--osm: "):
-        new_block(tmp_path / "new" / "x.yaml", tmp_path / "broken.osm.pbf", BOX, None, None)
+        new_block(tmp_path / "new" / "x.yaml", tmp_path / "broken.osm.pbf", BOX, None, None, paint=paint)
     assert [p.name for p in tmp_path.iterdir()] == ["broken.osm.pbf"]
     (tmp_path / "exemplars").mkdir()
     (tmp_path / "exemplars" / "mine.png").write_bytes(b"no picture")
     with pytest.raises(InputError):
-        new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None)
+        new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
     assert [p.name for p in (tmp_path / "exemplars").iterdir()] == ["mine.png"], "what was there stays"
 
 
