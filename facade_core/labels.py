@@ -7,6 +7,8 @@ import numpy as np
 CLASSES = ("wall", "window", "balcony", "door", "roof", "shop", "sky")
 WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP, SKY = range(7)
 UNKNOWN = 255
+# What a label map's values mean, as attributes of CF.
+FLAGS = {"_FillValue": UNKNOWN, "flag_values": list(range(len(CLASSES))), "flag_meanings": " ".join(CLASSES)}
 
 # Classes that are things with a rectangle, in the order in which one is drawn over the other.
 ELEMENT_CLASSES = ("window", "balcony", "door", "shop")

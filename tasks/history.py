@@ -46,7 +46,7 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
     """
     session = open_repository(Path(out) / "store").readonly_session(BRANCH)
     group = open_root(session)
-    plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
+    plan = read_plan(session)
     chosen = [index for index, one in enumerate(plan.streets) if street in (one.id, one.name)]
     if len(chosen) != 1:
         said = "several streets have the name" if chosen else "no street has the id or name"

@@ -3,68 +3,20 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, field
-from typing import Any
 
 import numpy as np
 
 from facade_core.atlas.provenance import PROVENANCE
 from facade_core.atlas.rasters import Rasters, write_rasters
-from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.zarr_types import StoreArray, StoreGroup
+from facade_core.atlas.spec import TEXT, Array, AtlasSpec, Axis
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.packing import Placement
-from facade_core.labels import CLASSES, UNKNOWN
+from facade_core.labels import FLAGS
 
 # Of what stores hold, in an attribute of theirs: raised when tables, arrays or records are written in another way. A store of
 # another format begins anew at the next run.
 FORMAT = 2
 
-
-@dataclass(frozen=True)
-class Axis:
-    """A dimension as one store has it: its size, and that of a chunk along it."""
-
-    size: int
-    chunk: int
-
-
-@dataclass(frozen=True)
-class Array:
-    """An array of a store: its path, the names of its dimensions, its dtype, what it holds, and other CF attributes."""
-
-    path: str
-    dims: tuple[str, ...]
-    dtype: str
-    long_name: str
-    attributes: Mapping[str, Any] = field(default_factory=dict)
-
-    @property
-    def attrs(self) -> dict[str, Any]:
-        return {"long_name": self.long_name, **self.attributes}
-
-    def create(self, group: StoreGroup, axes: Mapping[str, Axis]) -> StoreArray:
-        """Make the array anew, empty: metadata only."""
-        return group.create_array(
-            self.path,
-            shape=tuple(axes[dim].size for dim in self.dims),
-            chunks=tuple(axes[dim].chunk for dim in self.dims),
-            dtype=self.dtype,
-            dimension_names=self.dims,
-            fill_value="" if self.dtype == TEXT else 0,
-            attributes=self.attrs,
-            overwrite=True,
-        )
-
-    def fit(self, group: StoreGroup, axes: Mapping[str, Axis]) -> None:
-        """Resize the array, which keeps what lies in both sizes; where its chunks would be others, it is made anew."""
-        array = group[self.path]
-        if array.chunks == tuple(axes[dim].chunk for dim in self.dims):
-            array.resize(tuple(axes[dim].size for dim in self.dims))
-        else:
-            self.create(group, axes)
-
-
-TEXT = "string"
 PAGE, PAGE_RGB = ("page", "y", "x"), ("page", "y", "x", "band")
 FROM = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}
 
@@ -93,12 +45,7 @@ ARRAYS = (
         PAGE,
         "uint8",
         "class id as in facade_core.labels, 255 unknown",
-        {
-            "_FillValue": UNKNOWN,
-            "flag_values": list(range(len(CLASSES))),
-            "flag_meanings": " ".join(CLASSES),
-            "ancillary_variables": "confidence occluded",
-        },
+        {**FLAGS, "ancillary_variables": "confidence occluded"},
     ),
     Array("facade_maps/occluded", PAGE, "bool", "hidden in the facade image"),
     Array(

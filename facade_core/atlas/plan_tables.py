@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from facade_core.atlas.spec import AtlasSpec
-from facade_core.atlas.store import open_table, write_table
+from facade_core.atlas.store import open_root, open_table, write_table
 from facade_core.atlas.tables import TABLES
 from facade_core.facades import Facades
 from facade_core.geometry.charts import Charts, Mesh
@@ -34,16 +34,18 @@ def write_plan(session: icechunk.Session, plan: Plan, buildings: Sequence[Buildi
         write_table(session, name, table.dataset(values, attributes, crs))
 
 
-def read_plan(session: icechunk.Session, texels_per_metre: float) -> Plan:
-    """The plan as `write_plan` wrote it."""
-    return _plan({name: _read(session, name) for name in TABLES}, texels_per_metre)
+def read_plan(session: icechunk.Session) -> Plan:
+    """The plan as `write_plan` wrote it, with the density of the atlas."""
+    density = float(open_root(session)["atlas"].attrs["texels_per_metre"])
+    return _plan({name: read_table(session, name) for name in TABLES}, density)
 
 
 def read_facades(session: icechunk.Session) -> Facades:
-    return _of(Facades, _read(session, "facades"))
+    return _of(Facades, read_table(session, "facades"))
 
 
-def _read(session: icechunk.Session, name: str) -> Values:
+def read_table(session: icechunk.Session, name: str) -> Values:
+    """The columns (rows, ...) and attributes of one of TABLES by name; strings as str."""
     return TABLES[name].read(open_table(session, name).load())
 
 

@@ -87,7 +87,7 @@ def _store(out: Path, repository: Any, session: icechunk.Session, group: StoreGr
         count = sum(len(chunks) if chunks else 1 for chunks in lost.values())
         yield Finding("store", False, f"{count} chunks of {', '.join(sorted(lost)[:3])} cannot be read; {mended}")
         return
-    plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
+    plan = read_plan(session)
     if wrong := differing(group, plan, SAMPLE):
         suspect(out)
         told = ", ".join(f"{len(units)} {stage}" for stage, units in wrong.items())

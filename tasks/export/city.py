@@ -117,13 +117,13 @@ def _objects(
 
 def _attributes(found: Published, building: int) -> dict[str, Any]:
     """What the plan and the finished facades say of a building, by CityJSON's own names where it has some."""
-    row = found.buildings.isel(building=building)
+    row = {name: column[building] for name, column in found.buildings.items()}
     facades = [found.records[i] for i in found.rectified(np.array([building]))]
-    levels, name = int(row.levels), str(row["name"].values)
+    levels, name = int(row["levels"]), row["name"]
     return {
         **({"name": name} if name else {}),
-        "measuredHeight": round(float(row.height), 3),
-        "heightSource": str(row.height_source.values),
+        "measuredHeight": round(float(row["height"]), 3),
+        "heightSource": row["height_source"],
         **({"storeysAboveGround": levels} if levels else {}),
         "facades": len(facades),
         **{key: sum(record[key] for record in facades if record) for key in ("windows", "doors", "balconies", "shops")},

@@ -91,10 +91,10 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
         buildings=[
             {
                 "id": name,
-                "name": str(table["name"].values[b]) or None,
-                "height_m": float(table.height.values[b]),
-                "height_source": str(table.height_source.values[b]),
-                "levels": int(table.levels.values[b]) or None,
+                "name": table["name"][b] or None,
+                "height_m": float(table["height"][b]),
+                "height_source": table["height_source"][b],
+                "levels": int(table["levels"][b]) or None,
                 "geometry": outlines[b],
             }
             for b, name in found.names.items()

@@ -29,7 +29,7 @@ def write_block_report(
         streets=journals["streets"],
         viewpoints=journals["viewpoints"],
         poses=[record for record in journals["poses"] if record["status"] == "done"],
-        heights=Counter(map(str, block.buildings.height_source.values)),
+        heights=Counter(block.buildings["height_source"]),
         views=images.views,
         panoramas=images.panoramas,
         sheets=images.sheets,

@@ -79,13 +79,13 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 
     plan, buildings = block.plan, block.buildings
     facades, charts = plan.facades, plan.scene.charts
-    heights = list(map(str, buildings.height_source.values))
     rows = []
     for index, name in enumerate(facades.id):
         chart = int(facades.chart[index])
         start = charts.origin[chart, :2]
         end = start + charts.axis_u[chart, :2] * charts.size[chart, 0]
         normal = charts.normal()[chart]
+        building = int(facades.building[index])
         record = block.records[index] or {"status": "failed", "reason": "not processed"}
         street = plan.streets[int(facades.street[index])]
         rows.append(
@@ -93,12 +93,12 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 "id": name,
                 "kind": "facade",
                 "block": run.block,
-                "building": str(buildings.id.values[facades.building[index]]),
+                "building": buildings["id"][building],
                 "geometry": LineString([start, end]),
                 "street": street.name or street.id,
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
-                **facts(facades, index, record, heights[int(facades.building[index])]),
-                "parents": _parents(run.block, str(buildings.id.values[facades.building[index]]), street.id, record),
+                **facts(facades, index, record, buildings["height_source"][building]),
+                "parents": _parents(run.block, buildings["id"][building], street.id, record),
                 "updated": made_at(record) or block.ingested,
                 "status": record["status"],
                 "reason": record.get("reason"),

@@ -8,15 +8,14 @@ from functools import cached_property
 from typing import TYPE_CHECKING, Any, cast
 
 from facade_core.atlas.journal import STAGES, read_journal
-from facade_core.atlas.plan_tables import read_plan
-from facade_core.atlas.store import open_root, open_table
+from facade_core.atlas.plan_tables import Values, read_plan, read_table
+from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.store.standing import made_by
 
 if TYPE_CHECKING:
     import icechunk
-    import xarray as xr
 
 
 @dataclass(frozen=True)
@@ -25,7 +24,7 @@ class StoredBlock:
 
     group: StoreGroup
     plan: Plan
-    buildings: xr.Dataset
+    buildings: Values
 
     @cached_property
     def journals(self) -> dict[str, list[dict[str, Any] | None]]:
@@ -40,7 +39,7 @@ class StoredBlock:
     @cached_property
     def names(self) -> dict[int, str]:
         """Building -> its id."""
-        return dict(enumerate(map(str, self.buildings.id.values)))
+        return dict(enumerate(self.buildings["id"]))
 
     @cached_property
     def version(self) -> str:
@@ -54,6 +53,4 @@ class StoredBlock:
 
 def stored_block(session: icechunk.Session) -> StoredBlock:
     """The block in a session's snapshot. Raises as Icechunk, zarr and the tables do where that is none of this version."""
-    group = open_root(session)
-    plan = read_plan(session, float(cast(float, group["atlas"].attrs["texels_per_metre"])))
-    return StoredBlock(group, plan, open_table(session, "buildings").load())
+    return StoredBlock(open_root(session), read_plan(session), read_table(session, "buildings"))

@@ -85,7 +85,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
     root = root_of_any_format(session)
     skipped, anew = root.attrs.get("key") == run.key, None
     if skipped:
-        plan = read_plan(session, run.texels_per_metre)
+        plan = read_plan(session)
     else:
         last = last_ingest(run, repository)
         plan = plan_of(block, last.places if last else None)

@@ -76,7 +76,7 @@ def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
         held = group.attrs["made_for"]
         if any(held.get(name) != wanted for name, wanted in made_for(run).items()):
             return None
-        return Last(group, read_plan(session, run.texels_per_metre))
+        return Last(group, read_plan(session))
     except (KeyError, FileNotFoundError, StoreError):
         return None
 

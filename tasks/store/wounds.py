@@ -111,16 +111,16 @@ def _mend(run: Run, *, thorough: bool) -> list[str]:
                 f"{run.store}: tag {tag} cannot be read and is removed; the street stands in the newest snapshot"
             )
         if lost := unreadable(session):
-            plan = read_plan(session, group["atlas"].attrs["texels_per_metre"])
+            plan = read_plan(session)
             due = give_up(group, plan, lost)
         if thorough:
-            plan = plan or read_plan(session, group["atlas"].attrs["texels_per_metre"])
+            plan = plan or read_plan(session)
             for stage, units in differing(group, plan).items():
                 due.setdefault(stage, set()).update(units)
     wounds = find_wounds(session)
     if not due and not wounds:
         return said
-    plan = plan or read_plan(session, group["atlas"].attrs["texels_per_metre"])
+    plan = plan or read_plan(session)
     records = read_journal(group, "streets")
     wounds["streets"] = [
         street

@@ -35,4 +35,4 @@ def unit_seed(run: Run, unit: str, stage: str) -> int:
 @lru_cache(maxsize=2)
 def plan_of_run(run: Run) -> Plan:
     """A run's plan, read once per process. It is written once, before any unit starts, so the newest snapshot holds it."""
-    return read_plan(open_repository(run.store).readonly_session(BRANCH), run.texels_per_metre)
+    return read_plan(open_repository(run.store).readonly_session(BRANCH))

@@ -8,12 +8,17 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.atlas.spec import Array
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facade import prepare_exemplar
+from facade_core.labels import FLAGS
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
 from tasks.units.images import LONGEST_EXEMPLAR, read_exemplar_picture
+
+IMAGE = Array("image", ("row", "column", "band"), "uint8", "exemplar at the block's density, without what hid it")
+LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.labels, 255 unknown", FLAGS)
 
 
 def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[Any, dict[int, dict[str, Any]]]:
@@ -35,16 +40,8 @@ def exemplar_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tupl
     labels = cv2.resize(prepared.facade.labels, size, interpolation=cv2.INTER_NEAREST)
 
     group = open_root(fork)
-    group.create_array(
-        f"exemplars/{index}/image",
-        data=texture,
-        chunks=texture.shape,
-        dimension_names=("row", "column", "band"),
-        overwrite=True,
-    )
-    group.create_array(
-        f"exemplars/{index}/labels", data=labels, chunks=labels.shape, dimension_names=("row", "column"), overwrite=True
-    )
+    IMAGE.write(group, f"exemplars/{index}", texture)
+    LABELS.write(group, f"exemplars/{index}", labels)
     seconds["write"] = time.time() - begun
     record = {
         "unit": path.stem,

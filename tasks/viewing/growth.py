@@ -77,7 +77,7 @@ def _same(held: _Street, view: View) -> bool:
 
 
 def _plan(view: View) -> Plan:
-    return read_plan(view.session, view.group["atlas"].attrs["texels_per_metre"])
+    return read_plan(view.session)
 
 
 def _texels(plan: Plan, window: Window, street: int) -> np.ndarray:

@@ -14,8 +14,8 @@ import numpy as np
 from catalogs.published.items import BBOX, COLUMNS
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import STAGES, read_journal
-from facade_core.atlas.plan_tables import read_facades
-from facade_core.atlas.store import BRANCH, open_repository, open_root, open_table
+from facade_core.atlas.plan_tables import read_facades, read_table
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from facade_core.facades import Facades
@@ -204,38 +204,38 @@ class Reader:
                     raise StoreError(f"{self.out}: the block is not read yet")
                 key = group.attrs["key"], group.attrs["ingested"]
                 same = self._view is not None and key == self._key
-                tables = self._view.tables if same and self._view else _read_tables(session, group)
+                tables = self._view.tables if same and self._view else _read_tables(session)
                 self._view, self._key = View(self.out, session, group, tables), key
             return self._view
 
 
-def _read_tables(session: icechunk.Session, group: StoreGroup) -> _Tables:
+def _read_tables(session: icechunk.Session) -> _Tables:
     charts, cameras, streets, buildings = (
-        open_table(session, name).load() for name in ("charts", "viewpoints", "streets", "buildings")
+        read_table(session, name) for name in ("charts", "viewpoints", "streets", "buildings")
     )
     facades = read_facades(session)
     placement = Placement(
-        **{name: charts[name].values for name in ("page", "x", "y", "width", "height")},
-        pages=int(charts.page.max()) + 1 if charts.sizes["chart"] else 1,
+        **{name: charts[name] for name in ("page", "x", "y", "width", "height")},
+        pages=int(charts["page"].max(initial=0)) + 1,
     )
-    start = charts.origin.values[facades.chart, :2]
-    along = charts.axis_u.values[facades.chart]
-    normal = np.cross(charts.axis_v.values[facades.chart], along)  # v runs down: v x u is outward
+    start = charts["origin"][facades.chart, :2]
+    along = charts["axis_u"][facades.chart]
+    normal = np.cross(charts["axis_v"][facades.chart], along)  # v runs down: v x u is outward
     return _Tables(
         facades,
         placement,
-        np.stack([start, start + along[:, :2] * charts.size.values[facades.chart, :1]], axis=1),
+        np.stack([start, start + along[:, :2] * charts["size"][facades.chart, :1]], axis=1),
         np.degrees(np.arctan2(normal[:, 0], normal[:, 1])) % 360,
-        tuple(map(str, buildings.id.values)),
-        tuple(map(str, buildings.height_source.values)),
+        buildings["id"],
+        buildings["height_source"],
         tuple(
-            {"id": str(id_), "name": str(name), "line": streets.point.values[streets.point_street.values == i].tolist()}
-            for i, (id_, name) in enumerate(zip(streets.id.values, streets.name.values, strict=True))
+            {"id": id_, "name": name, "line": streets["point"][streets["point_street"] == i].tolist()}
+            for i, (id_, name) in enumerate(zip(streets["id"], streets["name"], strict=True))
         ),
-        cameras.position.values,
-        cameras.forward.values,
-        cameras.street.values,
-        np.column_stack([cameras.view_viewpoint.values, cameras.view_chart.values]),
+        cameras["position"],
+        cameras["forward"],
+        cameras["street"],
+        np.column_stack([cameras["view_viewpoint"], cameras["view_chart"]]),
     )
 
 

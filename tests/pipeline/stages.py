@@ -144,7 +144,7 @@ def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Colour and provenance of every chart, by its id, as they lie in the store."""
     session = open_repository(run.store).readonly_session("main")
     group = zarr.open_group(session.store, mode="r")
-    plan = read_plan(session, run.texels_per_metre)
+    plan = read_plan(session)
     placement = plan.scene.placement
     found = {}
     for chart, number in enumerate(plan.ids.tolist()):

@@ -283,7 +283,7 @@ def _places(folder: Path) -> tuple[list[int], list[tuple[int, int, int]]]:
 
     session = open_repository(folder / "out" / "store").readonly_session("main")
     assert read_journal(zarr.open_group(session.store, mode="r"), "streets")
-    plan = read_plan(session, 3)
+    plan = read_plan(session)
     placement: Any = plan.scene.placement
     return plan.ids.tolist(), list(
         zip(placement.page.tolist(), placement.x.tolist(), placement.y.tolist(), strict=True)

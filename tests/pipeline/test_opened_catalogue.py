@@ -13,6 +13,7 @@ import zarr
 
 import catalogs
 from catalogs.block import read_block
+from facade_core.atlas import open_atlas
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
@@ -39,6 +40,13 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     assert sum(e[0] == "window" for e in json.loads(facade.attrs["elements"])) == row["windows"]
     seen = ~facade.occluded.values
     assert np.abs(facade.evidence.values[seen].astype(int) - facade.texture.values[seen]).mean() < 1
+
+    published = (undisturbed[0] / "current").read_text().strip()
+    same = open_atlas(undisturbed[0], chunks=None).at(published).facade(row["id"])
+    for name in ("colour", "provenance", "labels", "occluded", "y", "x"):
+        np.testing.assert_array_equal(same[name], facade[name])
+    for name in ("origin", "axis_x", "axis_y", "crs", "elements"):
+        assert same.attrs[name] == facade.attrs[name]
 
 
 def test_a_later_snapshot_is_published_beside_the_first(

@@ -57,7 +57,7 @@ def test_roofs_hold_the_picture_where_it_reaches(above: tuple[Path, dict[str, An
     assert summary["facades_failed"] == 0
     session = open_repository(out / "store").readonly_session("main")
     group = zarr.open_group(session.store, mode="r")
-    plan = read_plan(session, TEXELS_PER_METRE)
+    plan = read_plan(session)
     scene, placement = plan.scene, plan.scene.placement
     photographed = bare = 0
     for chart in np.flatnonzero(scene.charts.kind == ROOF).tolist():
@@ -81,7 +81,7 @@ def test_the_others_take_the_material(above: tuple[Path, dict[str, Any], float])
     out, _, reach = above
     session = open_repository(out / "store").readonly_session("main")
     group = zarr.open_group(session.store, mode="r")
-    plan = read_plan(session, TEXELS_PER_METRE)
+    plan = read_plan(session)
     scene, placement = plan.scene, plan.scene.placement
     pages = sorted((out / "published" / (out / "current").read_text().strip() / "pages").iterdir())
     checked = 0

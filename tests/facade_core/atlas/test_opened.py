@@ -63,7 +63,7 @@ def test_a_mean_is_computed_on_a_cluster(atlas: Atlas) -> None:
 
 def test_charts_are_those_of_the_journal(atlas: Atlas) -> None:
     """Texels by their digests; the texels' centres where the plan has them."""
-    plan = read_plan(atlas.session, TEXELS_PER_METRE)
+    plan = read_plan(atlas.session)
     placement, charts = plan.scene.placement, plan.scene.charts
     digests = latest_digests(seed_records(atlas.group), read_journal(atlas.group, "streets"))
     assert len(digests) > 5
