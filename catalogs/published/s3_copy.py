@@ -17,30 +17,50 @@ _REFERENCES, _POINTERS = "store/refs", ("current", "catalog.json")
 _REWRITTEN = (".json", ".yaml")
 
 
-def copy_run(run: Path, target: S3Folder, arrived: Callable[[int, int], None] = lambda done, total: None) -> int:
+def put_object(place: S3Folder, name: str, data: bytes) -> None:
+    """Write an object of a folder in a bucket. Raises InputError where the bucket refuses."""
+    try:
+        with reached(place), filesystem().open_output_stream(f"{place.path}/{name}") as stream:
+            stream.write(data)
+    except InputError as error:
+        raise InputError(str(error).replace("cannot be reached", f"{name} cannot be written", 1)) from error
+
+
+def copy_run(
+    run: Path,
+    target: S3Folder,
+    arrived: Callable[[int, int], None] = lambda done, total: None,
+    put: Callable[[S3Folder, str, bytes], None] = put_object,
+) -> int:
     """Copy the store and all that is published of the run in folder `run`; returns how many files were sent.
 
     What is there already is not sent again: chunks and pictures are never written twice under one name. The store's
-    references come after its data, then `current`, and catalog.json last. Nothing in the bucket is removed. arrived is told of
-    files done and in all. The run must not go on meanwhile. Raises InputError where the bucket refuses.
+    references come after its data, then `current`, and catalog.json last. Nothing in the bucket is removed. The run must not
+    go on meanwhile.
+
+    Args:
+        arrived: is told of files done and in all.
+        put: writes an object of a folder in a bucket.
+
+    Raises InputError where the bucket refuses.
     """
     references = {path: path.read_bytes() for path in _files(run / _REFERENCES)}
     data = [path for path in (*_files(run / "store"), *_files(run / "published")) if path not in references]
-    held = _sizes(target)
-    due = [path for path in data if _is_due(path, held.get(path.relative_to(run).as_posix()))]
+    sizes = _sizes(target)
+    due = [path for path in data if _is_due(path, sizes.get(path.relative_to(run).as_posix()))]
     with ThreadPoolExecutor(AT_ONCE) as threads:
-        sent = threads.map(lambda path: _put(target, path.relative_to(run).as_posix(), path.read_bytes()), due)
+        sent = threads.map(lambda path: put(target, path.relative_to(run).as_posix(), path.read_bytes()), due)
         for number, _ in enumerate(sent, 1):
             arrived(number, len(due))
-        list(threads.map(lambda path: _put(target, path.relative_to(run).as_posix(), references[path]), references))
+        list(threads.map(lambda path: put(target, path.relative_to(run).as_posix(), references[path]), references))
     for name in _POINTERS:
-        _put(target, name, (run / name).read_bytes())
+        put(target, name, (run / name).read_bytes())
     return len(due) + len(references) + len(_POINTERS)
 
 
 def copy_catalog(folder: Path, target: S3Folder) -> None:
     """Copy folder/catalog.json, that of a folder of runs, which must be there already."""
-    _put(target, "catalog.json", (folder / "catalog.json").read_bytes())
+    put_object(target, "catalog.json", (folder / "catalog.json").read_bytes())
 
 
 def _files(folder: Path) -> Iterator[Path]:
@@ -60,13 +80,5 @@ def _sizes(target: S3Folder) -> dict[str, int]:
     return {one.path[len(target.path) + 1 :]: one.size for one in found if one.type == FileType.File}
 
 
-def _is_due(path: Path, held: int | None) -> bool:
-    return held != path.stat().st_size or path.suffix in _REWRITTEN
-
-
-def _put(target: S3Folder, name: str, data: bytes) -> None:
-    try:
-        with reached(target), filesystem().open_output_stream(f"{target.path}/{name}") as stream:
-            stream.write(data)
-    except InputError as error:
-        raise InputError(str(error).replace("cannot be reached", f"{name} cannot be written", 1)) from error
+def _is_due(path: Path, size: int | None) -> bool:
+    return size != path.stat().st_size or path.suffix in _REWRITTEN

@@ -6,7 +6,7 @@ import platform
 import re
 import shutil
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from importlib.metadata import PackageNotFoundError, metadata, requires, version
 from pathlib import Path
 
@@ -25,10 +25,10 @@ ROOM = 1 << 30
 def examine_machine(folder: Path) -> Iterator[Finding]:
     """What is to be said of this machine; folder: where runs are kept."""
     yield _python()
-    yield from _packages()
+    yield from packages(requires(PACKAGE) or ())
     yield _rays()
-    yield from _models()
-    yield _room(folder)
+    yield from models(_shipped())
+    yield disk(folder)
 
 
 def _python() -> Finding:
@@ -43,21 +43,20 @@ def _python() -> Finding:
     return Finding("python", True, f"{found} at {sys.executable}")
 
 
-def _packages() -> Iterator[Finding]:
-    """Those that are declared against what is installed, and all that are pinned."""
+def packages(declared: Iterable[str]) -> Iterator[Finding]:
+    """Those that are declared, as metadata write them, against what is installed, and all that are pinned."""
     from packaging.requirements import Requirement
 
-    declared = [Requirement(text) for text in requires(PACKAGE) or ()]
     wrong, count = [], 0
-    for one in declared:
-        if one.marker is not None and not one.marker.evaluate({"extra": ""}):
+    for requirement in map(Requirement, declared):
+        if requirement.marker is not None and not requirement.marker.evaluate({"extra": ""}):
             continue
         count += 1
-        found = _version(one.name)
-        if found is None:
-            wrong.append(f"{one.name} is missing")
-        elif not one.specifier.contains(found, prereleases=True):
-            wrong.append(f"{one.name} {found} is not {one.specifier}")
+        installed = _version(requirement.name)
+        if installed is None:
+            wrong.append(f"{requirement.name} is missing")
+        elif not requirement.specifier.contains(installed, prereleases=True):
+            wrong.append(f"{requirement.name} {installed} is not {requirement.specifier}")
     if wrong:
         yield Finding("packages", False, f"{_listed(wrong)}; `make setup` installs what is pinned")
     else:
@@ -94,17 +93,23 @@ def _rays() -> Finding:
         return Finding("rays", False, f"open3d cannot be loaded ({said}); `make setup` installs it with its libusb")
 
 
-def _models() -> Iterator[Finding]:
+def _shipped() -> dict[Path, Callable[[Path], object]]:
+    """The files of the models that come with the package, and what loads each."""
     from facade_core.layout import model as layouts
     from facade_core.parse import forest, network
     from facade_core.street import neural
 
-    for path, load in (
-        (network.SHIPPED, network.load),
-        (forest.SHIPPED, forest.load),
-        (layouts.SHIPPED, layouts.load),
-        (neural.SHIPPED, neural.load),
-    ):
+    return {
+        network.SHIPPED: network.load,
+        forest.SHIPPED: forest.load,
+        layouts.SHIPPED: layouts.load,
+        neural.SHIPPED: neural.load,
+    }
+
+
+def models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[Finding]:
+    """Whether each file of a model is whole, by what loads it."""
+    for path, load in shipped.items():
         try:
             load(path)
         except ModelError as error:
@@ -113,12 +118,15 @@ def _models() -> Iterator[Finding]:
             yield Finding("models", True, f"{path.name} has its checksum and loads")
 
 
-def _room(folder: Path) -> Finding:
+def disk(folder: Path, least: int = ROOM) -> Finding:
+    """Whether the disk of a folder has so many bytes left."""
     while not folder.exists():
         folder = folder.parent
     usage = shutil.disk_usage(folder)
     free = f"{usage.free / (1 << 30):.1f} GB free of {usage.total / (1 << 30):.0f} for {folder}"
-    return Finding("disk", usage.free >= ROOM, free if usage.free >= ROOM else f"{free}: make room before the next run")
+    return Finding(
+        "disk", usage.free >= least, free if usage.free >= least else f"{free}: make room before the next run"
+    )
 
 
 def _version(name: str) -> str | None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 from facade_core.errors import MachineError
@@ -23,10 +24,15 @@ def room_for(plan: Plan, panorama_width: int) -> int:
     return int(texels * (STORE_TEXEL + PUBLISHED_TEXEL) + panoramas * PANORAMA_BYTE)
 
 
-def require_room(folder: Path, needed: int = 0) -> None:
+def free_bytes(folder: Path) -> int:
+    """What the disk of a folder has left."""
+    return shutil.disk_usage(folder).free
+
+
+def require_room(folder: Path, needed: int = 0, free_bytes: Callable[[Path], int] = free_bytes) -> None:
     """Raise MachineError where the disk of `folder` has less room than `needed`, less what lies in its store, and RESERVE."""
-    held = sum(path.stat().st_size for path in (folder / "store").rglob("*") if path.is_file()) if needed else 0
-    needed, free = max(0, needed - held) + RESERVE, shutil.disk_usage(folder).free
+    stored = sum(path.stat().st_size for path in (folder / "store").rglob("*") if path.is_file()) if needed else 0
+    needed, free = max(0, needed - stored) + RESERVE, free_bytes(folder)
     if free < needed:
         raise MachineError(
             f"{folder}: needs about {needed / 1e6:,.0f} MB of space and its disk has {free / 1e6:,.0f} MB free; "

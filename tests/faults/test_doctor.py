@@ -17,7 +17,8 @@ from facade_core.atlas.journal import forget_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from flows.cli.commands import main
 from flows.lock import locked
-from tasks.doctor import examine_folder, examine_machine, machine
+from tasks.doctor import examine_folder, examine_machine
+from tasks.doctor.machine import disk, models, packages
 from tasks.run import Run
 from tasks.store.standing import record_source
 from tasks.store.wounds import is_suspect, mend
@@ -99,23 +100,25 @@ def test_nothing_is_wrong_with_a_whole_run_until_its_block_changes(
     assert contents(out) == before
 
 
-def test_the_environment_is_compared_with_what_is_declared(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def said() -> dict[str, str]:
-        return {f.concern: f.said for f in examine_machine(tmp_path / "not" / "yet") if f.well is False}
+def test_the_environment_is_as_declared(tmp_path: Path) -> None:
+    assert [f for f in examine_machine(tmp_path / "not" / "yet") if f.well is False] == []
 
-    assert said() == {}
+
+def test_what_the_environment_lacks_is_told(tmp_path: Path) -> None:
     from facade_core.parse import forest
 
+    missing, *_ = packages(["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
+    assert missing.well is False
+    assert "is not <1, not-there is missing; `make setup`" in missing.said
     for path in forest.SHIPPED.parent.glob("forest.*"):
         shutil.copy(path, tmp_path)
     (tmp_path / "forest.onnx").write_bytes(b"cut")
-    monkeypatch.setattr(forest, "SHIPPED", tmp_path / "forest.onnx")
-    monkeypatch.setattr(machine, "requires", lambda _: ["numpy<1", "not-there>=2", "torch>=9; extra == 'train'"])
-    monkeypatch.setattr(machine, "ROOM", 1 << 60)
-    found = said()
-    assert "checksum" in found["models"]
-    assert "is not <1, not-there is missing; `make setup`" in found["packages"]
-    assert "make room" in found["disk"]
+    whole, cut = models({forest.SHIPPED: forest.load, tmp_path / "forest.onnx": forest.load})
+    assert whole.well
+    assert cut.well is False
+    assert "checksum" in cut.said
+    assert disk(tmp_path, 1).well
+    assert "make room" in disk(tmp_path / "not" / "yet", 1 << 60).said
 
 
 def test_the_command_exits_by_what_it_found(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-import shutil
 import subprocess
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 
 import pytest
@@ -15,7 +14,7 @@ from tasks.outcome import raising_machine_errors
 from tasks.stages import ingest
 from tasks.store import room
 from tasks.store.commits import journal
-from tasks.store.room import require_room
+from tasks.store.room import RESERVE, require_room
 from tests.pipeline.runs import ROOT, command, environment
 from tests.pipeline.stages import digests_of, texture, write_block
 
@@ -59,17 +58,20 @@ def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
     assert digests_of(disk / "out") == digests_of(tmp_path / "undisturbed")
 
 
-def test_a_disk_without_room_is_told_before_anything_is_written(disk: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(room, "RESERVE", 0)
-    require_room(disk, 200_000)
+def test_a_disk_without_room_is_told_before_anything_is_written(tmp_path: Path) -> None:
+    def left(bytes_free: int) -> Callable[[Path], int]:
+        return lambda folder: RESERVE + bytes_free if folder == tmp_path else 0
+
+    require_room(tmp_path, 200_000, left(200_000))
     with pytest.raises(
-        MachineError, match=r"needs about 5 MB of space and its disk has 0 MB free; free some space, or name"
+        MachineError, match=r"needs about 55 MB of space and its disk has 50 MB free; free some space, or"
     ):
-        require_room(disk, 5_000_000)
-    (disk / "store").mkdir()
-    (disk / "store" / "chunk").write_bytes(bytes(100_000))  # of what is needed, this is there already
-    require_room(disk, 250_000)
-    assert shutil.disk_usage(disk).free < 250_000
+        require_room(tmp_path, 5_000_000, left(300_000))
+    with pytest.raises(MachineError, match="free some space"):
+        require_room(tmp_path, 250_000, left(200_000))
+    (tmp_path / "store").mkdir()
+    (tmp_path / "store" / "chunk").write_bytes(bytes(100_000))  # of what is needed, this is there already
+    require_room(tmp_path, 250_000, left(200_000))
 
 
 def test_the_command_says_what_room_it_needs(disk: Path, tmp_path: Path) -> None:

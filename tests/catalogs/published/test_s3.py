@@ -20,7 +20,7 @@ from pyarrow.dataset import dataset, field
 
 import catalogs
 from catalogs.published.s3 import S3Folder, filesystem, folder_at
-from catalogs.published.s3_copy import copy_run
+from catalogs.published.s3_copy import copy_run, put_object
 from catalogs.query.asking import _dataset, query
 from facade_core.errors import InputError
 from flows.cli.commands import main
@@ -202,45 +202,38 @@ def test_the_catalogue_in_the_bucket_is_whole(bucket: str, runs: Path) -> None:
     assert sum("/facades/w" in path for path in seen) == 7
 
 
-def test_what_is_there_is_not_sent_again_and_the_pointer_comes_last(
-    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_what_is_there_is_not_sent_again_and_the_pointer_comes_last(bucket: str, tmp_path: Path) -> None:
     out, target = make_run(tmp_path / "out", 2), S3Folder("city/again")
     first = copy_run(out, target)
     order: list[str] = []
-    from catalogs.published import s3_copy
 
-    real = s3_copy._put
-    monkeypatch.setattr(s3_copy, "_put", lambda place, name, data: (order.append(name), real(place, name, data)))
-    assert copy_run(out, target) < first
+    def put(place: S3Folder, name: str, data: bytes) -> None:
+        order.append(name)
+        put_object(place, name, data)
+
+    assert copy_run(out, target, put=put) < first
     assert not [name for name in order if name.endswith((".parquet", ".webp")) or "/chunks/" in name]
     order.clear()
     publish(out, [row("w0-f0"), row("w1-f0", 1)], "NEXT", predecessor=(out / "current").read_text().strip())
-    copy_run(out, target)
+    copy_run(out, target, put=put)
     assert order[-2:] == ["current", "catalog.json"]
     last_data = max(i for i, name in enumerate(order) if name.startswith("published/"))
     assert last_data < min(i for i, name in enumerate(order) if name.startswith("store/refs"))
     assert len(query(str(target), where="kind = 'facade'")) == 2
 
 
-def test_a_copy_that_breaks_off_leaves_the_old_snapshot(
-    bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_copy_that_breaks_off_leaves_the_old_snapshot(bucket: str, tmp_path: Path) -> None:
     out, target = make_run(tmp_path / "out", 2), S3Folder("city/broken")
     copy_run(out, target)
     publish(out, [row("w0-f0")], "NEXT")
-    from catalogs.published import s3_copy
-
-    real = s3_copy._put
 
     def put(place: S3Folder, name: str, data: bytes) -> None:
         if name.endswith("items.parquet"):
             raise InputError("the line is cut")
-        real(place, name, data)
+        put_object(place, name, data)
 
-    monkeypatch.setattr(s3_copy, "_put", put)
     with pytest.raises(InputError, match="the line is cut"):
-        copy_run(out, target)
+        copy_run(out, target, put=put)
     assert len(query(str(target), where="kind = 'facade'")) == 2
 
 
