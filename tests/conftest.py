@@ -26,6 +26,7 @@ LONG = (
     "faults/test_killed_at_random.py",
     "pipeline/test_deployments.py",
     "pipeline/test_cluster.py",
+    "browser",
     "faults",
     "pipeline",
 )

@@ -5,7 +5,6 @@ from __future__ import annotations
 import html
 import io
 import json
-import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -17,63 +16,24 @@ from urllib.parse import unquote, urljoin, urlparse
 import pandas as pd
 import pytest
 from click.testing import CliRunner
-from PIL import Image
 from rich.console import Console
 
 from catalogs.query import query
 from catalogs.stac.catalog import write_catalog
 from catalogs.visible import visible, visible_json
-from facade_core.synth import exemplars
 from flows import artifacts
 from flows.cli import commands as cli
 from flows.cli import console
 from flows.markdown import code, plain
 from tasks.export.formats import FORMATS, export
 from tasks.outcome import log_units
-from tasks.stages.publish import publish_block
-from tests.pipeline.stages import Textured, texture, write_block
-from tests.pipeline.test_viewer import CHROMIUM
-
-MARKUP = (
-    "<script>alert(1)</script>\"'`onmouseover=alert(1) [click](javascript:alert(1)) ![](http://evil.example/x) **b** "
-    "[/red][link=http://evil.example]x[/link] {{ 7*7 }} https://evil.example www.evil.example a@evil.example _i_"
-)
-CONTROLS = "\x1b[31m\x07\x9b2J\x1b]8;;mailto:x\x07\u202egnp.\r\n\ttwo\u2028lines"
-DATA = '=1+1\';DROP TABLE items;--"}],"x":{"\\u0000 ]]>&lt;<!ENTITY x SYSTEM "file:///etc/passwd">&x; ?#%41&b=1+2 \ufffe\u00e9'
-LONG = "L" * 300
-BROKEN = "<img src=x onerror=alert(1)>[bold]\x1b[31m.png"
+from tests.faults.hostile_names import BROKEN, CONTROLS, DATA, MARKUP, hostile_block
 
 
 @pytest.fixture(scope="module")
 def made(tmp_path_factory: pytest.TempPathFactory) -> Iterator[SimpleNamespace]:
-    """A published block whose things have such names; two would lead out of any folder."""
-    top = tmp_path_factory.mktemp("hostile")
-    names = [MARKUP, "../../escaped", str(top / "absolute"), CONTROLS, DATA, LONG]
-    picture = Image.fromarray(exemplars(1, seed=5, metres_per_pixel=0.2)[0].image)
-    for folder, file in (("exemplars", "good\x1b[1m\n<b>.png"), ("photos", f"{CONTROLS}-0.png")):
-        (top / "in" / folder).mkdir(parents=True)
-        picture.save(top / "in" / folder / file)
-    (top / "in" / "exemplars" / BROKEN).write_bytes(b"no picture")
-    block = write_block(
-        top / "in",
-        buildings={name: (4 + 8 * i, 5, 6, 2.8, 7.0) for i, name in enumerate(names)},
-        streets={MARKUP: [(0, 0), (24, 0)], CONTROLS + DATA: [(24, 0), (48, 0)]},
-        texture={"visibility_range": 12.0},
-    )
-    with pytest.MonkeyPatch.context() as patch:
-        # readers set aside what is no letter, and a store may be older than they: what is shown must not rely on them
-        for refusal in ("limits._too_much", "pictures.folders._unnamed"):
-            patch.setattr(f"catalogs.readers.{refusal}", lambda item: None)
-        for module in ("limits", "pictures.folders"):
-            patch.setattr(f"catalogs.readers.{module}.one_line", lambda text: text)
-        textured: Textured = texture(block, top / "out")
-        patch.setattr("tasks.stages.publish.aim_views", lambda block: {})  # views take most of the time
-        summary = publish_block.fn(textured.run, block)
-    published = top / "out" / "published" / (top / "out" / "current").read_text().strip()
-    yield SimpleNamespace(top=top, out=top / "out", names=names, run=textured.run, summary=summary, published=published)
-    outside = {path.name for path in top.iterdir()} - {"in", "out", "exports"}
-    assert not outside
-    assert not list(top.parent.glob("escaped*"))
+    with hostile_block(tmp_path_factory.mktemp("hostile")) as block:
+        yield block
 
 
 def printable(text: str) -> bool:
@@ -130,29 +90,6 @@ def test_the_report_runs_and_shows_nothing_of_others(made: SimpleNamespace) -> N
     [policy] = [e.get("content") for e in page.iter("meta") if e.get("http-equiv") == "Content-Security-Policy"]
     assert "default-src 'none'" in policy
     assert "unsafe" not in policy
-
-
-def test_the_report_in_a_browser(made: SimpleNamespace) -> None:
-    """Its policy forbids nothing that it needs, from the file itself."""
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    from playwright.sync_api import sync_playwright
-
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(
-            executable_path=CHROMIUM, args=["--no-sandbox"] if os.geteuid() == 0 else []
-        )
-        page = browser.new_page()
-        said: list[str] = []
-        page.on("console", lambda message: said.append(message.text))
-        page.on("dialog", lambda dialog: said.append(dialog.message))
-        page.on("request", lambda request: said.append(request.url) if not request.url.startswith("file:") else None)
-        page.goto((made.published / "report" / "index.html").as_uri(), wait_until="load", timeout=120_000)
-        assert page.evaluate("getComputedStyle(document.body).maxWidth") == "1320px"
-        shown = "[...document.images].filter(image => image.naturalWidth > 0).length"
-        assert page.evaluate(shown) > 3
-        browser.close()
-    assert [line for line in said if "ERR_FILE_NOT_FOUND" not in line] == []  # above.jpg, which this block lacks
 
 
 def test_stac_leads_to_every_unit_and_nowhere_else(made: SimpleNamespace) -> None:

@@ -1,19 +1,16 @@
-"""The viewer as a user meets it: a real server over a real run's folder, and Chromium where the machine has one."""
+"""The viewer as a program meets it: a real server over a real run's folder."""
 
 from __future__ import annotations
 
 import io
 import json
-import os
 import shutil
 import subprocess
 import sys
-import time
 import urllib.error
 import urllib.parse
 import urllib.request
 from collections.abc import Iterator
-from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -24,42 +21,15 @@ from PIL import Image
 
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
-from flows.lock import locked
 from tasks.viewing import Reader
-from tests.pipeline.runs import ROOT, environment
-
-CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
-SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
-
-
-@contextmanager
-def viewing(out: Path) -> Iterator[str]:
-    """The address of a viewer of a run's folder."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "flows", "view", str(out), "--port", "0", "--no-open"],
-        cwd=ROOT,
-        env=environment(out.parent),
-        stdout=subprocess.PIPE,
-        text=True,
-    )
-    try:
-        assert process.stdout is not None
-        yield process.stdout.readline().split()[0]
-    finally:
-        process.terminate()
-        process.wait(20)
+from tests.pipeline.runs import ROOT
+from tests.pipeline.viewed import get, viewing
 
 
 @pytest.fixture(scope="module")
 def address(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[str]:
     with viewing(undisturbed[0]) as place:
         yield place
-
-
-def get(address: str, **parameters: Any) -> bytes:
-    query = f"?{urllib.parse.urlencode(parameters)}" if parameters else ""
-    with urllib.request.urlopen(address + query, timeout=60) as answer:
-        return bytes(answer.read())
 
 
 def refusal(address: str, host: str | None = None, **parameters: Any) -> tuple[int, bytes]:
@@ -156,122 +126,3 @@ def test_what_is_stale_has_not_failed(undisturbed: tuple[Path, dict[str, Any]], 
 def test_one_run_in_a_folder_is_opened(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     with viewing(undisturbed[0].parent) as place:
         assert json.loads(get(f"{place}/api/block"))["block"] == undisturbed[1]["block"]
-
-
-@pytest.fixture(scope="module")
-def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
-    from playwright.sync_api import sync_playwright
-
-    # inside a container Chromium's own sandbox cannot start; it meets nothing here but the viewer's pages
-    arguments = [*SOFTWARE_GL, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
-        yield started
-        started.close()
-
-
-def wait(page: Any, expression: str) -> None:
-    """Until a JavaScript expression is true: the page's policy forbids the browser to be given functions to poll."""
-    deadline = time.monotonic() + 90
-    while not page.evaluate(expression):
-        assert time.monotonic() < deadline, expression
-        page.wait_for_timeout(100)
-
-
-@pytest.fixture
-def page(browser: Any) -> Iterator[Any]:
-    opened = browser.new_page(viewport={"width": 900, "height": 700})
-    opened.set_default_timeout(90_000)
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    yield opened
-    opened.close()
-    assert errors == []
-
-
-def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
-    page.goto(address)
-    page.wait_for_selector("line.facade")
-    count = page.locator("line.facade").count()
-    assert count == page.locator("tbody tr").count() > 3
-    page.select_option("#coloured-by", "floors")
-    assert "from" in page.locator(".legend").inner_text()
-    page.fill("#filter", "Kasarmikatu")
-    assert 0 < page.locator("tbody tr").count() < count
-
-    page.locator("tbody a").first.click()
-    page.wait_for_selector(".stages img")
-    first = page.locator("h2").inner_text()
-    page.keyboard.press("ArrowRight")
-    wait(page, f"document.querySelector('h2').innerText !== {json.dumps(first)}")
-    wait(page, "[...document.querySelectorAll('.stages img')].slice(0, 3).every(i => i.complete && i.naturalWidth)")
-
-    page.click("text=Streets")
-    page.wait_for_selector("#panorama")
-    before = page.get_attribute("#panorama", "src")
-    page.focus("#step")
-    page.keyboard.press("ArrowRight")
-    wait(page, f"document.getElementById('panorama').getAttribute('src') !== {json.dumps(before)}")
-    assert page.evaluate("document.activeElement.id") == "step"
-    wait(page, "['panorama', 'grown'].every(id => document.getElementById(id).naturalWidth > 0)")
-
-
-def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> None:
-    from axe_playwright_python.sync_playwright import Axe
-
-    opened = browser.new_page(viewport={"width": 390, "height": 800})
-    opened.set_default_timeout(90_000)
-    facade = json.loads(get(f"{address}/api/block"))["facades"][0]["id"]
-    for place, there in {
-        "map": "line.facade",
-        f"facade/{facade}": ".stages img",
-        "street": "#step",
-        "run": "progress",
-    }.items():
-        opened.goto(f"{address}/#/{place}")
-        opened.wait_for_selector(there)
-        found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
-        assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == [], place
-        assert opened.evaluate("document.documentElement.scrollWidth") <= 390, place
-    opened.close()
-
-
-def test_the_block_in_3d_is_not_blank(browser: Any, address: str) -> None:
-    opened = browser.new_page(viewport={"width": 480, "height": 420})
-    opened.goto(f"{address}/#/model")
-    frame = opened.frame_locator("#model")
-    frame.locator("canvas").first.wait_for(timeout=120_000)
-    colours = 0
-    for _ in range(20):  # the model travels after the canvas is there, and software draws it slowly
-        opened.wait_for_timeout(3000)
-        image = Image.open(io.BytesIO(frame.locator("canvas").first.screenshot(timeout=120_000))).convert("RGB")
-        colours = len(image.quantize(64).getcolors() or [])
-        if colours > 24:
-            break
-    opened.close()
-    assert colours > 24
-
-
-def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
-    page: Any, undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path
-) -> None:
-    out = tmp_path / "out"
-    shutil.copytree(undisturbed[0], out, ignore=shutil.ignore_patterns("prefect"))
-    with viewing(out) as address:
-        page.goto(f"{address}/#/run")
-        page.wait_for_selector("text=The run has ended")
-        session = open_repository(out / "store").writable_session(BRANCH)
-        group = zarr.open_group(session.store)
-        record = read_journal(group, "facades")[0]
-        assert record is not None
-        reason = "the photo is cut off; replace it"
-        write_record(group, "facades", 0, {"unit": record["unit"], "key": "x", "status": "failed", "reason": reason})
-        commit(session, "a facade that fails")
-        page.wait_for_selector("text=The run was cut off; run the block again to go on")
-        with locked(out):
-            page.wait_for_selector("text=The run is going on")
-        page.wait_for_selector("text=1 failed")
-        page.click(f"text={record['unit']}")
-        page.wait_for_selector(f"text=Failed: {reason}")

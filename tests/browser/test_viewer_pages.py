@@ -1,0 +1,122 @@
+"""The viewer as a user meets it: its pages in Chromium, served from a real run's folder."""
+
+from __future__ import annotations
+
+import io
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from PIL import Image
+
+from facade_core.atlas.journal import read_journal, write_record
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from flows.lock import locked
+from tests.browser.conftest import wait
+from tests.pipeline.viewed import get, viewing
+
+
+@pytest.fixture(scope="module")
+def address(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[str]:
+    with viewing(undisturbed[0]) as place:
+        yield place
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    opened = browser.new_page(viewport={"width": 900, "height": 700})
+    opened.set_default_timeout(90_000)
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    yield opened
+    opened.close()
+    assert errors == []
+
+
+def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
+    page.goto(address)
+    page.wait_for_selector("line.facade")
+    count = page.locator("line.facade").count()
+    assert count == page.locator("tbody tr").count() > 3
+    page.select_option("#coloured-by", "floors")
+    assert "from" in page.locator(".legend").inner_text()
+    page.fill("#filter", "Kasarmikatu")
+    assert 0 < page.locator("tbody tr").count() < count
+
+    page.locator("tbody a").first.click()
+    page.wait_for_selector(".stages img")
+    first = page.locator("h2").inner_text()
+    page.keyboard.press("ArrowRight")
+    wait(page, f"document.querySelector('h2').innerText !== {json.dumps(first)}")
+    wait(page, "[...document.querySelectorAll('.stages img')].slice(0, 3).every(i => i.complete && i.naturalWidth)")
+
+    page.click("text=Streets")
+    page.wait_for_selector("#panorama")
+    before = page.get_attribute("#panorama", "src")
+    page.focus("#step")
+    page.keyboard.press("ArrowRight")
+    wait(page, f"document.getElementById('panorama').getAttribute('src') !== {json.dumps(before)}")
+    assert page.evaluate("document.activeElement.id") == "step"
+    wait(page, "['panorama', 'grown'].every(id => document.getElementById(id).naturalWidth > 0)")
+
+
+def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    opened = browser.new_page(viewport={"width": 390, "height": 800})
+    opened.set_default_timeout(90_000)
+    facade = json.loads(get(f"{address}/api/block"))["facades"][0]["id"]
+    for place, there in {
+        "map": "line.facade",
+        f"facade/{facade}": ".stages img",
+        "street": "#step",
+        "run": "progress",
+    }.items():
+        opened.goto(f"{address}/#/{place}")
+        opened.wait_for_selector(there)
+        found = Axe().run(opened, options={"resultTypes": ["violations"]}).response["violations"]
+        assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == [], place
+        assert opened.evaluate("document.documentElement.scrollWidth") <= 390, place
+    opened.close()
+
+
+def test_the_block_in_3d_is_not_blank(browser: Any, address: str) -> None:
+    opened = browser.new_page(viewport={"width": 480, "height": 420})
+    opened.goto(f"{address}/#/model")
+    frame = opened.frame_locator("#model")
+    frame.locator("canvas").first.wait_for(timeout=120_000)
+    colours = 0
+    for _ in range(20):  # the model travels after the canvas is there, and software draws it slowly
+        opened.wait_for_timeout(3000)
+        image = Image.open(io.BytesIO(frame.locator("canvas").first.screenshot(timeout=120_000))).convert("RGB")
+        colours = len(image.quantize(64).getcolors() or [])
+        if colours > 24:
+            break
+    opened.close()
+    assert colours > 24
+
+
+def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
+    page: Any, undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    out = tmp_path / "out"
+    shutil.copytree(undisturbed[0], out, ignore=shutil.ignore_patterns("prefect"))
+    with viewing(out) as address:
+        page.goto(f"{address}/#/run")
+        page.wait_for_selector("text=The run has ended")
+        session = open_repository(out / "store").writable_session(BRANCH)
+        group = open_root(session)
+        record = read_journal(group, "facades")[0]
+        assert record is not None
+        reason = "the photo is cut off; replace it"
+        write_record(group, "facades", 0, {"unit": record["unit"], "key": "x", "status": "failed", "reason": reason})
+        commit(session, "a facade that fails")
+        page.wait_for_selector("text=The run was cut off; run the block again to go on")
+        with locked(out):
+            page.wait_for_selector("text=The run is going on")
+        page.wait_for_selector("text=1 failed")
+        page.click(f"text={record['unit']}")
+        page.wait_for_selector(f"text=Failed: {reason}")

@@ -1,0 +1,38 @@
+"""A viewer that serves a run's folder, and what it answers."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import urllib.parse
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from tests.pipeline.runs import ROOT, environment
+
+
+@contextmanager
+def viewing(out: Path) -> Iterator[str]:
+    """The address of a viewer of a run's folder."""
+    process = subprocess.Popen(
+        [sys.executable, "-m", "flows", "view", str(out), "--port", "0", "--no-open"],
+        cwd=ROOT,
+        env=environment(out.parent),
+        stdout=subprocess.PIPE,
+        text=True,
+    )
+    try:
+        assert process.stdout is not None
+        yield process.stdout.readline().split()[0]
+    finally:
+        process.terminate()
+        process.wait(20)
+
+
+def get(address: str, **parameters: Any) -> bytes:
+    query = f"?{urllib.parse.urlencode(parameters)}" if parameters else ""
+    with urllib.request.urlopen(address + query, timeout=60) as answer:
+        return bytes(answer.read())
