@@ -94,7 +94,7 @@ def scores(counts: np.ndarray) -> dict[str, Any]:
     }
 
 
-def matches(true: Sequence[Element], found: Sequence[Element]) -> Counter[tuple[str, str]]:
+def matches(true: Sequence[Element], elements: Sequence[Element]) -> Counter[tuple[str, str]]:
     """How many elements of a class are (class, "true"), (class, "found") and (class, "both"): paired one to one for
     the greatest sum of IoU, where it is at least 0.5."""
     from scipy.optimize import linear_sum_assignment
@@ -103,7 +103,7 @@ def matches(true: Sequence[Element], found: Sequence[Element]) -> Counter[tuple[
     for name in ELEMENT_CLASSES:
         one, other = (
             np.array([(e.x0, e.y0, e.x1, e.y1) for e in boxes if e.label == name]).reshape(-1, 4)
-            for boxes in (true, found)
+            for boxes in (true, elements)
         )
         overlap = _overlaps(one, other)
         overlap[overlap < _LEAST_OVERLAP] = 0

@@ -24,9 +24,16 @@ LONGEST_STEM = 120
 
 @dataclass(frozen=True, slots=True)
 class Footprint:
-    """A building outline in the source's frame. height: metres from the ground to the eaves; None where unstated.
+    """A building outline in the source's frame.
 
-    base: height of the ground, where the source states it; roof: what is above the eaves, where tagged.
+    Args:
+        id: unique in the source.
+        outline: in plan.
+        height: metres from the ground to the eaves; None where unstated.
+        levels: storeys; None where unstated.
+        name: what it is called, where stated.
+        base: height of the ground, where stated.
+        roof: what is above the eaves, where tagged.
     """
 
     id: str
@@ -40,9 +47,15 @@ class Footprint:
 
 @dataclass(frozen=True, slots=True)
 class Model:
-    """A building modelled in 3D. The shell is in the source's frame: x east or longitude, y north or latitude, z metres up.
+    """A building modelled in 3D.
 
-    height: from the ground to the top, where the source states it; base: height of the ground, likewise.
+    Args:
+        id: unique in the source.
+        shell: in the source's frame: x east or longitude, y north or latitude, z metres up.
+        height: metres from the ground to the top, where stated.
+        levels: storeys, where stated.
+        name: what it is called, where stated.
+        base: height of the ground, where stated.
     """
 
     id: str
@@ -66,8 +79,11 @@ class Remark:
 class Fault:
     """A unit that is set aside since it is broken: a run goes on without it, exits with 1 and keeps the reason.
 
-    kind: "building", "street", "panorama", "photo" or "exemplar"; reason: what is wrong and the remedy, one line; place: a
-    geometry in the source's frame, where it has one.
+    Args:
+        id: the unit's, or the name of its file.
+        kind: "building", "street", "panorama", "photo" or "exemplar".
+        reason: what is wrong and the remedy, one line.
+        place: a geometry in the source's frame, where it has one.
     """
 
     id: str

@@ -64,14 +64,14 @@ def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
     return scene, own, streets
 
 
-def walk(scene: Scene, own: Sequence[Viewpoint], translate: Translate, blending: Blending = "weighted") -> Walk:
+def walk(scene: Scene, viewpoints: Sequence[Viewpoint], translate: Translate, blending: Blending = "weighted") -> Walk:
     """Texture a street from nothing."""
-    charts = np.unique(np.concatenate([scene.seen(viewpoint, WIDTH) for viewpoint in own]))
+    charts = np.unique(np.concatenate([scene.seen(viewpoint, WIDTH) for viewpoint in viewpoints]))
     window, empty = _window(scene, charts), _window(scene, charts)
     total, count = np.zeros((len(window.colour), 3), np.int64), np.zeros(len(window.colour), np.int64)
     differences = []
     before: tuple[Panorama, np.ndarray] | None = None
-    for viewpoint in own:
+    for viewpoint in viewpoints:
         panorama = render(scene, window, viewpoint, (WIDTH // 2, WIDTH))
         rgb = translate(panorama, render(scene, empty, viewpoint, (WIDTH // 2, WIDTH)))
         if blending == "weighted":
@@ -91,11 +91,11 @@ def walk(scene: Scene, own: Sequence[Viewpoint], translate: Translate, blending:
     return Walk(window, float(np.mean(differences)))
 
 
-def between(own: Sequence[Viewpoint]) -> list[Viewpoint]:
+def between(viewpoints: Sequence[Viewpoint]) -> list[Viewpoint]:
     """Viewpoints halfway between consecutive ones: where nobody stood who textured the street."""
     return [
         Viewpoint(a.id, a.street, (a.position + b.position) / 2, a.forward)
-        for a, b in zip(own[:-1], own[1:], strict=True)
+        for a, b in zip(viewpoints[:-1], viewpoints[1:], strict=True)
     ]
 
 

@@ -144,7 +144,7 @@ def _modelled(
 
 def _new(
     candidates: list[_Candidate],
-    found: list[_Candidate],
+    earlier: list[_Candidate],
     stated: dict[str, list[Any]],
     reasons: dict[str, list[str]],
 ) -> list[_Candidate]:
@@ -152,13 +152,13 @@ def _new(
 
     stated: the outlines so far by the id that their source gives them.
     """
-    used = {candidate.building.id for candidate in found}
+    used = {candidate.building.id for candidate in earlier}
     taken = used | {candidate.building.id for candidate in candidates}
-    tree = shapely.STRtree([candidate.building.footprint for candidate in found])
+    tree = shapely.STRtree([candidate.building.footprint for candidate in earlier])
     kept = []
     for candidate in candidates:
         id, outline = candidate.building.id, candidate.building.footprint
-        others = [found[i].building.footprint for i in tree.query(outline, predicate="intersects")]
+        others = [earlier[i].building.footprint for i in tree.query(outline, predicate="intersects")]
         shared = max((outline.intersection(other).area for other in others), default=0.0)
         if shared > SAME * outline.area or any(_overlap(outline, other) for other in stated[id]):
             reasons["buildings stated twice, the first kept"].append(id)
@@ -178,12 +178,12 @@ def _overlap(outline: Any, other: Any) -> bool:
     return bool(outline.intersection(other).area > BESIDE * min(outline.area, other.area))
 
 
-def _with_heights(found: list[_Candidate], storey: float) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    stated = [candidate.stated for candidate in found if candidate.stated]
+def _with_heights(candidates: list[_Candidate], storey: float) -> tuple[tuple[Building, ...], tuple[str, ...]]:
+    stated = [candidate.stated for candidate in candidates if candidate.stated]
     known = [height for footprint in stated if (height := _height(footprint, storey)[0]) is not None]
     default = round(median(known), 2) if known else FALLBACK_HEIGHT
     buildings = []
-    for candidate in found:
+    for candidate in candidates:
         building = candidate.building
         if candidate.stated:
             height, origin = _height(candidate.stated, storey)

@@ -29,8 +29,14 @@ _FACADE = "facade"
 
 @dataclass(frozen=True, slots=True)
 class LayoutRecord:
-    """One facade: elements inside domain = (x0, y0, x1, y1), in the file's unit, y down; dropped: (label, count) of what has
-    no class, no area or lies outside."""
+    """One facade, in the file's unit, y down.
+
+    Args:
+        name: the picture's or the source's, and the number of the line.
+        elements: those inside the domain.
+        domain: the facade itself, (x0, y0, x1, y1).
+        dropped: (label, count) of what has no class, no area or lies outside.
+    """
 
     name: str
     elements: tuple[Element, ...]

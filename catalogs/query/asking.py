@@ -57,14 +57,14 @@ def query(
             "SET allowed_paths = $1", [[form for p in local for form in (str(p.resolve()), _pattern(p))]]
         )
         parts = []
-        for number, (run, path, held) in enumerate(found):
+        for number, (run, path, columns) in enumerate(found):
             if isinstance(path, S3Folder):
                 # DuckDB speaks S3 by an extension that it would download: Arrow reads, and skips what box and time rule out
-                connection.register(f"run_{number}", _dataset(path, held, box, start))
-                parts.append(_select(run, held, schema, f"run_{number}"))
+                connection.register(f"run_{number}", _dataset(path, columns, box, start))
+                parts.append(_select(run, columns, schema, f"run_{number}"))
             else:
                 source = f"read_parquet({_text(_pattern(path))}, hive_partitioning = false)"
-                parts.append(_select(run, held, schema, source) + _conditions(held, box, start))
+                parts.append(_select(run, columns, schema, source) + _conditions(columns, box, start))
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
@@ -99,27 +99,27 @@ def _published(
 
     runs, left_out = runs_in(folder_at(out))
     united = pa.schema(pa.field(c.name, arrow_type(c)) for c in COLUMNS)
-    found = []
+    readable = []
     for run in runs:
         try:
             path = holds.enter_context(current(run.folder).being_read()).items
             try:
-                held = _schema(path)
-                united = pa.unify_schemas([united, held], promote_options="permissive")
+                columns = _schema(path)
+                united = pa.unify_schemas([united, columns], promote_options="permissive")
             except (pa.ArrowTypeError, pa.ArrowInvalid, OSError) as error:
                 raise InputError(_unreadable(run, path, error)) from error
-            found.append((run, path, held))
+            readable.append((run, path, columns))
         except InputError as error:
             if len(runs) == 1:
                 raise
             left_out.append(f"{run.name} is left out: {error}")
-    if not found:
+    if not readable:
         raise InputError(f"{out}: no run can be read; {left_out[-1]}")
     for line in left_out:
         if note:
             note(line)
     fields = [pa.field(field.name, field.type) for field in united if field.name != "run"]
-    return found, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
+    return readable, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
 
 
 def _schema(path: Folder) -> pa.Schema:
@@ -136,44 +136,46 @@ def _unreadable(run: Run, path: Folder, error: Exception) -> str:
     return f"{path} cannot be read as Parquet; `streetloom run` publishes again"
 
 
-def _select(run: Run, held: pa.Schema, schema: pa.Schema, source: str) -> str:
+def _select(run: Run, columns: pa.Schema, schema: pa.Schema, source: str) -> str:
     """SQL for the rows of one run, with all columns."""
-    return f"SELECT {', '.join(_column(name, run, held) for name in schema.names)} FROM {source}"
+    return f"SELECT {', '.join(_column(name, run, columns) for name in schema.names)} FROM {source}"
 
 
-def _conditions(held: pa.Schema, box: Sequence[float], start: datetime | None) -> str:
+def _conditions(columns: pa.Schema, box: Sequence[float], start: datetime | None) -> str:
     """SQL for what lies within the box and was made since the start."""
     conditions = []
     if start is not None:
-        conditions.append(f"updated >= TIMESTAMPTZ {_text(start.isoformat())}" if "updated" in held.names else "false")
+        conditions.append(
+            f"updated >= TIMESTAMPTZ {_text(start.isoformat())}" if "updated" in columns.names else "false"
+        )
     if box:
         west, south, east, north = box
         conditions.append(f"xmax >= {west!r} AND ymax >= {south!r} AND xmin <= {east!r} AND ymin <= {north!r}")
     return f" WHERE {' AND '.join(conditions)}" if conditions else ""
 
 
-def _dataset(path: S3Folder, held: pa.Schema, box: Sequence[float], start: datetime | None) -> Any:
+def _dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: datetime | None) -> Any:
     """The same as an Arrow dataset over the file in a bucket, of which row groups without such rows are not fetched."""
     import pyarrow as pa
     from pyarrow import dataset
 
     with reached(path):
-        found = dataset.dataset(path.path, format="parquet", filesystem=filesystem())
+        rows = dataset.dataset(path.path, format="parquet", filesystem=filesystem())
     field = dataset.field
     if start is not None:
-        made = field("updated") >= pa.scalar(start, pa.timestamp("us", "UTC"))
-        found = found.filter(made if "updated" in held.names else pa.scalar(False))
+        updated = field("updated") >= pa.scalar(start, pa.timestamp("us", "UTC"))
+        rows = rows.filter(updated if "updated" in columns.names else pa.scalar(False))
     if box:
         west, south, east, north = box
         within = (field("xmax") >= west) & (field("ymax") >= south) & (field("xmin") <= east) & (field("ymin") <= north)
-        found = found.filter(within)
-    return found
+        rows = rows.filter(within)
+    return rows
 
 
-def _column(name: str, run: Run, held: pa.Schema) -> str:
+def _column(name: str, run: Run, columns: pa.Schema) -> str:
     if name == "run":
         return f"{_text(run.name)} AS run"
-    return _name(name) if name in held.names else f"NULL AS {_name(name)}"
+    return _name(name) if name in columns.names else f"NULL AS {_name(name)}"
 
 
 def _pattern(path: Path) -> str:
@@ -193,9 +195,9 @@ def _fetched(connection: duckdb.DuckDBPyConnection, text: str, schema: pa.Schema
     return connection.sql(text).to_arrow_table().select(schema.names).cast(schema)
 
 
-def _frame(found: pa.Table) -> pd.DataFrame:
+def _frame(table: pa.Table) -> pd.DataFrame:
     import pandas as pd
     import pyarrow as pa
 
     nullable = {pa.int32(): pd.Int32Dtype(), pa.int64(): pd.Int64Dtype()}
-    return found.to_pandas(types_mapper=nullable.get)
+    return table.to_pandas(types_mapper=nullable.get)

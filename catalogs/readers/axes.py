@@ -33,9 +33,12 @@ _SURVEYS = {f"ETRS89_UTM{zone}": 25800 + zone for zone in (31, 32, 33)} | {  # n
 class Axes:
     """How the coordinates of a file are to be read.
 
-    crs: "EPSG:n", None where none is known; horizontal: the part of it without heights, by which frames are compared;
-    north_first: its first number is the northing or latitude; scale: metres in a unit of east, and of north; vertical: metres
-    in a unit of height.
+    Args:
+        crs: "EPSG:n", None where none is known.
+        horizontal: the part of it without heights, by which frames are compared.
+        north_first: its first number is the northing or latitude.
+        scale: metres in a unit of east, and of north.
+        vertical: metres in a unit of height.
     """
 
     crs: str | None = None

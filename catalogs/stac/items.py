@@ -41,7 +41,7 @@ class Place:
     """A geometry in degrees and in the block's frame; None where it lies nowhere."""
 
     lonlat: BaseGeometry | None
-    own: BaseGeometry | None
+    in_frame: BaseGeometry | None
 
 
 NOWHERE = Place(None, None)
@@ -53,12 +53,12 @@ class Foot:
 
     row: Mapping[str, Any]
     lonlat: LineString
-    own: LineString
+    in_frame: LineString
 
 
 def facade_item(foot: Foot, facts: BlockFacts) -> Item:
     row = foot.row
-    item = _item(row["id"], "facades", facts, Place(foot.lonlat, foot.own), row["updated"], row["code_version"])
+    item = _item(row["id"], "facades", facts, Place(foot.lonlat, foot.in_frame), row["updated"], row["code_version"])
     item.properties["title"] = " ".join(filter(None, (row["street"], row["id"])))
     _say(item, {key: row[key] for key in OWN})
     if lineage := _lineage(row):
@@ -203,7 +203,7 @@ def _say(item: Item, fields: Mapping[str, Any]) -> None:
 
 
 def _item(
-    identifier: str, kind: str, facts: BlockFacts, place: Place, made: datetime, code_version: str | None = None
+    identifier: str, kind: str, facts: BlockFacts, place: Place, updated: datetime, code_version: str | None = None
 ) -> Item:
     """What all Items have; geometry to 7 decimals of a degree (about 1 cm) and to millimetres."""
     import pystac
@@ -213,7 +213,7 @@ def _item(
         identifier,
         None,
         None,
-        made,
+        updated,
         {
             "version": facts.snapshot,
             "deprecated": False,
@@ -224,9 +224,9 @@ def _item(
         collection=collection_id(facts.name, kind),
     )
     item.properties |= projection_of(CRS.from_user_input(facts.crs))
-    if place.lonlat is not None and place.own is not None:
+    if place.lonlat is not None and place.in_frame is not None:
         lonlat, own = (
-            shapely.transform(g, lambda xy, d=d: xy.round(d)) for g, d in ((place.lonlat, 7), (place.own, 3))
+            shapely.transform(g, lambda xy, d=d: xy.round(d)) for g, d in ((place.lonlat, 7), (place.in_frame, 3))
         )
         item.geometry, item.bbox = shapely.geometry.mapping(lonlat), list(lonlat.bounds)
         item.properties |= {"proj:geometry": shapely.geometry.mapping(own), "proj:bbox": list(own.bounds)}

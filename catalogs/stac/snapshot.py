@@ -211,11 +211,10 @@ def _hull(feet: Sequence[Foot]) -> Place:
     """What the facades' foot lines lie in; a polygon as GeoJSON has it, anticlockwise."""
     if not feet:
         return Place(None, None)
-    lines = (
-        shapely.MultiLineString([getattr(foot, frame) for foot in feet]).convex_hull for frame in ("lonlat", "own")
-    )
-    lonlat, own = (shapely.geometry.polygon.orient(h) if h.geom_type == "Polygon" else h for h in lines)
-    return Place(lonlat, own)
+    lines = [foot.lonlat for foot in feet], [foot.in_frame for foot in feet]
+    hulls = (shapely.MultiLineString(part).convex_hull for part in lines)
+    lonlat, in_frame = (shapely.geometry.polygon.orient(h) if h.geom_type == "Polygon" else h for h in hulls)
+    return Place(lonlat, in_frame)
 
 
 def _states(streets: Sequence[StreetFacts]) -> dict[str, int]:

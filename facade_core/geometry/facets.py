@@ -136,12 +136,12 @@ def _weld(shell: Shell) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]
     return vertices, triangles[kept], area[kept], kept
 
 
-def walled(found: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
+def walled(facets: Facets, line: shapely.Geometry, *, foot: float = 2.0, near: float = 0.3) -> float:
     """The share of a line along which walls stand that reach down to `foot` metres above the lowest point; 1 of no line."""
     length = line.length
-    corners = found.vertices[found.triangles]
-    upright = np.abs(found.normal[found.facet, 2]) < 0.5
-    standing = corners[upright & (corners[..., 2].min(axis=1) < found.vertices[:, 2].min() + foot)]
+    corners = facets.vertices[facets.triangles]
+    upright = np.abs(facets.normal[facets.facet, 2]) < 0.5
+    standing = corners[upright & (corners[..., 2].min(axis=1) < facets.vertices[:, 2].min() + foot)]
     if length < 1.0 or len(standing) == 0:
         return float(length < 1.0)
     walls = shapely.STRtree(shapely.linestrings(standing[..., :2]))

@@ -164,34 +164,34 @@ def _wall(
     pieces.surfaces += 1
 
 
-def _facets(pieces: Pieces, index: int, found: Facets, largest: float, grid: float) -> None:
+def _facets(pieces: Pieces, index: int, facets: Facets, largest: float, grid: float) -> None:
     """Facets as charts; those longer than `largest` are cut on the grid."""
-    axis_u, axis_v = frames(found.normal)
-    vertices, triangles, uv = found.vertices, found.triangles, found.uv
+    axis_u, axis_v = frames(facets.normal)
+    vertices, triangles, uv = facets.vertices, facets.triangles, facets.uv
     corners = vertices[triangles]
-    first = np.searchsorted(found.facet, np.arange(len(found)))
-    long = np.zeros(len(found), bool)
+    first = np.searchsorted(facets.facet, np.arange(len(facets)))
+    long = np.zeros(len(facets), bool)
     for axis in (axis_u, axis_v):
-        place = np.einsum("tcj,tj->tc", corners, axis[found.facet])
+        place = np.einsum("tcj,tj->tc", corners, axis[facets.facet])
         extent = np.maximum.reduceat(place.max(axis=1), first) - np.minimum.reduceat(place.min(axis=1), first)
         long |= extent > largest
     if not long.any():
-        parts = [(found.facet, np.zeros(len(triangles), np.int64), triangles, uv, found.texture)]
+        parts = [(facets.facet, np.zeros(len(triangles), np.int64), triangles, uv, facets.texture)]
     else:
-        whole = ~long[found.facet]
+        whole = ~long[facets.facet]
         parts = [
-            (found.facet[whole], np.zeros(whole.sum(), np.int64), triangles[whole], uv[whole], found.texture[whole])
+            (facets.facet[whole], np.zeros(whole.sum(), np.int64), triangles[whole], uv[whole], facets.texture[whole])
         ]
         for f in np.flatnonzero(long):
-            mine = found.facet == f
+            mine = facets.facet == f
             vertices, cut, cut_uv, source, cell = cut_triangles(vertices, triangles[mine], uv[mine], grid)
-            parts.append((np.full(len(cut), f), cell, cut, cut_uv, found.texture[mine][source]))
+            parts.append((np.full(len(cut), f), cell, cut, cut_uv, facets.texture[mine][source]))
     facet, cell, triangles, uv, texture = (np.concatenate(column) for column in zip(*parts, strict=True))
     surface, chart = np.unique(facet * (cell.max() + 1) + cell, return_inverse=True)
     surface //= cell.max() + 1
     order = np.argsort(chart, kind="stable")
     pieces.add(
-        found.kind[surface], surface, index, axis_u[surface], axis_v[surface],
+        facets.kind[surface], surface, index, axis_u[surface], axis_v[surface],
         vertices, triangles[order], chart[order], texture[order], uv[order],
     )  # fmt: skip
 
@@ -199,27 +199,27 @@ def _facets(pieces: Pieces, index: int, found: Facets, largest: float, grid: flo
 def _shell_skirt(
     pieces: Pieces,
     index: int,
-    found: Facets,
+    facets: Facets,
     outline: Polygon | MultiPolygon,
     terrain: Terrain,
     largest: float,
     grid: float,
 ) -> None:
     """Walls from the open lower edges of a shell's walls down to the terrain, one surface per facet."""
-    edges = np.concatenate([found.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
-    key = np.sort(edges, axis=1) @ [len(found.vertices), 1]
+    edges = np.concatenate([facets.triangles[:, [k, (k + 1) % 3]] for k in range(3)])
+    key = np.sort(edges, axis=1) @ [len(facets.vertices), 1]
     _, of, uses = np.unique(key, return_inverse=True, return_counts=True)
-    facet = np.tile(found.facet, 3)
-    ends = found.vertices[edges]
+    facet = np.tile(facets.facet, 3)
+    ends = facets.vertices[edges]
     gap = ends[..., 2] - terrain.height(ends.reshape(-1, 3)[:, :2]).reshape(-1, 2)
     run = np.hypot(*(ends[:, 1] - ends[:, 0])[:, :2].T)
     # counter-clockwise seen from outside, the lower edge of a wall runs to the right
-    right = np.einsum("ij,ij->i", (ends[:, 1] - ends[:, 0])[:, :2], frames(found.normal)[0][facet][:, :2])
+    right = np.einsum("ij,ij->i", (ends[:, 1] - ends[:, 0])[:, :2], frames(facets.normal)[0][facet][:, :2])
     foot = (
         (uses[of] == 1)
-        & (np.abs(found.normal[facet, 2]) < 0.5)
+        & (np.abs(facets.normal[facet, 2]) < 0.5)
         & (right > 0.5 * np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
-        & (ends[..., 2].max(axis=1) < found.vertices[:, 2].min() + FOOT_M)
+        & (ends[..., 2].max(axis=1) < facets.vertices[:, 2].min() + FOOT_M)
         & (gap.max(axis=1) > SKIRT_M)
         & (run > SHORTEST_WALL_M)
     )
@@ -234,7 +234,7 @@ def _shell_skirt(
     low = [p - drop[:, k : k + 1] * [0, 0, 1] for k, p in enumerate((a, b))]
     order = np.argsort(facet[foot], kind="stable")
     of_facet, chart = np.unique(facet[foot][order], return_inverse=True)
-    normal = found.normal[of_facet] * [1, 1, 0]
+    normal = facets.normal[of_facet] * [1, 1, 0]
     n = len(order)
     quads = np.stack([order + k * n for k in (2, 3, 1, 2, 1, 0)], axis=1)
     skirt = Facets(

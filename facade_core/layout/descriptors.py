@@ -17,10 +17,15 @@ VERSION = 1
 
 
 def describe(
-    found: Proposals, seen: Sequence[Element], fitted: Sequence[Grid], facade: Frame, domain: Box, region: np.ndarray
+    proposals: Proposals,
+    seen: Sequence[Element],
+    fitted: Sequence[Grid],
+    facade: Frame,
+    domain: Box,
+    region: np.ndarray,
 ) -> np.ndarray:
     """(N, features) float32, none of which depends on the unit or the facade's place."""
-    box, label = found.box, found.label.astype(int)
+    box, label = proposals.box, proposals.label.astype(int)
     if not len(box):
         return np.zeros((0, 0), np.float32)
     extent = np.array([domain[2] - domain[0], domain[3] - domain[1]])
@@ -35,7 +40,7 @@ def describe(
     mirrored[:, [0, 2]] = 2 * middle - observed[:, [2, 0]]
 
     columns: list[np.ndarray] = [(label == k).astype(float) for k in range(len(ELEMENT_CLASSES))]
-    columns += _agreement(found.support)
+    columns += _agreement(proposals.support)
     columns.append(_most(iou(box, mirrored) * same))
     low, high = box[:, :2] - domain[:2], np.array(domain[2:]) - box[:, 2:]
     margin_seen = _margins(observed, domain)
@@ -54,7 +59,7 @@ def describe(
     columns.append(_ratio(facade.ground - centre[:, 1], pitch[1]))
     columns += _lines_seen(box, centre, side, observed, same)
     columns += _lines_seen(box, centre, side, observed, observed_label[None] == 0)
-    columns += _around(found, centre, side)
+    columns += _around(proposals, centre, side)
     floor = _band_seen(box, domain, region, vertical=False)
     column = _band_seen(box, domain, region, vertical=True)
     columns += [floor, column]
@@ -109,12 +114,12 @@ def _lines_seen(
     return [f.astype(float) for f in found]
 
 
-def _around(found: Proposals, centre: np.ndarray, side: np.ndarray) -> list[np.ndarray]:
+def _around(proposals: Proposals, centre: np.ndarray, side: np.ndarray) -> list[np.ndarray]:
     """Agreement of the other guesses that overlap this one, of the same label and of others, and its rank among them."""
-    agreed = (found.support >= 0.5).mean(axis=1)
-    shared = iou(found.box, found.box)
+    agreed = (proposals.support >= 0.5).mean(axis=1)
+    shared = iou(proposals.box, proposals.box)
     np.fill_diagonal(shared, 0)
-    same = found.label[:, None] == found.label
+    same = proposals.label[:, None] == proposals.label
     rival, other = (shared * same * agreed).max(axis=1), (shared * ~same * agreed).max(axis=1)
     better = ((shared > 0.1) & same & (agreed > agreed[:, None])).sum(axis=1)
     return [rival, other, better.astype(float), ((shared > 0) & same).sum(axis=1).astype(float)]

@@ -81,12 +81,12 @@ def learn(
     """
     from dataclasses import replace
 
-    recipe, told = recipe or Recipe(), progress or (lambda step, done, total: None)
+    recipe, report = recipe or Recipe(), progress or (lambda step, done, total: None)
     layouts = [([e for e in elements if e.label in ELEMENT_CLASSES], domain) for elements, domain in layouts]
     used = [(elements, domain) for elements, domain in layouts if len(elements) >= 4]
     if len(used) < 10:
         raise LayoutError(f"{len(used)} layouts with elements: too few to learn from; give at least ten")
-    told("densities", 0, 1)
+    report("densities", 0, 1)
     model = LayoutModel(
         fit_densities([measured(elements, domain) for elements, domain in used], seed),
         np.full(len(TERMS), len(TERMS) ** -0.5),
@@ -101,13 +101,13 @@ def learn(
         Trees(*(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0),
         tuple(names),
     )
-    told("densities", 1, 1)
-    model = replace(model, policies=learn_policies(model, used, seed, told))
-    model = replace(model, weights=learn_weights(model, used, seed, told))
-    rows, truth = examples(model, used, seed, told)
-    told("trees", 0, 1)
+    report("densities", 1, 1)
+    model = replace(model, policies=learn_policies(model, used, seed, report))
+    model = replace(model, weights=learn_weights(model, used, seed, report))
+    rows, truth = examples(model, used, seed, report)
+    report("trees", 0, 1)
     model = replace(model, trees=train_trees(rows, truth, seed=seed))
-    told("trees", 1, 1)
+    report("trees", 1, 1)
     return model
 
 
@@ -178,7 +178,7 @@ def _union(masks: Sequence[int]) -> int:
     return union
 
 
-def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, told: Progress) -> np.ndarray:
+def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
     """(POPULATION, LENGTH): the optimal policies of some of the database's facades, the most different ones."""
     rng = np.random.default_rng([seed, 1])
     chosen = rng.permutation(len(layouts))[:_POLICY_FACADES]
@@ -191,7 +191,7 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, tol
             first = random_policies(POPULATION, rng)
             used, _, scores = search(first, start, model.densities, model.weights, model.mean, 4, 2, seed)
             found.append(used[scores.argmax()])
-        told("policies", count + 1, len(chosen))
+        progress("policies", count + 1, len(chosen))
     policies = np.array(found)
     kept = [0]
     while len(kept) < POPULATION:  # the farthest from those that are kept
@@ -200,7 +200,7 @@ def learn_policies(model: LayoutModel, layouts: Sequence[Layout], seed: int, tol
     return policies[kept].reshape(POPULATION, LENGTH)
 
 
-def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, told: Progress) -> np.ndarray:
+def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress) -> np.ndarray:
     """(10,) weights by contrastive divergence (Eq. 17-20): whole layouts against completions of them with 10 % removed.
 
     Weights stay positive, since every term speaks for a layout, and of length one, since only their ratio ranks layouts.
@@ -229,13 +229,15 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, told
                 Element(ELEMENT_CLASSES[n], *corners) for n, corners in zip(label.tolist(), box.tolist(), strict=True)
             ]
             gradient += (positive[k] - terms(completed, domain, current)) / scale
-            told("weights", turn * len(layouts) + k + 1, _PASSES * len(layouts))
+            progress("weights", turn * len(layouts) + k + 1, _PASSES * len(layouts))
         weights = np.maximum(weights + _RATE * gradient / len(layouts) / np.sqrt(turn + 1), 0.02)
         weights = weights / np.linalg.norm(weights)
     return weights
 
 
-def examples(model: LayoutModel, layouts: Sequence[Layout], seed: int, told: Progress) -> tuple[np.ndarray, np.ndarray]:
+def examples(
+    model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress
+) -> tuple[np.ndarray, np.ndarray]:
     """Rows and truth for the trees: proposals for every facade with each kind of part hidden, and which are right."""
     rows, truth = [], []
     for k, (elements, domain) in enumerate(layouts):
@@ -255,7 +257,7 @@ def examples(model: LayoutModel, layouts: Sequence[Layout], seed: int, told: Pro
             overlap = iou(found.box, boxes(hidden)) * (found.label[:, None] == label)
             rows.append(describe(found, seen, fitted, frame(seen, domain), domain, visible))
             truth.append(overlap.max(axis=1) >= _RIGHT)
-        told("examples", k + 1, len(layouts))
+        progress("examples", k + 1, len(layouts))
     return np.concatenate(rows), np.concatenate(truth)
 
 

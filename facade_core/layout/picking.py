@@ -36,7 +36,7 @@ def pick(
 
 
 def aligned(
-    found: Proposals,
+    proposals: Proposals,
     kept: np.ndarray,
     likely: np.ndarray,
     seen: Sequence[Element],
@@ -46,7 +46,7 @@ def aligned(
 ) -> tuple[Element, ...]:
     """The picked proposals with edges that nearly agree made equal, to those seen first, then to the likeliest; from top to
     bottom, left to right. One that would lose its place by that keeps its own edges."""
-    box, label = found.box[kept].copy(), found.label[kept].astype(int)
+    box, label = proposals.box[kept].copy(), proposals.label[kept].astype(int)
     observed = boxes(seen)
     observed_label = np.array([ELEMENT_CLASSES.index(e.label) for e in seen], int)
     order = np.argsort(-likely[kept], kind="stable")

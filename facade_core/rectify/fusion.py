@@ -222,10 +222,10 @@ def _chosen(values: np.ndarray, label: np.ndarray) -> np.ndarray:
     return values[label, np.arange(label.shape[0])[:, None], np.arange(label.shape[1])].astype(np.float64)
 
 
-def _seams(colour: np.ndarray, one: np.ndarray, other: np.ndarray, axis: int) -> np.ndarray:
-    """What neighbours along an axis cost where the first is labelled by `one` and the second by `other`."""
+def _seams(colour: np.ndarray, label: np.ndarray, other: np.ndarray, axis: int) -> np.ndarray:
+    """What neighbours along an axis cost where the first is labelled by `label` and the second by `other`."""
     near, far = _sides(axis)
-    a, b = one[near], other[far]
+    a, b = label[near], other[far]
     at_near, at_far = colour[(slice(None), *near)], colour[(slice(None), *far)]
     difference = sum(np.abs(_chosen(c, a) - _chosen(c, b)).mean(axis=2) for c in (at_near, at_far))
     return (a != b) * (SEAM + DIFFERENCE / 2 * difference)

@@ -12,12 +12,12 @@ from facade_core.street.scene import Scene
 from facade_core.street.window import Window
 
 
-def levelled(scene: Scene, held: Rasters, window: Window) -> np.ndarray:
-    """The colour (total, 3) of the charts `held` that a street writes, which come first in its window: what it translated is
+def levelled(scene: Scene, written: Rasters, window: Window) -> np.ndarray:
+    """The colour (total, 3) of the charts `written` that a street writes, which come first in its window: what it translated is
     levelled to what the facade stages know of the same surface, on its own chart or beside it."""
     charts, placement, reach = scene.charts, scene.placement, LEVELLED_M * scene.spec.texels_per_metre
     margin = round(LEVELLED_REACHES * reach)
-    colour = window.colour[: held.total].copy()
+    colour = window.colour[: written.total].copy()
     known = np.zeros(len(charts), bool)
     for chart in window.rasters.charts.tolist():
         known[chart] = window.provenance[window.rasters.slice(placement, chart)].max(initial=0) > TRANSLATED
@@ -31,9 +31,9 @@ def levelled(scene: Scene, held: Rasters, window: Window) -> np.ndarray:
         whole = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
         return whole[0][rows, columns], whole[1][rows, columns]
 
-    for chart in held.charts.tolist():
+    for chart in written.charts.tolist():
         around = pieces_around(charts, chart, margin / scene.spec.texels_per_metre)
-        texels = held.slice(placement, chart)
+        texels = written.slice(placement, chart)
         if not (known[chart] or known[around].any()) or not (window.provenance[texels] == TRANSLATED).any():
             continue
         size = (int(placement.height[chart]), int(placement.width[chart]))

@@ -72,7 +72,7 @@ def _capacities(
     colour: np.ndarray,
     edges: np.ndarray,
     seam: float,
-    own: np.ndarray,
+    unary: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Edges among loose pixels; what edges to fixed ones cost is added to own."""
     first, second = np.empty(len(edges), np.int64), np.empty(len(edges), np.int64)
@@ -84,22 +84,22 @@ def _capacities(
             continue
         stay = seam * _seam(colour, labels[p], labels[q], p, q)
         if not loose[q]:
-            own[number[p], 0] += stay
-            own[number[p], 1] += seam * _seam(colour, alpha, labels[q], p, q)
+            unary[number[p], 0] += stay
+            unary[number[p], 1] += seam * _seam(colour, alpha, labels[q], p, q)
         elif not loose[p]:
-            own[number[q], 0] += stay
-            own[number[q], 1] += seam * _seam(colour, labels[p], alpha, p, q)
+            unary[number[q], 0] += stay
+            unary[number[q], 1] += seam * _seam(colour, labels[p], alpha, p, q)
         else:
             only_q = seam * _seam(colour, labels[p], alpha, p, q)  # q switches, p stays
             only_p = seam * _seam(colour, alpha, labels[q], p, q)
             stay = min(stay, only_p + only_q)
-            own[number[p], 0] += stay
-            own[number[p], 1] += only_p
-            own[number[q], 1] -= only_p
+            unary[number[p], 0] += stay
+            unary[number[p], 1] += only_p
+            unary[number[q], 1] -= only_p
             first[count], second[count], forth[count] = number[p], number[q], only_p + only_q - stay
             count += 1
-    for n in range(len(own)):
-        low = min(own[n, 0], own[n, 1])
-        own[n, 0] -= low
-        own[n, 1] -= low
+    for n in range(len(unary)):
+        low = min(unary[n, 0], unary[n, 1])
+        unary[n, 0] -= low
+        unary[n, 1] -= low
     return first[:count], second[:count], forth[:count]

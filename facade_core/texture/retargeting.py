@@ -29,7 +29,7 @@ class _Plan:
 
     image: np.ndarray
     labels: np.ndarray
-    found: Structure
+    exemplar: Structure
     grid: Lattice
     floor_price: np.ndarray
     bay_price: dict[str, np.ndarray]
@@ -69,10 +69,10 @@ def retarget(
         raise ImageError(f"retarget: {size_m} m at {metres_per_pixel} m/px is {size} px; pass fewer metres per pixel")
     if floors < 1 or (columns is not None and columns < 1):
         raise ImageError(f"retarget: floors={floors}, columns={columns}; pass at least 1")
-    found = structure(labels)
-    if found is None:
+    exemplar = structure(labels)
+    if exemplar is None:
         raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
-    plan = _take_apart(image, trimmed_labels(labels), found)
+    plan = _take_apart(image, trimmed_labels(labels), exemplar)
     results: list[Synthesis] = []
     for k in range(n):
         rng = np.random.default_rng([seed, k])
@@ -84,33 +84,33 @@ def retarget(
     return results
 
 
-def _take_apart(image: np.ndarray, labels: np.ndarray, found: Structure) -> _Plan:
-    grid = structural_lattice(found)
-    bay_cuts = np.asarray(found.bay_cuts)
-    bands = {"roof": (found.top, _roof_bottom(found)), "ground": (found.ground_top, found.bottom)}
-    bands["middle"] = (bands["roof"][1], found.floor_cuts[-1 - (found.kinds[-1] == "ground")])
+def _take_apart(image: np.ndarray, labels: np.ndarray, exemplar: Structure) -> _Plan:
+    grid = structural_lattice(exemplar)
+    bay_cuts = np.asarray(exemplar.bay_cuts)
+    bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
+    bands["middle"] = (bands["roof"][1], exemplar.floor_cuts[-1 - (exemplar.kinds[-1] == "ground")])
     bay_price = {name: jump_costs(image[a:b], labels[a:b], bay_cuts) for name, (a, b) in bands.items() if b - a >= 2}
     rows = image[:, bay_cuts[0] : bay_cuts[-1]].transpose(1, 0, 2)
-    floor_price = jump_costs(rows, labels.T, np.asarray(found.floor_cuts))
+    floor_price = jump_costs(rows, labels.T, np.asarray(exemplar.floor_cuts))
     floor_price[:, 0] += _EAVES
-    street = (labels[found.ground_top :] == DOOR).sum(0)
+    street = (labels[exemplar.ground_top :] == DOOR).sum(0)
     door_columns = np.flatnonzero(street > 0.25 * street.max()) if street.any() else np.array([], int)
     pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
     centres = np.array([piece.mean() for piece in pieces])
     doors = np.histogram(centres, bay_cuts)[0] > 0
-    return _Plan(image, labels, found, grid, floor_price, bay_price, doors)
+    return _Plan(image, labels, exemplar, grid, floor_price, bay_price, doors)
 
 
-def _roof_bottom(found: Structure) -> int:
-    return found.floor_cuts[sum(kind == "roof" for kind in found.kinds)]
+def _roof_bottom(exemplar: Structure) -> int:
+    return exemplar.floor_cuts[sum(kind == "roof" for kind in exemplar.kinds)]
 
 
 def _lay_out(
     plan: _Plan, size: tuple[int, int], floors: int, columns: int | None, rng: np.random.Generator, *, noise: float
 ) -> Synthesis:
     storeys, scale = _storeys(plan, size[0], floors, rng, noise)
-    found = plan.found
-    bay_sizes = np.diff(found.bay_cuts)
+    exemplar = plan.exemplar
+    bay_sizes = np.diff(exemplar.bay_cuts)
     fitting = size[1] / (scale * float(bay_sizes.mean()))
     blank = columns is None and fitting < 0.5
     count = 1 if blank else columns or max(1, round(fitting))
@@ -127,12 +127,12 @@ def _lay_out(
 
 def _storeys(plan: _Plan, height: int, floors: int, rng: np.random.Generator, noise: float) -> tuple[list[int], float]:
     """Exemplar floors to show from top to bottom (-1: a ground band without windows), and the scale that fits."""
-    found = plan.found
-    kinds = np.array(found.kinds)
+    exemplar = plan.exemplar
+    kinds = np.array(exemplar.kinds)
     middle = np.flatnonzero(kinds == "middle")
     roofs = list(np.flatnonzero(kinds == "roof"))
-    ground = [len(kinds) - 1] if kinds[-1] == "ground" else ([-1] if found.bottom > found.floor_cuts[-1] else [])
-    sizes = np.append(np.diff(found.floor_cuts)[: len(kinds)], found.bottom - found.floor_cuts[len(kinds)])
+    ground = [len(kinds) - 1] if kinds[-1] == "ground" else ([-1] if exemplar.bottom > exemplar.floor_cuts[-1] else [])
+    sizes = np.append(np.diff(exemplar.floor_cuts)[: len(kinds)], exemplar.bottom - exemplar.floor_cuts[len(kinds)])
     price = plan.floor_price * np.exp(noise * rng.standard_normal(plan.floor_price.shape))
     best: tuple[float, list[int], float] | None = None
     for kept in (roofs, roofs[-1:], []):
@@ -157,8 +157,8 @@ def _node_tiles(
     plan: _Plan, storeys: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
 ) -> np.ndarray:
     """A first tiling: the storeys' rows times, for every band, its own cheapest walk over the bays."""
-    found, wide = plan.found, len(plan.grid.columns) - 1
-    bays = len(found.bays)
+    exemplar, wide = plan.exemplar, len(plan.grid.columns) - 1
+    bays = len(exemplar.bays)
     ends = np.zeros(bays), np.zeros(bays)
     ends[0][1:], ends[1][:-1] = 1.0, 1.0
     shake = np.exp(noise * rng.standard_normal((bays, bays)))
@@ -173,7 +173,7 @@ def _node_tiles(
         pier = np.zeros(1, int) + 3 * int(np.argmax(np.diff(plan.grid.columns)[::3]))
     lines = []
     for storey in storeys:
-        kind = "ground" if storey < 0 else found.kinds[storey]
+        kind = "ground" if storey < 0 else exemplar.kinds[storey]
         walk = walks.get(kind, walks["middle"])
         across = pier if blank else (3 * walk[:, None] + np.arange(3)).ravel()
         lines += [row * wide + across for row in _rows_of(plan, storey)]
@@ -182,7 +182,9 @@ def _node_tiles(
 
 def _rows_of(plan: _Plan, storey: int) -> range:
     return (
-        range(3 * len(plan.found.floors), len(plan.grid.rows) - 1) if storey < 0 else range(3 * storey, 3 * storey + 3)
+        range(3 * len(plan.exemplar.floors), len(plan.grid.rows) - 1)
+        if storey < 0
+        else range(3 * storey, 3 * storey + 3)
     )
 
 
@@ -190,12 +192,12 @@ def _refine(
     plan: _Plan, storeys: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """The genetic algorithm within bands: roof and ground stay, borders stay, floors swap tiles of like height."""
-    found, grid = plan.found, plan.grid
+    exemplar, grid = plan.exemplar, plan.grid
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     height = np.diff(grid.rows)
-    kinds = ["ground" if s < 0 else found.kinds[s] for s in storeys for _ in _rows_of(plan, s)]
+    kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in storeys for _ in _rows_of(plan, s)]
     source_kinds = np.array(
-        [kind for kind in found.kinds for _ in range(3)] + ["base"] * (tall - 3 * len(found.floors))
+        [kind for kind in exemplar.kinds for _ in range(3)] + ["base"] * (tall - 3 * len(exemplar.floors))
     )
     own = np.array([row for s in storeys for row in _rows_of(plan, s)])
     alike = np.abs(np.log(height[own][:, None] / height[None])) < 0.15

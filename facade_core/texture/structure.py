@@ -154,15 +154,15 @@ def _cut(cost: np.ndarray, start: int, stop: int, preferred: float) -> int:
     return int(at[np.argmin(between + 0.1 * np.abs(fraction - preferred))])
 
 
-def structural_lattice(found: Structure) -> Lattice:
+def structural_lattice(structure: Structure) -> Lattice:
     """Three rows per floor and three columns per bay: before, across and after its windows; roof and ground in one."""
-    rows = [found.top]
-    for (a, b), low in zip(found.floors, found.floor_cuts[1:], strict=True):
+    rows = [structure.top]
+    for (a, b), low in zip(structure.floors, structure.floor_cuts[1:], strict=True):
         rows += [_between(a, rows[-1], low, 2), _between(b, a, low, 1), low]
-    if rows[-1] < found.bottom:
-        rows.append(found.bottom)
+    if rows[-1] < structure.bottom:
+        rows.append(structure.bottom)
     columns = [0]
-    for (a, b), right in zip(found.bays, found.bay_cuts[1:], strict=True):
+    for (a, b), right in zip(structure.bays, structure.bay_cuts[1:], strict=True):
         columns += [_between(a, columns[-1], right, 2), _between(b, a, right, 1), right]
     return Lattice(tuple(rows), tuple(columns))
 

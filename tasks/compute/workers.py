@@ -105,18 +105,20 @@ def make() -> dict[str, str]:
     """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
     from tasks.keys.stage_code import code_version
 
-    made = {"Python": ".".join(platform.python_version_tuple()[:2])}
+    versions = {"Python": ".".join(platform.python_version_tuple()[:2])}
     for library in LIBRARIES:
         try:
-            made[library] = version(library)
+            versions[library] = version(library)
         except PackageNotFoundError:
-            made[library] = "none"
-    return made | {"Streetloom": code_version()}
+            versions[library] = "none"
+    return versions | {"Streetloom": code_version()}
 
 
-def unlike(asked: dict[str, str], made: dict[str, str]) -> str | None:
+def unlike(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
     """What differs in the make of a worker, in words; None where nothing does."""
-    other = [f"{name} {made.get(name)} and this run {here}" for name, here in asked.items() if made.get(name) != here]
+    other = [
+        f"{name} {theirs.get(name)} and this run {here}" for name, here in asked.items() if theirs.get(name) != here
+    ]
     return f"has {other[0]}" if other else None
 
 

@@ -38,8 +38,16 @@ _OPTIONS = {
 
 @dataclass(frozen=True)
 class Found:
-    """A new block: its file and contents; pictures by what they are of use for: panoramas with a pose, photos named after a
-    facade, and the others with the reason; facades, the ids that a photo can be named after."""
+    """A new block, and its pictures by what they are of use for.
+
+    Args:
+        path: its block file.
+        block: what that says.
+        panoramas: pictures with a pose.
+        photos: pictures named after a facade.
+        unused: the others, each with the reason.
+        facades: the ids that a photo can be named after.
+    """
 
     path: Path
     block: Block

@@ -34,19 +34,19 @@ class StreetKeys:
 
 def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetKeys:
     """The keys of a street as the journal stands, when those of earlier waves and all that seed are done."""
-    own = plan.of_street(street)
+    viewpoints = plan.of_street(street)
     code, settings = stage_code("streets", neural=run.translator == "neural"), _settings(run, plan)
     charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
     seeds = _seeds(plan, group, charts)
     known = latest_digests(seeds, [])
     names = [f"{number:016x}" for number in plan.ids.tolist()]
-    shown = [np.unique(plan.views[plan.views[:, 0] == v.id, 1]) for v in own]
+    shown = [np.unique(plan.views[plan.views[:, 0] == v.id, 1]) for v in viewpoints]
     earlier, passed = _earlier(plan, group, street, charts)
 
     key = unit_key(code, settings)
     chain: list[str] = []
     views, read, passes = [], [], []
-    for viewpoint, seen in zip(own, shown, strict=True):
+    for viewpoint, seen in zip(viewpoints, shown, strict=True):
         views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]])])
         read.append(sorted((names[c], known[names[c]]) for c in seen if names[c] in known))
         blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])

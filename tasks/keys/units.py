@@ -39,9 +39,9 @@ def parts_of(key: str) -> dict[str, str]:
     return dict(part.partition(":")[::2] for part in key.split())
 
 
-def changed_parts(held: str, key: str) -> list[str]:
+def changed_parts(recorded: str, key: str) -> list[str]:
     """The kinds of input in which two keys of a unit differ."""
-    before, now = parts_of(held), parts_of(key)
+    before, now = parts_of(recorded), parts_of(key)
     return sorted(kind for kind in before | now if before.get(kind) != now.get(kind))
 
 

@@ -24,7 +24,7 @@ FOLD_COURSES = {
 def train_forest(data: Path, out: Path, *, seed: int) -> Path:
     """Train the forest on facades/ecp without its held-out fold; writes forest.onnx and forest.json into `out`."""
     train, _ = split(list(ecp(data / "facades" / "ecp")))
-    model = training.train([(f.image, f.labels) for f in train], seed=seed, progress=told())
+    model = training.train([(f.image, f.labels) for f in train], seed=seed, progress=stage_progress())
     path = out / "forest.onnx"
     training.save(model, path, training_set=[f"ecp/{f.name}" for f in train], seed=seed)
     return path
@@ -41,7 +41,7 @@ def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_
         "cmp": list(read(CMP, data / "facades" / "cmp")),
         "swiss": list(swiss(data / "streetphotos" / "swiss" / "train")),
     }
-    weights = training_network.train(sets, course, seed=seed, state=out / "network.state", progress=told())
+    weights = training_network.train(sets, course, seed=seed, state=out / "network.state", progress=stage_progress())
     path = out / "network.onnx"
     network_export.save(weights, path, training_set=_names(sets), seed=seed)
     return path
@@ -59,7 +59,7 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
     start = training_network.finished(out / "network.state")
     state = out / f"{name}.state"
     weights = training_network.train(
-        {name: facades}, FOLD_COURSES[name], seed=seed, state=state, start=start, progress=told()
+        {name: facades}, FOLD_COURSES[name], seed=seed, state=state, start=start, progress=stage_progress()
     )
     path = out / f"{name}.onnx"
     seen = [*read_record(out / "network.onnx")["training_set"], *_names({name: facades})]
@@ -71,7 +71,7 @@ def _names(sets: Sets) -> list[str]:
     return [f"{name}/{photo.name}" for name, photos in sets.items() for photo in photos]
 
 
-def told() -> Callable[[str, int, int], None]:
+def stage_progress() -> Callable[[str, int, int], None]:
     """Progress of a training run as stages and units."""
     reached: dict[str, int] = {}
 

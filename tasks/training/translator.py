@@ -24,7 +24,7 @@ from facade_core.synth.relief import relief
 from facade_core.synth.street_truth import synthetic_street
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
-from tasks.training.parser import told
+from tasks.training.parser import stage_progress
 
 # Texels are only counted in the renderings, not shown: few are enough.
 TEXELS_PER_METRE = 4.0
@@ -60,7 +60,7 @@ def train_translator(
     rendered, rendered_judged = renderings(blocks, seed=seed)
     domains = Domains(rendered, learnt, rendered_judged, judged)
     trained = translator_training.train(
-        domains, course, seed=seed, state=out / "translator.state", progress=told(), sample=_sheets(out)
+        domains, course, seed=seed, state=out / "translator.state", progress=stage_progress(), sample=_sheets(out)
     )
     path = out / "translator.onnx"
     record = {
@@ -126,13 +126,13 @@ def procedural_run(*, seed: int, furnished: bool) -> list[Rendering]:
         shape = (int(placement.width[chart]), int(placement.height[chart]))
         grey = relief(painted.labels, painted.metres_per_pixel)
         reliefs[chart] = cv2.resize(grey, shape, interpolation=cv2.INTER_NEAREST)
-    own = []
+    viewpoints = []
     for number, along in enumerate(np.arange(2.5, street.length, 5.0)):
         x, y = street.place(float(along), 0.0)
-        own.append(Viewpoint(number, 0, np.array([x, y, 2.5]), street.axis))
+        viewpoints.append(Viewpoint(number, 0, np.array([x, y, 2.5]), street.axis))
     line = shapely.LineString([street.place(along, 0.0) for along in (0.0, street.length)])
     furniture = street_furniture(line, partial(_level, 0.0), seed=seed) if furnished else None
-    return sequence(street.scene, own, furniture=furniture, relief=reliefs)
+    return sequence(street.scene, viewpoints, furniture=furniture, relief=reliefs)
 
 
 def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Rendering]]:
@@ -145,29 +145,29 @@ def block_runs(block: Block, count: int, *, seed: int) -> Iterator[list[Renderin
     shown = np.bincount(plan.views[wall[plan.views[:, 1]], 0], minlength=len(plan.viewpoints))
     starts = []
     for street in range(len(plan.streets)):
-        own = plan.of_street(street)
-        for first in range(0, len(own) - RUN + 1, RUN):
-            starts.append((int(shown[[v.id for v in own[first : first + RUN]]].min()), street, first))
+        viewpoints = plan.of_street(street)
+        for first in range(0, len(viewpoints) - RUN + 1, RUN):
+            starts.append((int(shown[[v.id for v in viewpoints[first : first + RUN]]].min()), street, first))
     # of the better half, so that open places are left out, but not always the narrowest streets
     better = sorted(starts, reverse=True)[: max(count, len(starts) // 2)]
     for number in rng.permutation(len(better))[:count].tolist():
         _, street, first = better[number]
-        own = plan.of_street(street)[first : first + RUN]
-        height = float(own[0].position[2]) - texture.viewpoint_height
+        viewpoints = plan.of_street(street)[first : first + RUN]
+        height = float(viewpoints[0].position[2]) - texture.viewpoint_height
         line = plan.streets[street].line
         furniture = None
         if number % 2:
-            furniture = street_furniture(_near(line, own), partial(_level, height), seed=number)
-        yield sequence(scene, own, furniture=furniture)
+            furniture = street_furniture(_near(line, viewpoints), partial(_level, height), seed=number)
+        yield sequence(scene, viewpoints, furniture=furniture)
 
 
 def _level(height: float, points: np.ndarray) -> np.ndarray:
     return np.full(len(points), height)
 
 
-def _near(line: shapely.LineString, own: Sequence[Viewpoint]) -> shapely.LineString:
+def _near(line: shapely.LineString, viewpoints: Sequence[Viewpoint]) -> shapely.LineString:
     """The part of a line within 30 m of some viewpoints."""
-    reach = shapely.union_all([shapely.Point(v.position[:2]).buffer(30) for v in own])
+    reach = shapely.union_all([shapely.Point(v.position[:2]).buffer(30) for v in viewpoints])
     part = line.intersection(reach)
     return max(getattr(part, "geoms", [part]), key=lambda piece: piece.length)
 

@@ -30,9 +30,16 @@ SHOWN = 0.3
 
 @dataclass(frozen=True)
 class Evidence:
-    """What pictures show of a facade: image (h, w, 3); hidden (h, w) bool; confidence (h, w), 0 to 1, the share of the
-    raster's resolution that the picture has and how squarely it looks; name of the source; boxes of things masked; clean,
-    whether nothing else can be in front."""
+    """What pictures show of a facade.
+
+    Args:
+        image: (h, w, 3) uint8.
+        hidden: (h, w) bool.
+        confidence: (h, w), 0 to 1, the share of the raster's resolution that the picture has and how squarely it looks.
+        source: the name of the pictures.
+        masked: boxes of things masked.
+        clean: whether nothing else can be in front.
+    """
 
     image: np.ndarray
     hidden: np.ndarray

@@ -53,7 +53,7 @@ def facade_unit(
         record: dict[str, Any] = {"unit": name, "worker": worker_name(), "started": start}
         refused: list[Exception] = []
         try:
-            depth, made, source, confidence = _make(run, plan, group, facade, imagery[facade], textures, refused)
+            depth, result, source, confidence = _make(run, plan, group, facade, imagery[facade], textures, refused)
         except Exception as error:
             if machine_fault(error):
                 raise
@@ -62,13 +62,13 @@ def facade_unit(
             continue
         record |= {"status": "done", "key": keys[facade][depth], "source": source}
         record |= refusal(refused, _told(imagery[facade], depth, source))
-        stages = made.seconds if made is not None else {}
+        stages = result.seconds if result is not None else {}
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
-        if made is not None:
+        if result is not None:
             begun = time.time()
-            digests = _write(group, plan, facade, made, confidence)
+            digests = _write(group, plan, facade, result, confidence)
             seconds["write"] = time.time() - begun
-            record |= _summary(made) | {"digests": digests}
+            record |= _summary(result) | {"digests": digests}
         records[facade] = record | {"seconds": {stage: round(s, 4) for stage, s in seconds.items()}}
         start = prepared = time.time()
     return fork, records
@@ -112,11 +112,11 @@ def _make(
             evidence = evidence_of(source, plan, chart, size, imagery, textures, refused)
             if evidence is not None:
                 try:
-                    made = from_photo(evidence.image, evidence.hidden, clean=evidence.clean, seed=seed)
+                    result = from_photo(evidence.image, evidence.hidden, clean=evidence.clean, seed=seed)
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
-                confidence = np.where(made.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
-                return depth, replace(made, masked=evidence.masked + made.masked), evidence.source, confidence
+                confidence = np.where(result.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
+                return depth, replace(result, masked=evidence.masked + result.masked), evidence.source, confidence
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
     if run.walls == "translate":
         return depth, None, "translator", nothing
@@ -125,7 +125,7 @@ def _make(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
     image, labels = read_exemplar(group, imagery.exemplar[0])
-    made = from_exemplar(
+    result = from_exemplar(
         image,
         labels,
         (float(facades.height[facade]), float(facades.width[facade])),
@@ -134,54 +134,54 @@ def _make(
         metres_per_pixel=1 / run.texels_per_metre,
         seed=seed,
     )
-    return depth, made, imagery.exemplar[1], nothing
+    return depth, result, imagery.exemplar[1], nothing
 
 
-def _write(group: StoreGroup, plan: Plan, facade: int, made: Facade, confidence: np.ndarray) -> dict[str, str]:
+def _write(group: StoreGroup, plan: Plan, facade: int, result: Facade, confidence: np.ndarray) -> dict[str, str]:
     """Write a facade's rasters and hierarchy; returns the digest of its chart."""
     scene, chart = plan.scene, int(plan.facades.chart[facade])
     rasters = Rasters.of(scene.placement, [chart])
-    seed = made.image.reshape(-1, 3)
-    evidence = made.provenance.reshape(-1)
+    seed = result.image.reshape(-1, 3)
+    evidence = result.provenance.reshape(-1)
     colour, provenance = resolve(seed, evidence, np.zeros_like(seed), np.zeros(len(seed), np.uint16))
     arrays = {
         "atlas/seed": seed,
         "atlas/seed_evidence": evidence,
         "atlas/colour": colour,
         "atlas/provenance": provenance,
-        "facade_maps/evidence": made.evidence.reshape(-1, 3),
-        "facade_maps/labels": made.labels.reshape(-1),
-        "facade_maps/occluded": made.occluded.reshape(-1),
+        "facade_maps/evidence": result.evidence.reshape(-1, 3),
+        "facade_maps/labels": result.labels.reshape(-1),
+        "facade_maps/occluded": result.occluded.reshape(-1),
         "facade_maps/confidence": confidence.reshape(-1),
     }
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
-    group["hierarchies/data"][facade] = base64.b64encode(made.hierarchy.to_bytes()).decode()
+    group["hierarchies/data"][facade] = base64.b64encode(result.hierarchy.to_bytes()).decode()
     return chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
 
 
-def _summary(made: Facade) -> dict[str, Any]:
+def _summary(result: Facade) -> dict[str, Any]:
     """What the catalogue and the report say of a facade."""
     counts = {f"{c}s" if c != "balcony" else "balconies": 0 for c in ("window", "door", "balcony", "shop")}
-    for element in made.elements:
+    for element in result.elements:
         counts["balconies" if element.label == "balcony" else f"{element.label}s"] += 1
-    labels = np.bincount(made.labels.reshape(-1), minlength=256)
+    labels = np.bincount(result.labels.reshape(-1), minlength=256)
     window = labels[CLASSES.index("window")]
     return {
         "elements": [
-            [e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1)), round(e.confidence, 3)] for e in made.elements
+            [e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1)), round(e.confidence, 3)] for e in result.elements
         ],
-        "lattice": {"rows": list(map(int, made.lattice.rows)), "columns": list(map(int, made.lattice.columns))},
-        "columns": count_columns(made.elements),
+        "lattice": {"rows": list(map(int, result.lattice.rows)), "columns": list(map(int, result.lattice.columns))},
+        "columns": count_columns(result.elements),
         **counts,
         "window_to_wall": round(float(window / labels.sum()), 4),
-        "occluded": round(float(made.occluded.mean()), 4),
-        "masked": [list(map(int, box)) for box in made.masked],
+        "occluded": round(float(result.occluded.mean()), 4),
+        "masked": [list(map(int, box)) for box in result.masked],
         "provenance": [
-            round(float(v), 4) for v in np.bincount(made.provenance.reshape(-1), minlength=5) / made.labels.size
+            round(float(v), 4) for v in np.bincount(result.provenance.reshape(-1), minlength=5) / result.labels.size
         ],
-        "variation_types": int((made.hierarchy.levels[0].counts > 0).sum()),
-        "variation_levels": len(made.hierarchy.levels),
-        "variation_bytes": int(made.hierarchy.nbytes),
-        "layout_score": None if made.completion is None else round(float(made.completion.score), 4),
+        "variation_types": int((result.hierarchy.levels[0].counts > 0).sum()),
+        "variation_levels": len(result.hierarchy.levels),
+        "variation_bytes": int(result.hierarchy.nbytes),
+        "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
     }

@@ -14,19 +14,23 @@ from facade_core.types import Pose
 class Imagery:
     """The pictures that there are of one facade, in the order in which they are tried.
 
-    photo: a photo of it, as taken from the street unless rectified; panoramas: those that show it and their poses, best first;
-    own: whether its wall carries a texture of the source's own; exemplar: (index, name) of the one chosen for it.
+    Args:
+        photo: a photo of it.
+        rectified: whether that shows the wall alone, upright; else it is as taken from the street.
+        panoramas: those that show it and their poses, best first.
+        textured: whether its wall carries a texture of the source's own.
+        exemplar: (index, name) of the one chosen for it.
     """
 
     photo: Path | None = None
     rectified: bool = True
     panoramas: tuple[tuple[Path, Pose], ...] = ()
-    own: bool = False
+    textured: bool = False
     exemplar: tuple[int, str] | None = None
 
     def sources(self) -> tuple[str, ...]:
         """What the facade can be made from, in the order of trying: where one fails or shows too little, the next."""
-        there = {"photo": self.photo is not None, "panoramas": bool(self.panoramas), "own": self.own}
+        there = {"photo": self.photo is not None, "panoramas": bool(self.panoramas), "own": self.textured}
         return (*(source for source, given in there.items() if given), "none")
 
 
@@ -35,7 +39,7 @@ def imagery_of(
     photos: Mapping[str, Path],
     rectified: bool,
     panoramas: Sequence[Sequence[tuple[Path, Pose]]],
-    own: Sequence[bool],
+    textured: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
 ) -> list[Imagery]:
     """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, the rest by facade."""
@@ -44,7 +48,7 @@ def imagery_of(
             photo=photos.get(name, photos.get(file_stem(name))),
             rectified=rectified,
             panoramas=tuple(panoramas[i]),
-            own=bool(own[i]),
+            textured=bool(textured[i]),
             exemplar=exemplars.get(i),
         )
         for i, name in enumerate(names)

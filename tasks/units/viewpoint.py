@@ -107,10 +107,10 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     window = _take((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
     colour, views = blend(window.state)
-    held = Rasters.of(scene.placement, window.writable)
-    resolved = levelled(scene, held, window) if run.levelling else window.colour[: held.total]
-    provenance = window.provenance[: held.total]
-    written = replace(held, charts=held.charts[~_held_by_later(here.plan, group, street, held.charts)])
+    rasters = Rasters.of(scene.placement, window.writable)
+    resolved = levelled(scene, rasters, window) if run.levelling else window.colour[: rasters.total]
+    provenance = window.provenance[: rasters.total]
+    written = replace(rasters, charts=rasters.charts[~_held_by_later(here.plan, group, street, rasters.charts)])
     for name, flat in {
         "street": colour,
         "street_views": views,
@@ -119,7 +119,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     }.items():
         write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, written, flat)
     return fork, {
-        "digests": chart_digests(resolved, provenance, scene.placement, held, here.plan.ids),
+        "digests": chart_digests(resolved, provenance, scene.placement, rasters, here.plan.ids),
         "texels": int((views > 0).sum()),
         "worker": worker_name(),
         "started": start,
@@ -178,8 +178,8 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: in
     """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
     one of its charts, then the street's own."""
     scene = plan.scene
-    own = plan.of_street(street)
-    is_own = np.isin(plan.views[:, 0], [v.id for v in own])
+    viewpoints = plan.of_street(street)
+    is_own = np.isin(plan.views[:, 0], [v.id for v in viewpoints])
     charts = np.unique(plan.views[is_own, 1])
     rasters, writable = Window.layout(scene.placement, charts[plan.writable[charts]], charts)
     seed, evidence = (
@@ -191,6 +191,6 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: in
     shows = np.array([v for v in shows if plan.wave[plan.viewpoints[v].street] < plan.wave[street]], np.int64)
     records = read_records(group, "viewpoints", shows)
     earlier = [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
-    for viewpoint in [*earlier, *own[:step]]:
+    for viewpoint in [*earlier, *viewpoints[:step]]:
         propagate(scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)
     return window

@@ -28,9 +28,14 @@ _SHARE = 0.3  # of a component that lies over another one: it is part of the sam
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Surface:
-    """Triangles of one kind: corners (t, 3, 3) float64 metres, z up; uv (t, 3, 2) or None; building: its name, None without.
+    """Triangles of one kind.
 
-    texture: index of the picture, -1 without.
+    Args:
+        building: its name, None without.
+        semantic: one of SEMANTICS.
+        corners: (t, 3, 3) float64 metres, z up.
+        texture: index of the picture, -1 without.
+        uv: (t, 3, 2) or None.
     """
 
     building: str | None

@@ -80,23 +80,23 @@ def read_aerial(path: Path, crs: str | None, frame: CRS, places: np.ndarray) -> 
     """
     with _opened(path) as raster:
         check_place(raster, path, REMEDY)
-        own = frame_of(raster, path, crs)
-        if own is None:
+        raster_crs = frame_of(raster, path, crs)
+        if raster_crs is None:
             raise InputError(f"{path} states no frame; write imagery.aerial.crs: EPSG:...")
         if set(raster.dtypes) != {"uint8"}:
             raise InputError(
                 f"{path} has pixels of {raster.dtypes[0]}; convert it to 8 bits with gdal_translate -ot Byte -scale"
             )
-        x, y = _pixels(raster, _transformer(frame.to_wkt(), own.to_wkt()), places)
+        x, y = _pixels(raster, _transformer(frame.to_wkt(), raster_crs.to_wkt()), places)
         inside = _inside(raster, x, y)
         if not inside.any():
-            raise InputError(_beside(raster, path, own, frame, places))
+            raise InputError(_beside(raster, path, raster_crs, frame, places))
         rows, columns = raster.block_shapes[0]
         blocks = np.unique(np.column_stack([y[inside] // rows, x[inside] // columns]).astype(np.int64), axis=0)
         for row, column in blocks.tolist():  # what is broken is told now, not when a roof comes to it
             _read(raster, (column * columns, row * rows, columns, rows), (1, 1))
         content = _content(raster)
-    return Aerial(path.absolute(), own.to_wkt(), frame.to_wkt(), content)
+    return Aerial(path.absolute(), raster_crs.to_wkt(), frame.to_wkt(), content)
 
 
 def _content(raster: Any) -> str:
@@ -196,11 +196,14 @@ def _bilinear(rgb: np.ndarray, alpha: np.ndarray, x: np.ndarray, y: np.ndarray) 
     return np.round(total / np.maximum(weight, 1e-9)[:, None]).astype(np.uint8), known
 
 
-def _beside(raster: Any, path: Path, own: CRS, frame: CRS, places: np.ndarray) -> str:
+def _beside(raster: Any, path: Path, raster_crs: CRS, frame: CRS, places: np.ndarray) -> str:
     """Why a raster that shows nothing of the block is refused."""
     spans = []
     for crs, (west, south, east, north) in (
-        (own, (*np.minimum(raster.bounds[:2], raster.bounds[2:]), *np.maximum(raster.bounds[:2], raster.bounds[2:]))),
+        (
+            raster_crs,
+            (*np.minimum(raster.bounds[:2], raster.bounds[2:]), *np.maximum(raster.bounds[:2], raster.bounds[2:])),
+        ),
         (frame, (*places.min(axis=0), *places.max(axis=0))),
     ):
         box = to_lonlat(crs.to_wkt(), (float(west), float(south), float(east), float(north)))

@@ -81,19 +81,19 @@ def _around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float
     from rasterio.windows import Window
 
     check_place(raster, path, "put its world file beside it, or give a GeoTIFF")
-    own = frame_of(raster, path)
-    if own is None:
+    raster_crs = frame_of(raster, path)
+    if raster_crs is None:
         raise InputError(
             f"{path} states no frame; put its .prj beside it, or write it in with gdal_translate -a_srs EPSG:n"
         )
     if raster.dtypes[0].startswith("complex"):
         raise InputError(f"{path} has complex numbers for heights; give their real part as a GeoTIFF")
-    to_own = Transformer.from_crs(crs, own, always_xy=True)
+    to_own = Transformer.from_crs(crs, raster_crs, always_xy=True)
 
     x, y = np.meshgrid(np.linspace(bounds[0], bounds[2], 21), np.linspace(bounds[1], bounds[3], 21))
     rows, columns = rowcol(raster.transform, *to_own.transform(x.ravel(), y.ravel()), op=np.asarray)
     if not (np.isfinite(columns).all() and np.isfinite(rows).all()) or not _overlap(columns, rows, raster):
-        raise InputError(_beside(raster, path, own, crs, bounds))
+        raise InputError(_beside(raster, path, raster_crs, crs, bounds))
     row, column = math.floor(float(np.median(rows))), math.floor(float(np.median(columns)))
     across, along = xy(raster.transform, [row, row, row + 1], [column, column + 1, column])
     cells = np.column_stack(to_own.transform(across, along, direction="INVERSE"))
@@ -137,7 +137,7 @@ def _around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float
         source,
         heights,
         src_transform=Affine(cell.a * wider, cell.b * higher, cell.c, cell.d * wider, cell.e * higher, cell.f),
-        src_crs=own.to_wkt(),
+        src_crs=raster_crs.to_wkt(),
         src_nodata=np.nan,
         dst_transform=from_origin(west - step / 2, north + step / 2, step, step),
         dst_crs=crs.to_wkt(),
@@ -146,7 +146,7 @@ def _around(raster: Any, path: Path, crs: CRS, bounds: tuple[float, float, float
     )
     inner = heights[_MARGIN : height - _MARGIN, _MARGIN : width - _MARGIN]
     if not np.isfinite(inner).any():
-        raise InputError(_beside(raster, path, own, crs, bounds, "has no known height inside"))
+        raise InputError(_beside(raster, path, raster_crs, crs, bounds, "has no known height inside"))
     return Elevation(float(west), float(north), step, heights)
 
 
@@ -157,7 +157,7 @@ def _overlap(columns: np.ndarray, rows: np.ndarray, raster: Any) -> bool:
 def _beside(
     raster: Any,
     path: Path,
-    own: CRS,
+    raster_crs: CRS,
     crs: CRS,
     bounds: tuple[float, float, float, float],
     problem: str = "does not cover",
@@ -165,8 +165,8 @@ def _beside(
     """What to say of a raster of another place: in the block's frame what it covers and what is needed."""
     from pyproj import Transformer
 
-    covered = Transformer.from_crs(own, crs, always_xy=True).transform_bounds(*raster.bounds)
-    frame = crs.to_string() if np.isfinite(covered).all() else own.to_string()
+    covered = Transformer.from_crs(raster_crs, crs, always_xy=True).transform_bounds(*raster.bounds)
+    frame = crs.to_string() if np.isfinite(covered).all() else raster_crs.to_string()
     covered = covered if np.isfinite(covered).all() else tuple(raster.bounds)
     spans = [", ".join(f"{value:.7g}" for value in box) for box in (bounds, covered)]
     return (

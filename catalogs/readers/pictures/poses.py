@@ -39,10 +39,17 @@ _FORMATS = 'a CSV with file,x,y,z,heading columns or JSON {"crs": ..., "poses": 
 
 @dataclass(frozen=True, slots=True)
 class SourcePose:
-    """A pose in its source's frame: crs None is the block's own; heading None where only the place is known.
+    """A pose in its source's frame.
 
-    heading is clockwise from true north where crs is geographic, else from that frame's grid north; angles in degrees, z in
-    metres or None.
+    Args:
+        crs: of x and y; None is the block's own.
+        x: east, or longitude.
+        y: north, or latitude.
+        z: metres, None where only the place in plan is known.
+        heading: degrees clockwise from true north where crs is geographic, else from that frame's grid north; None where only
+            the place is known.
+        pitch: degrees up.
+        roll: degrees clockwise.
     """
 
     crs: str | None

@@ -63,9 +63,9 @@ def raster(path: Path, driver: str, kind: str, remedy: str) -> Iterator[Any]:
         try:
             with warnings.catch_warnings(), rasterio.Env(**_OFFLINE), _unprinted():
                 warnings.simplefilter("ignore", NotGeoreferencedWarning)  # refused with a remedy
-                with rasterio.open(path.absolute(), driver=driver, sharing=False) as found:
-                    _check_size(found, path)
-                    yield found
+                with rasterio.open(path.absolute(), driver=driver, sharing=False) as opened:
+                    _check_size(opened, path)
+                    yield opened
         except RasterioError as error:
             reason = one_line(str(error.__cause__ or error))[:160]
             raise InputError(f"{path} cannot be read as {kind} ({reason}); {remedy}") from error
@@ -81,12 +81,12 @@ def _unprinted() -> Iterator[None]:
         sys.unraisablehook = before
 
 
-def check_place(found: Any, path: Path, remedy: str) -> None:
+def check_place(raster: Any, path: Path, remedy: str) -> None:
     """InputError where a raster's cells are no parallelograms on the ground."""
-    cell = found.transform
+    cell = raster.transform
     if cell.is_identity:
-        held = "control points only; warp it with gdalwarp" if found.gcps[0] else f"no place on the ground; {remedy}"
-        raise InputError(f"{path} states {held}")
+        stated = "control points only; warp it with gdalwarp" if raster.gcps[0] else f"no place on the ground; {remedy}"
+        raise InputError(f"{path} states {stated}")
     sides = math.hypot(cell.a, cell.d), math.hypot(cell.b, cell.e)
     sound = all(_SHORTEST <= side <= _LONGEST for side in sides) and math.isfinite(cell.c + cell.f)
     if not (sound and abs(cell.a * cell.e - cell.b * cell.d) > 0.01 * sides[0] * sides[1]):
@@ -96,29 +96,31 @@ def check_place(found: Any, path: Path, remedy: str) -> None:
         )
 
 
-def frame_of(found: Any, path: Path, crs: str | None = None) -> CRS | None:
+def frame_of(raster: Any, path: Path, crs: str | None = None) -> CRS | None:
     """The horizontal frame that is named, or that a raster states; None where there is neither."""
-    text = crs or (found.crs.to_wkt() if found.crs else None)
+    text = crs or (raster.crs.to_wkt() if raster.crs else None)
     if not text:
         return None
     try:
-        own = known_frame(text)
+        frame = known_frame(text)
     except InputError as error:
         raise InputError(f"{path}: {error}") from error
-    if not points_east_and_north(own):
+    if not points_east_and_north(frame):
         raise InputError(
-            f"{path} is in {own.name}, whose axes are not east and north; warp it with gdalwarp -t_srs EPSG:n"
+            f"{path} is in {frame.name}, whose axes are not east and north; warp it with gdalwarp -t_srs EPSG:n"
         )
-    return own
+    return frame
 
 
-def _check_size(found: Any, path: Path) -> None:
-    if found.driver == "AAIGrid" and _words(path) < found.width * found.height:  # GDAL looks for the others without end
-        raise InputError(f"{path} states {found.width} x {found.height} cells and holds fewer; export it again")
-    rows, columns = found.block_shapes[0]
-    together = found.count if found.count > 1 and str(found.interleaving or "").lower().endswith("pixel") else 1
-    across = math.ceil(min(found.width, WIDEST_PART) / columns)
-    if rows * columns * across * together * max(map(_bytes, found.dtypes)) > CACHE:
+def _check_size(raster: Any, path: Path) -> None:
+    if (
+        raster.driver == "AAIGrid" and _words(path) < raster.width * raster.height
+    ):  # GDAL looks for the others without end
+        raise InputError(f"{path} states {raster.width} x {raster.height} cells and holds fewer; export it again")
+    rows, columns = raster.block_shapes[0]
+    together = raster.count if raster.count > 1 and str(raster.interleaving or "").lower().endswith("pixel") else 1
+    across = math.ceil(min(raster.width, WIDEST_PART) / columns)
+    if rows * columns * across * together * max(map(_bytes, raster.dtypes)) > CACHE:
         raise InputError(
             f"{path} is stored in blocks of {columns} x {rows} cells; rewrite it with gdal_translate -co TILED=YES"
         )

@@ -129,7 +129,7 @@ def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> li
     for name in IDS:
         if name not in columns:
             continue
-        found = []
+        texts = []
         for record in records:
             text = text_of(record[columns[name]])
             if match := _OSM_ID.fullmatch(text):
@@ -139,20 +139,20 @@ def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> li
             elif name == "osm_id" and "osm_way_id" in columns:  # GDAL: a relation has the one id, a way the other
                 way = text_of(record[columns["osm_way_id"]])
                 text = f"r{text}" if text else f"w{way}" if way else ""
-            found.append(text)
-        if all(found) and len({*found}) == len(found):
-            return found
-        if nearly is None and len({*found} - {""}) >= NEARLY_ALL * len(found):
-            nearly = found
+            texts.append(text)
+        if all(texts) and len({*texts}) == len(texts):
+            return texts
+        if nearly is None and len({*texts} - {""}) >= NEARLY_ALL * len(texts):
+            nearly = texts
     return _told_apart(nearly) if nearly else [str(row) for row in range(len(records))]
 
 
-def _told_apart(found: list[str]) -> list[str]:
+def _told_apart(texts: list[str]) -> list[str]:
     """The same ids, each but once: what is missing or there before is numbered."""
     ids: list[str] = []
-    known = set(found)
+    known = set(texts)
     seen: set[str] = set()
-    for row, text in enumerate(found):
+    for row, text in enumerate(texts):
         text = text or f"row-{row}"
         number = 2
         id = text

@@ -29,14 +29,14 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
     what it marks is read. The frame is None where the file states none, or degrees that its coordinates cannot be.
     `lod` is not looked at. Raises InputError where the file cannot be read or holds no outlines.
     """
-    found = read_features(path, "outlines", _BUILDINGS)
-    remarks = _remarks(found)
+    features = read_features(path, "outlines", _BUILDINGS)
+    remarks = _remarks(features)
     faults = []
     items = []
-    degrees = found.crs == "EPSG:4326"
-    bases = _bases(found.geometries)
-    from_osm = any(tags.get("building") == "yes" for tags in found.tags)
-    for id, geometry, tags, base in zip(found.ids, found.geometries, found.tags, bases, strict=True):
+    degrees = features.crs == "EPSG:4326"
+    bases = _bases(features.geometries)
+    from_osm = any(tags.get("building") == "yes" for tags in features.tags)
+    for id, geometry, tags, base in zip(features.ids, features.geometries, features.tags, bases, strict=True):
         if geometry is None or geometry.is_empty:
             faults.append(Fault(id, "building", f"footprint {id} has no geometry, or a broken one; draw or remove it"))
             continue
@@ -57,7 +57,7 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
         if footprint is not None:
             ground = tags.get("ground")
             items.append(replace(footprint, base=float(ground) if ground else base))
-    return Footprints(found.crs, tuple(items), tuple(remarks), tuple(faults))
+    return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
 
 
 def read_centrelines(path: Path) -> Centrelines:
@@ -67,12 +67,12 @@ def read_centrelines(path: Path) -> Centrelines:
 
     Raises InputError where the file cannot be read or holds no lines.
     """
-    found = read_features(path, "lines", _STREETS)
-    opendrive = any(tags.get("junction") == "-1" for tags in found.tags)
-    from_osm = any("highway" in tags for tags in found.tags)
+    features = read_features(path, "lines", _STREETS)
+    opendrive = any(tags.get("junction") == "-1" for tags in features.tags)
+    from_osm = any("highway" in tags for tags in features.tags)
 
     def streets() -> Iterator[tuple[str, Any, str | None]]:
-        for id, geometry, tags in zip(found.ids, found.geometries, found.tags, strict=True):
+        for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True):
             if opendrive and tags.get("junction") != "-1":
                 continue
             drawn = geometry is not None and not geometry.is_empty
@@ -80,13 +80,15 @@ def read_centrelines(path: Path) -> Centrelines:
                 continue
             yield id, geometry, listed(tags["name"])[0] if "name" in tags else None
 
-    return centrelines_of(found.crs, streets())
+    return centrelines_of(features.crs, streets())
 
 
-def _remarks(found: Features) -> list[Remark]:
-    if not found.others:
+def _remarks(features: Features) -> list[Remark]:
+    if not features.others:
         return []
-    return [Remark(f"{found.layer}, not {', '.join(found.others)}", "layers read of files that have several", None)]
+    return [
+        Remark(f"{features.layer}, not {', '.join(features.others)}", "layers read of files that have several", None)
+    ]
 
 
 def _bases(geometries: Any) -> list[float | None]:
