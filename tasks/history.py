@@ -13,7 +13,7 @@ from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.errors import InputError
 from facade_core.plan import Plan
 from facade_core.street.window import Window
-from tasks.units.viewpoint import replay
+from tasks.units.streets import replay
 
 
 @dataclass(frozen=True, repr=False)

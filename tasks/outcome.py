@@ -10,12 +10,12 @@ import traceback
 from collections.abc import Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
-from typing import Any
 
 import icechunk
 from zarr.errors import BaseZarrError
 
 from catalogs.visible import visible
+from facade_core.atlas.journal import Record
 from facade_core.errors import FacadeError, MachineError, ModelError, StoreError
 
 log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class Outcome:
     def finished(self) -> int:
         return self.done + self.skipped + len(self.failed)
 
-    def add(self, records: Iterable[dict[str, Any]]) -> Outcome:
+    def add(self, records: Iterable[Record]) -> Outcome:
         """With more units, by their journal records."""
         records = list(records)
         failed = tuple((r["unit"], r["reason"]) for r in records if r["status"] == "failed")
@@ -81,17 +81,17 @@ class Outcome:
         )
 
 
-def refused(records: Iterable[dict[str, Any] | None]) -> tuple[tuple[str, str], ...]:
+def refused(records: Iterable[Record | None]) -> tuple[tuple[str, str], ...]:
     """The units that are done without a picture that was refused, as (unit, reason), by their journal records."""
     return tuple((r["unit"], r["reason"]) for r in records if r and r["status"] == "done" and r.get("reason"))
 
 
-def is_done(record: dict[str, Any] | None, *keys: str) -> bool:
+def is_done(record: Record | None, *keys: str) -> bool:
     """Whether the journal holds a unit for the inputs it has now, by one of its keys; failed units are tried again."""
     return record is not None and record["key"] in keys and record["status"] == "done"
 
 
-def failure(unit: str, key: str, error: Exception) -> dict[str, Any]:
+def failure(unit: str, key: str, error: Exception) -> Record:
     """The journal record of a unit that failed as a whole: one line, whatever was raised, and where that was."""
     return {
         "unit": unit,
@@ -103,7 +103,7 @@ def failure(unit: str, key: str, error: Exception) -> dict[str, Any]:
     }
 
 
-def log_units(stage: str, records: Iterable[dict[str, Any]]) -> None:
+def log_units(stage: str, records: Iterable[Record]) -> None:
     """Log units by their journal records: each that failed as a warning with its traceback, the others for who looks closer."""
     for record in records:
         unit, reason = visible(record["unit"]), visible(record.get("reason") or "")  # a log may end in a terminal

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from catalogs.block import Material
+    from catalogs.block import Material, TextureSettings
     from catalogs.readers.pictures.aerial import Aerial
 
 
@@ -15,8 +15,12 @@ if TYPE_CHECKING:
 class Run:
     """One run of a block into the absolute folder `out`.
 
-    `key` is the ingest key: digest of the block's inputs and settings and of the code that ingests them. ingested is when the
-    store's plan was written, 0 before: a process that serves many runs keeps what it read of one plan from the next.
+    block: the block's name.
+    key: of its ingest, a digest of the block's inputs and settings and of the code that ingests them.
+    texture: the block's settings; what they name as files is read: roof_material.
+    failed_limit: the share of units that may fail for what is published to become current.
+    ingested: when the store's plan was written, 0 before: a process that serves many runs keeps what it read of one plan from
+        the next.
     """
 
     out: str
@@ -24,14 +28,10 @@ class Run:
     key: str
     crs: str
     seed: int
-    texels_per_metre: float
-    panorama_width: int
     storey: float
-    walls: str
-    levelling: bool = True
+    texture: TextureSettings
     aerial: Aerial | None = None
     roof_material: Material | None = None
-    translator: str = "exemplar"
     failed_limit: float = 0.2
     ingested: float = 0.0
 

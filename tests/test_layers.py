@@ -154,9 +154,9 @@ def test_rooms_import_from_lower_storeys_only(layer: str) -> None:
 
 
 def test_an_arrow_up_is_found() -> None:
-    up = ("tasks.units.pose", "tasks.keys.units")
+    up = ("tasks.units.poses", "tasks.keys.units")
     across = ("tasks.export.city", "tasks.viewing.reading")
-    down = ("tasks.stages.poses", "tasks.units.pose")
+    down = ("tasks.stages.poses", "tasks.units.poses")
     inside = ("tasks.keys.streets", "tasks.keys.units")
     assert upward("tasks", {one: {other} for one, other in (up, across, down, inside)}) == {up, across}
 

@@ -84,13 +84,12 @@ def _install() -> None:
     tasks: list[tuple[str, Any]] = [
         ("ingest", flow.ingest_block),
         ("publish", flow.publish_block),
-        ("orders", flow.choose),
         ("task", fan_out.process_batch),
         ("task", streets.texture_street),
     ]
     for what, task in tasks:
         task.fn = _timed(what, task.fn)
-    for name in ("exemplars_due", "facades_due", "textures_due"):
+    for name in ("what_is_due", "due_of"):
         setattr(flow, name, _timed("orders", getattr(flow, name)))
     for module in (fan_out, streets):
         for what, name in (("session", "begin"), ("commit", "finish")):

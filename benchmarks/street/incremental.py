@@ -19,8 +19,8 @@ from typing import Any
 
 import yaml
 
-from facade_core.atlas.journal import STAGES
 from facade_core.synth import exemplars
+from tasks.kinds.order import STAGES
 from tasks.store.commits import journal
 
 CRS = "EPSG:3879"

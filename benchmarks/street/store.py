@@ -52,7 +52,9 @@ def measure(folder: Path) -> dict[str, Any]:
             group = open_root(session)
             group["panoramas/rgb"][viewpoint.id] = rgb
             start = time.perf_counter()
-            write_record(group, "viewpoints", viewpoint.id, {"unit": str(viewpoint.id), "key": "k" * 32})
+            write_record(
+                group, "viewpoints", viewpoint.id, {"unit": str(viewpoint.id), "key": "k" * 32, "status": "done"}
+            )
             commit(session, f"viewpoint {viewpoint.id}")
             commits.append(time.perf_counter() - start)
         grown = bytes_in(store) - empty
@@ -93,7 +95,9 @@ def _street(repository: Any, store: Path, scene: Any, window: Any) -> dict[str, 
     )
     digested = time.process_time()
     begun = time.perf_counter()
-    write_record(group, "streets", 0, {"unit": "street", "key": "k" * 32, "wave": 0, "chunks": chunks})
+    write_record(
+        group, "streets", 0, {"unit": "street", "key": "k" * 32, "status": "done", "wave": 0, "digests": chunks}
+    )
     commit(session, "street")
     committed = time.perf_counter()
     expire(repository)

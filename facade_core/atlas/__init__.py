@@ -1,7 +1,7 @@
 """The texture atlas in chunked zarr (Icechunk): its shape, its store, its journal and what wins on a texel."""
 
 from facade_core.atlas.arrays import FORMAT, create_arrays
-from facade_core.atlas.journal import STAGES, atlas_digest, latest_digests, read_journal, unit_key, write_record
+from facade_core.atlas.journal import Record, atlas_digest, latest_digests, read_journal, unit_key, write_record
 from facade_core.atlas.opened import Atlas, open_atlas
 from facade_core.atlas.provenance import INPAINTED, PHOTO, PROVENANCE, SYNTHESISED, TRANSLATED, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, chunk_digests, read_rasters, write_rasters
@@ -13,13 +13,13 @@ __all__ = [
     "INPAINTED",
     "PHOTO",
     "PROVENANCE",
-    "STAGES",
     "SYNTHESISED",
     "TRANSLATED",
     "UNSEEN",
     "Atlas",
     "AtlasSpec",
     "Rasters",
+    "Record",
     "atlas_digest",
     "chart_digests",
     "chunk_digests",

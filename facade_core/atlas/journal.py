@@ -8,30 +8,91 @@ from __future__ import annotations
 
 import hashlib
 import json
-from typing import Any
+from typing import Any, Required, TypedDict
 
 import numpy as np
 
 from facade_core.atlas.zarr_types import StoreGroup
 
-STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets")
+
+class Record(TypedDict, total=False):
+    """What the journal says of a unit.
+
+    unit, key: its name, and what it stands on.
+    status: done, failed, or stale: known, and due again.
+    reason: why it failed or is stale, or which picture was refused; traceback: where that was.
+    worker, started, seconds: where and when it was done, seconds since 1970, and how long each step took.
+    """
+
+    unit: Required[str]
+    key: Required[str]
+    status: Required[str]
+    reason: str
+    traceback: str
+    worker: str
+    started: float
+    seconds: dict[str, float]
+    # of all that write charts: the digest of each chart by its id
+    digests: dict[str, str]
+    # panoramas: x, y, z, heading, pitch, roll; what refining did; degrees between lines and axes before and after
+    pose: list[Any]
+    moved_m: float
+    turned_deg: float
+    given_deg: float | None
+    residual_deg: float | None
+    left: list[str]
+    # exemplars: their size at the block's density, and what was masked of them
+    width_m: float
+    height_m: float
+    hidden: float
+    metres_per_pixel: float
+    # textured buildings: how many charts
+    charts: int
+    # facades, and floors and columns of exemplars too
+    source: str
+    floors: int
+    columns: int
+    elements: list[list[Any]]
+    lattice: dict[str, list[int]]
+    windows: int
+    doors: int
+    balconies: int
+    shops: int
+    window_to_wall: float
+    occluded: float
+    masked: list[list[int]]
+    provenance: list[float]
+    variation_types: int
+    variation_levels: int
+    variation_bytes: int
+    layout_score: float | None
+    # viewpoints: digests of the panorama, and of what other streets take of it; the share that was textured before
+    panorama: str
+    passes: str
+    textured: float
+    texels: int
+    # streets: their wave, what they are made of, and seconds of each viewpoint's commit
+    wave: int
+    chain: str
+    commits: list[float]
+
 
 # Fields of a record that may differ between two runs of the same unit on the same input.
 VOLATILE = ("worker", "seconds", "started", "commits", "traceback")
 
 
-def read_journal(group: StoreGroup, stage: str) -> list[dict[str, Any] | None]:
+def read_journal(group: StoreGroup, stage: str) -> list[Record | None]:
     """All records of a stage by unit index; None where there is none."""
     return [json.loads(text) if text else None for text in group[f"journal/{stage}"][:]]
 
 
-def read_records(group: StoreGroup, stage: str, units: np.ndarray) -> list[dict[str, Any] | None]:
+def read_records(group: StoreGroup, stage: str, units: np.ndarray) -> list[Record | None]:
     """The records of some units of a stage, by their indices (n,), in that order."""
     texts = group[f"journal/{stage}"].oindex[units] if len(units) else []
     return [json.loads(str(text)) if text else None for text in texts]
 
 
-def write_record(group: StoreGroup, stage: str, index: int, record: dict[str, Any]) -> None:
+def write_record(group: StoreGroup, stage: str, index: int, record: Record) -> None:
     group[f"journal/{stage}"][index] = json.dumps(record, sort_keys=True, allow_nan=False)
 
 
@@ -45,7 +106,7 @@ def unit_key(*parts: Any) -> str:
     return hashlib.blake2b(json.dumps(parts, sort_keys=True).encode(), digest_size=16).hexdigest()
 
 
-def latest_digests(seeds: list[dict[str, Any] | None], streets: list[dict[str, Any] | None]) -> dict[str, str]:
+def latest_digests(seeds: list[Record | None], streets: list[Record | None]) -> dict[str, str]:
     """Digest of every chart, by its id, as its last writer left it: first those who seed (own textures, then facades), then
     streets in the order of their waves."""
     charts: dict[str, str] = {}
@@ -57,7 +118,7 @@ def latest_digests(seeds: list[dict[str, Any] | None], streets: list[dict[str, A
     return charts
 
 
-def seed_records(group: StoreGroup) -> list[dict[str, Any] | None]:
+def seed_records(group: StoreGroup) -> list[Record | None]:
     """The records of the stages that seed the atlas, in the order in which they write."""
     return read_journal(group, "textures") + read_journal(group, "facades")
 

@@ -98,13 +98,13 @@ class Atlas:
             near = get_close_matches(id, facades["id"], n=1, cutoff=0) or ["none"]
             raise InputError(f"no facade {id}; there are {len(facades['id'])}, the nearest is {near[0]}")
         row = facades["id"].index(id)
-        record = read_records(self.group, "facades", np.array([row]))[0] or {}
+        record = read_records(self.group, "facades", np.array([row]))[0]
         return self.chart(int(facades["chart"][row])).assign_attrs(
             facade=id,
             building=self.tables["buildings"]["id"][facades["building"][row]],
             street=self.tables["streets"]["id"][facades["street"][row]],
             **{name: facades[name][row].item() for name in ("width", "height", "floors", "seen")},
-            elements=json.dumps(record.get("elements", [])),
+            elements=json.dumps(record.get("elements", []) if record else []),
         )
 
     @cached_property

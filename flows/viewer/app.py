@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import AsyncIterator, Callable
+from collections.abc import AsyncIterator, Callable, Mapping
 from contextlib import asynccontextmanager
 from ipaddress import ip_address
 from pathlib import Path
@@ -70,7 +70,7 @@ def application(out: Path, host: str, bound: str) -> Starlette:
     def facade(request: Request) -> Response:
         view = reader.view()
         index = view.number(request.query_params["id"])
-        record = view.records[index] or {}
+        record: Mapping[str, Any] = view.records[index] or {}
         return JSONResponse(
             {
                 "stages": [{"stage": stage.name, "title": stage.title} for stage in stages(view, index)],

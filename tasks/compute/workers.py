@@ -104,6 +104,7 @@ def prepared(asked: dict[str, str] | None = None) -> Any:
 def make() -> dict[str, str]:
     """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
     from tasks.keys.stage_code import code_version
+    from tasks.kinds.order import CODED
 
     versions = {"Python": ".".join(platform.python_version_tuple()[:2])}
     for library in LIBRARIES:
@@ -111,7 +112,7 @@ def make() -> dict[str, str]:
             versions[library] = version(library)
         except PackageNotFoundError:
             versions[library] = "none"
-    return versions | {"Streetloom": code_version()}
+    return versions | {"Streetloom": code_version(CODED)}
 
 
 def unlike(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
@@ -128,9 +129,9 @@ def _load() -> None:
     import skimage.measure  # noqa: F401
     import xarray  # noqa: F401
 
-    import tasks.units.exemplar
-    import tasks.units.facade
-    import tasks.units.viewpoint  # noqa: F401
+    import tasks.units.exemplars
+    import tasks.units.facades
+    import tasks.units.streets  # noqa: F401
 
 
 def standing(token: str) -> tuple[bool, dict[str, str]]:

@@ -18,13 +18,14 @@ from catalogs.block import read_block
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
-from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, FormatError, StoreError
 from tasks.doctor.findings import Finding
 from tasks.keys.runs import run_of
+from tasks.kinds.order import STAGES
 from tasks.stages.due import what_is_due
 from tasks.stages.ingest import ingest_block
 from tasks.store.digests import differing
@@ -64,7 +65,7 @@ def examine_folder(out: Path) -> Iterator[Finding]:
     yield _stale(out, source, session, group)
 
 
-def _units(attrs: dict[str, Any], records: dict[str, list[dict[str, Any] | None]], again: str) -> Finding:
+def _units(attrs: dict[str, Any], records: dict[str, list[Record | None]], again: str) -> Finding:
     states = Counter(r["status"] if r else "waiting" for journal in records.values() for r in journal)
     told = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
     left = sum(states.values()) - states["done"]
@@ -136,7 +137,7 @@ def _stale(out: Path, source: Path | None, session: icechunk.Session, group: Sto
         with _copy(out) as copy:
             tried = replace(run, out=str(copy))
             outline = ingest_block.fn(tried, block)
-            said = what_is_due(replace(tried, ingested=outline.ingested), block, outline)
+            said = what_is_due(replace(tried, ingested=outline.ingested), block, outline).said
     except (FacadeError, OSError) as error:
         return Finding("stale", False, f"{source}: {' '.join(str(error).split())}")
     if group.attrs.get("key") == run.key and (said is None or "nothing is due" in said):

@@ -16,20 +16,15 @@ if TYPE_CHECKING:
 def run_of(block: Block, out: Path) -> Run:
     """The run that textures `block` into folder `out`."""
     key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
-    texture = block.texture
     return Run(
         out=str(out.resolve()),  # workers may have been started elsewhere
         block=block.name,
         key=key,
         crs=block.crs.to_string(),
         seed=block.seed,
-        texels_per_metre=texture.texels_per_metre,
-        panorama_width=texture.panorama_width,
         storey=block.storey,
-        failed_limit=block.failed_limit,
-        walls=texture.walls,
-        levelling=texture.levelling,
+        texture=block.texture,
         aerial=block.aerial,
         roof_material=block.roof_material,
-        translator=texture.translator,
+        failed_limit=block.failed_limit,
     )

@@ -22,16 +22,6 @@ VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
 HOUSE = ("facade_core", "catalogs", "tasks")
 
-# The module of each stage's unit.
-UNITS = {
-    "ingest": "tasks.stages.ingest",
-    "poses": "tasks.units.pose",
-    "exemplars": "tasks.units.exemplar",
-    "textures": "tasks.units.texture",
-    "facades": "tasks.units.facade",
-    "streets": "tasks.units.viewpoint",
-    "publish": "tasks.stages.publish",
-}
 # The translator that only runs with `translator: neural` take.
 NEURAL = "facade_core.street.neural"
 # What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.
@@ -47,6 +37,7 @@ APART = frozenset(
         "tasks.store.room",
         "tasks.run",
         "tasks.keys.stage_code",
+        "tasks.kinds.order",
         "tasks.store.wounds",
     }
 )
@@ -82,8 +73,11 @@ class _Module:
 
 @cache
 def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
-    """The digest of the code of a stage of UNITS; neural: whether it takes the network that translates panoramas."""
-    found = _reached(UNITS[stage], APART if neural else APART | {NEURAL}, root)
+    """The digest of the code of a stage: of the module of `tasks.units` that is called as the stage is, else of `tasks.stages`.
+
+    neural: whether it takes the network that translates panoramas.
+    """
+    found = _reached(module_of(stage, root), APART if neural else APART | {NEURAL}, root)
     digest = blake2b(digest_size=8)
     for name in sorted(found):
         digest.update(f"{name} {found[name].digest}\n".encode())
@@ -96,10 +90,15 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
     return digest.hexdigest()
 
 
+def module_of(stage: str, root: Path = ROOT) -> str:
+    """The module that does a stage's units."""
+    return next(name for room in ("units", "stages") if _path(name := f"tasks.{room}.{stage}", root) is not None)
+
+
 @cache
-def code_version(root: Path = ROOT) -> str:
-    """The version and a digest of the code of all stages: workers of one cluster must have the same."""
-    return version_of({stage: stage_code(stage, root=root) for stage in UNITS})
+def code_version(stages: tuple[str, ...], root: Path = ROOT) -> str:
+    """The version and a digest of the code of some stages: workers of one cluster must have the same."""
+    return version_of({stage: stage_code(stage, root=root) for stage in stages})
 
 
 def version_of(codes: Mapping[str, str]) -> str:

@@ -4,24 +4,21 @@ before it; the street's texels on all of them."""
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from catalogs.file_digest import file_digest
-from facade_core.atlas.journal import latest_digests, read_records, unit_key
+from facade_core.atlas.journal import Record, latest_digests, read_records, unit_key
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import parts_key
 from tasks.run import Run
 
-# Settings of a run that no street's texels depend on.
-NOT_OF_STREETS = (
-    *("out", "block", "key", "ingested", "failed_limit"),
-    *("crs", "storey", "walls", "aerial", "roof_material"),
-)
+# Settings that streets' texels depend on.
+SETTINGS = ("texels_per_metre", "panorama_width", "levelling", "translator")
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class StreetKeys:
 def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetKeys:
     """The keys of a street as the journal stands, when those of earlier waves and all that seed are done."""
     viewpoints = plan.of_street(street)
-    code, settings = stage_code("streets", neural=run.translator == "neural"), _settings(run, plan)
+    code, settings = stage_code("streets", neural=run.texture.translator == "neural"), _settings(run, plan)
     charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
     seeds = _seeds(plan, group, charts)
     known = latest_digests(seeds, [])
@@ -67,14 +64,14 @@ def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetK
 
 
 def _settings(run: Run, plan: Plan) -> dict[str, Any]:
-    settings = {name: value for name, value in asdict(run).items() if name not in NOT_OF_STREETS}
+    settings: dict[str, Any] = {"seed": run.seed} | {name: getattr(run.texture, name) for name in SETTINGS}
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
         settings["roof_material"] = [file_digest(path), metres_per_pixel]
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 
-def _seeds(plan: Plan, group: StoreGroup, charts: np.ndarray) -> list[dict[str, Any] | None]:
+def _seeds(plan: Plan, group: StoreGroup, charts: np.ndarray) -> list[Record | None]:
     """The records of those who seeded the buildings of some charts, in the order in which they wrote."""
     buildings = np.unique(plan.scene.charts.building[charts])
     textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
@@ -98,7 +95,7 @@ def _earlier(
     }
 
 
-def _seeding(plan: Plan, seeds: Sequence[dict[str, Any] | None], charts: np.ndarray) -> list[str]:
+def _seeding(plan: Plan, seeds: Sequence[Record | None], charts: np.ndarray) -> list[str]:
     """The keys of those who seed charts that the street writes too: when they write again, so must the street."""
     if not plan.writable[np.concatenate([plan.facades.chart, np.flatnonzero(plan.textured)])].any():
         return []

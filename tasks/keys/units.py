@@ -48,7 +48,7 @@ def changed_parts(recorded: str, key: str) -> list[str]:
 def exemplar_key(run: Run, path: Path) -> str:
     return parts_key(
         stage_code("exemplars"),
-        settings=[run.seed, run.storey, run.texels_per_metre],
+        settings=[run.seed, run.storey, run.texture.texels_per_metre],
         picture=[path.stem, file_digest(path)],
     )
 
@@ -58,7 +58,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
     place = np.array([pose.x, pose.y, pose.z])
     return parts_key(
         stage_code("poses"),
-        settings=run.texels_per_metre,
+        settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],
         pose=_pose(pose),
         geometry=plan.things.within(place - AROUND_POSE_M, place + AROUND_POSE_M),
@@ -68,7 +68,7 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
 def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -> str:
     """Of the charts of a building that have textures of their own, or are seen from above, its facades aside."""
     charts = plan.own_charts(building)
-    parts: dict[str, Any] = {"settings": run.texels_per_metre, "own": _own(plan, charts, textures)}
+    parts: dict[str, Any] = {"settings": run.texture.texels_per_metre, "own": _own(plan, charts, textures)}
     if run.aerial is not None and charts:
         parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
         low, high = _box(plan, charts)
@@ -94,7 +94,7 @@ def facade_keys(
     shape = (int(placement.width[chart]), int(placement.height[chart]))
     size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
     parts: dict[str, Any] = {
-        "settings": [table.id[facade], run.seed, run.texels_per_metre],
+        "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],
     }
     keys = []
@@ -107,9 +107,9 @@ def facade_keys(
         elif source == "own":
             parts["own"] = _own(plan, [chart], textures)
         elif imagery.exemplar is not None:
-            parts |= {"exemplar": [imagery.exemplar[1], exemplars.get(imagery.exemplar[0])], "walls": run.walls}
+            parts |= {"exemplar": [imagery.exemplar[1], exemplars.get(imagery.exemplar[0])], "walls": run.texture.walls}
         else:
-            parts["walls"] = run.walls
+            parts["walls"] = run.texture.walls
         keys.append(parts_key(stage_code("facades"), **parts))
     return tuple(keys)
 

@@ -92,12 +92,12 @@ def block_facts(
             "windows": sum(row["windows"] or 0 for row in rows.facades),
         },
         settings={
-            "texture.texels_per_metre": run.texels_per_metre,
+            "texture.texels_per_metre": run.texture.texels_per_metre,
             "texture.viewpoint_spacing": plan.scene.spacing,
             "texture.visibility_range": plan.scene.visibility_range,
-            "texture.panorama_width": run.panorama_width,
-            "texture.walls": run.walls,
-            "texture.translator": run.translator,
+            "texture.panorama_width": run.texture.panorama_width,
+            "texture.walls": run.texture.walls,
+            "texture.translator": run.texture.translator,
             "storey": run.storey,
             "seed": run.seed,
             "geoid_separation": group.attrs.get("geoid_separation"),
@@ -157,7 +157,7 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
 def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
     """The shipped models that a block's facades and streets were made with: none where nothing was."""
     used = list(OF_FACADES) if any(record and "lattice" in record for record in facades) else []
-    if run.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
+    if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
         used.append(OF_STREETS)
     found = []
     for model in used:

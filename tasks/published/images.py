@@ -41,7 +41,8 @@ def aim_views(block: StoredBlock) -> dict[str, Picture]:
     plan = block.plan
     worth = np.zeros(len(plan.scene.charts))
     for chart, record in zip(plan.facades.chart, block.records, strict=True):
-        worth[chart] = 1 + PHOTO_WORTH * (record or {}).get("provenance", [0])[-1]
+        photo = record.get("provenance", [0.0])[-1] if record else 0.0
+        worth[chart] = 1 + PHOTO_WORTH * photo
     views = {"above": aim(plan.scene, aerial(plan.scene, VIEW_SIZE, worth))}
     streets = sorted({v.street for v in plan.viewpoints})
     for number, street in enumerate(_spread(streets, STREETS)):

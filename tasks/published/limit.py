@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.journal import read_journal
 from facade_core.atlas.zarr_types import StoreGroup
+from tasks.kinds.order import KINDS
 from tasks.run import Run
 
 
@@ -12,7 +13,7 @@ def over_limit(run: Run, group: StoreGroup) -> str | None:
 
     A street counts once, not by its viewpoints: one that fails leaves most of these undone, not failed.
     """
-    records = [record for stage in STAGES if stage != "viewpoints" for record in read_journal(group, stage)]
+    records = [record for kind in KINDS if kind.part_of is None for record in read_journal(group, kind.stage)]
     failed = sum(record is not None and record["status"] == "failed" for record in records)
     if failed <= run.failed_limit * len(records):
         return None

@@ -70,8 +70,9 @@ class Published(StoredBlock):
 
     def elements(self, facade: int) -> list[Element]:
         """The elements of a facade's completed layout, in texels, y down."""
-        record = self.records[facade] or {}
-        return [Element(row[0], *map(float, row[1:6])) for row in record.get("elements", ())]
+        record = self.records[facade]
+        rows = record.get("elements", []) if record else []
+        return [Element(row[0], *map(float, row[1:6])) for row in rows]
 
     def rectified(self, buildings: np.ndarray) -> list[int]:
         """The facades of some buildings that have a finished layout and texture."""

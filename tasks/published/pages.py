@@ -40,7 +40,7 @@ def write_pages(snapshot: Snapshot[Path], run: Run, block: StoredBlock, views: C
     def page_of(page: int) -> tuple[int, np.ndarray, bytes]:
         colour, provenance = group["atlas/colour"][page], group["atlas/provenance"][page]
         filled = fill_unseen(
-            scene, swatches, page, colour, provenance, levelling=run.levelling, read=texels, aerial=above
+            scene, swatches, page, colour, provenance, levelling=run.texture.levelling, read=texels, aerial=above
         )
         # exports cut their pictures from these pages: as little as can be is lost to being encoded twice
         snapshot.page(page).write_bytes(jpeg(filled, 95, subsampling=0))

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from catalogs.published.items import ROW_KEYS
-from facade_core.atlas.journal import atlas_digest
+from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.facades import Facades
+from tasks.kinds.order import KINDS
 from tasks.published.stored import StoredBlock
 from tasks.run import Run
 
-# Of the stages whose units can be set aside, what a unit is of.
-KINDS = {"poses": "panorama", "exemplars": "exemplar", "textures": "building"}
 # A facade of which more than this share was hidden, or of whose elements the parser was less sure on average, wants a look.
 HIDDEN, SURE = 0.5, 0.5
 
@@ -50,7 +49,7 @@ def rows_of(run: Run, block: StoredBlock) -> Rows:
     return Rows(_facade_rows(run, block), _set_aside_rows(run, block))
 
 
-def write_masked(path: Path, records: Sequence[dict[str, Any] | None]) -> None:
+def write_masked(path: Path, records: Sequence[Record | None]) -> None:
     """Write the facades whose imagery showed things in front: source, and boxes (x0, y0, x1, y1) in texels of the facade."""
     regions = [
         {"facade": record["unit"], "source": record["source"], "boxes": record["masked"]}
@@ -177,10 +176,12 @@ def _set_aside_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
     """Kind, id and reason of what is no facade and could not be used, or is out of date."""
     yield from block.group.attrs["set_aside"]
-    for stage, kind in KINDS.items():
-        for record in block.journals[stage]:
+    for kind in KINDS:
+        if kind.units is None or kind.stage == "facades":  # facades have rows of their own
+            continue
+        for record in block.journals[kind.stage]:
             if record and record["status"] == "failed":
-                yield kind, record["unit"], record["reason"]
+                yield kind.thing, record["unit"], record["reason"]
     for record in block.journals["streets"]:
         if record and record["status"] in ("stale", "failed"):
             stale = "stale: " if record["status"] == "stale" else ""

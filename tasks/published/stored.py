@@ -5,13 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, cast
+from typing import TYPE_CHECKING, cast
 
-from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.plan_tables import Values, read_plan, read_table
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
+from tasks.kinds.order import STAGES
 from tasks.store.standing import made_by
 
 if TYPE_CHECKING:
@@ -27,12 +28,12 @@ class StoredBlock:
     buildings: Values
 
     @cached_property
-    def journals(self) -> dict[str, list[dict[str, Any] | None]]:
+    def journals(self) -> dict[str, list[Record | None]]:
         """Stage -> the record of every unit, None where there is none."""
         return {stage: read_journal(self.group, stage) for stage in STAGES}
 
     @property
-    def records(self) -> list[dict[str, Any] | None]:
+    def records(self) -> list[Record | None]:
         """Those of the facades."""
         return self.journals["facades"]
 

@@ -1,27 +1,31 @@
-"""What a run will do again of what an earlier one did, and why, in one line, before it starts."""
+"""Which units are due: those that the journal does not hold as done for what they stand on now. And what a run will do again
+of what an earlier one did, and why, in one line, before it starts."""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from typing import Any
+from dataclasses import dataclass, field
+from itertools import groupby
 
 import numpy as np
 
 from catalogs.block import Block
-from facade_core.atlas.journal import read_journal
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
-from tasks.keys.units import changed_parts, exemplar_key, parts_of, pose_key, texture_key
+from tasks.keys.units import changed_parts, parts_of
+from tasks.kinds.facades import panoramas_of
+from tasks.kinds.kind import Kind
+from tasks.kinds.order import KINDS
 from tasks.outcome import is_done
 from tasks.run import Run
-from tasks.stages.facades import facade_imagery, keys_of_facades
 from tasks.stages.ingest import Outline
+from tasks.store.carry import forget_units
 from tasks.units.context import plan_of_run
-
-Record = dict[str, Any] | None
+from tasks.units.unit import Piece, Unit
 
 # Why a unit is due, by the kind of input that changed; the first that applies is told.
 REASONS = {
@@ -43,42 +47,89 @@ SEEN, READ, FOLLOW = "what is in sight changed", "what they see is done again", 
 NEW, AGAIN = "new", "not done before"
 
 
-def what_is_due(run: Run, block: Block, outline: Outline) -> str | None:
-    """One line: the units of an earlier run that are due again, by stage and reason; None where there was no earlier run.
+@dataclass(frozen=True)
+class Due:
+    """The units of a kind that are due, in pieces of what one worker does in one go, and the records of the others."""
+
+    kind: Kind
+    pieces: tuple[Piece, ...]
+    done: tuple[Record, ...]
+
+    @property
+    def total(self) -> int:
+        return len(self.done) + sum(map(len, self.pieces))
+
+
+@dataclass(frozen=True)
+class Ahead:
+    """What is known before a run does anything: what it will do again, in a line, None where there was no earlier run; and the
+    units by stage as the journal stood then."""
+
+    said: str | None = None
+    units: Mapping[str, Sequence[Unit]] = field(default_factory=dict)
+
+
+def due_of(run: Run, block: Block, kind: Kind, units: Sequence[Unit] | None = None) -> Due:
+    """What of a kind is due; what is known of that is forgotten, so that whatever becomes of it nothing of before is left.
+
+    units: all of the kind, where they are known and nothing was done since that they stand on.
+    """
+    if kind.units is None:
+        raise TypeError(f"{kind.stage} are not fanned out")
+    plan = plan_of_run(run)
+    group = _newest(run)
+    records = read_journal(group, kind.stage)
+    if units is None:
+        units = kind.units(run, block, plan, group)
+    waiting = [unit for unit in units if not is_done(records[unit.index], *unit.keys)]
+    forget_units(run, plan, kind.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
+    indices = {unit.index for unit in waiting}
+    return Due(
+        kind,
+        tuple(_pieces(waiting)),
+        tuple(record for index, record in enumerate(records) if record and index not in indices),
+    )
+
+
+def _pieces(units: Sequence[Unit]) -> list[Piece]:
+    """Units in what one worker does in one go, in the order of what they share, else of their indices."""
+    alone = [(unit,) for unit in units if unit.together is None]
+    shared = sorted((unit for unit in units if unit.together is not None), key=lambda unit: unit.together or 0)
+    return [*alone, *(tuple(piece) for _, piece in groupby(shared, key=lambda unit: unit.together))]
+
+
+def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
+    """The units of an earlier run that are due again, by stage and reason.
 
     Later streets that only share ground with those are counted apart: they are due where that comes out differently.
     """
     if outline.anew:
-        return f"all is due: {outline.anew}"
-    session = open_repository(run.store).readonly_session(BRANCH)
-    group = open_root(session)
+        return Ahead(f"all is due: {outline.anew}")
+    group = _newest(run)
     if not any(read_journal(group, "streets")):
-        return None
+        return Ahead()
     plan = plan_of_run(run)
-    pictures = [panorama.path for panorama in block.panoramas]
-    poses = _due(read_journal(group, "poses"), [(pose_key(run, plan, i, path),) for i, path in enumerate(pictures)])
-    exemplars = _due(read_journal(group, "exemplars"), [(exemplar_key(run, path),) for path in block.exemplars])
-    textures = _due(
-        read_journal(group, "textures"),
-        [(texture_key(run, plan, one.building, block.textures),) for one in outline.textured],
-    )
-    held = read_journal(group, "facades")
-    facades = _due(held, keys_of_facades(run, facade_imagery(run, block, outline), block.textures))
-    facades = _after(facades, held, outline, set(poses), {block.exemplars[i].stem for i in exemplars}, bool(exemplars))
-    seeded = [int(plan.facades.chart[f]) for f in facades]
-    seeded += [chart for i in textures for chart in plan.own_charts(outline.textured[i].building)]
-    streets, follow = _streets(run, plan, group, seeded)
-    told = [
-        _told(len(pictures), "panorama", poses),
-        _told(len(block.exemplars), "exemplar", exemplars),
-        _told(len(outline.textured), "textured building", textures),
-        _told(len(outline.facades), "facade", facades),
-        _told(sum(map(len, outline.waves)), "street", streets),
-    ]
-    parts = [one for one in told if one]
+    units: dict[str, list[Unit]] = {}
+    reasons: dict[str, dict[int, str]] = {}
+    seeded: list[int] = []
+    for kind in KINDS:
+        if kind.units is None:
+            continue
+        records = read_journal(group, kind.stage)
+        units[kind.stage] = kind.units(run, block, plan, group)
+        reasons[kind.stage] = _due(records, units[kind.stage])
+        if kind.stage == "facades":
+            reasons["facades"] = _after(reasons, units, records, plan)
+        if kind.seeds:
+            seeded += [chart for u in units[kind.stage] if u.index in reasons[kind.stage] for chart in u.charts]
+    reasons["streets"], follow = _streets(run, plan, group, seeded)
+    totals = {stage: len(of) for stage, of in units.items()} | {"streets": sum(map(len, outline.waves))}
+    lines = [_line(totals[k.stage], k.noun, reasons[k.stage]) for k in KINDS if k.stage in reasons]
+    parts = [line for line in lines if line]
     if follow:
         parts.append(f"{follow} more {'street' if follow == 1 else 'streets'} if texels that they share change")
-    return f"due are {', '.join(parts)}; the rest stands" if parts else "nothing is due but what is published"
+    said = f"due are {', '.join(parts)}; the rest stands" if parts else "nothing is due but what is published"
+    return Ahead(said, units)
 
 
 def what_is_set_aside(outline: Outline) -> list[str]:
@@ -94,12 +145,16 @@ def what_is_set_aside(outline: Outline) -> list[str]:
     return lines
 
 
-def _due(records: Sequence[Record], keys: Sequence[tuple[str, ...]]) -> dict[int, str]:
+def _newest(run: Run) -> StoreGroup:
+    return open_root(open_repository(run.store).readonly_session(BRANCH))
+
+
+def _due(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, str]:
     """The units that are not done by any of their keys, by index, and why."""
-    return {i: _why(records[i], own) for i, own in enumerate(keys) if not is_done(records[i], *own)}
+    return {u.index: _why(records[u.index], u.keys) for u in units if not is_done(records[u.index], *u.keys)}
 
 
-def _why(record: Record, keys: tuple[str, ...]) -> str:
+def _why(record: Record | None, keys: tuple[str, ...]) -> str:
     if record is None:
         return NEW
     if record["key"] in keys:
@@ -109,19 +164,22 @@ def _why(record: Record, keys: tuple[str, ...]) -> str:
 
 
 def _after(
-    facades: Mapping[int, str], held: Sequence[Record], outline: Outline, poses: set[int], sources: set[str], anew: bool
+    reasons: Mapping[str, Mapping[int, str]],
+    units: Mapping[str, Sequence[Unit]],
+    records: Sequence[Record | None],
+    plan: Plan,
 ) -> dict[int, str]:
-    """The facades that are due once panoramas and exemplars are done again: keys as the journal stands know nothing of these.
-
-    sources: the names of exemplars that are due; anew: whether some are.
-    """
+    """The facades that are due once panoramas and exemplars are done again, of which their keys know nothing yet."""
+    facades, poses, exemplars = reasons["facades"], reasons["poses"], reasons["exemplars"]
+    sources = {unit.name for unit in units["exemplars"] if unit.index in exemplars}
+    shown = panoramas_of(plan) if poses else []
     found = {}
-    for facade, record in enumerate(held):
+    for facade, record in enumerate(records):
         reason = facades.get(facade)
-        if record is not None and anew and (reason in (None, REASONS["exemplar"])):
+        if record is not None and exemplars and (reason in (None, REASONS["exemplar"])):
             reason = REASONS["exemplar"] if record.get("source") in sources else None
         from_panoramas = record is not None and "panoramas" in parts_of(record["key"])
-        if reason is None and from_panoramas and any(panorama in poses for panorama, _ in outline.panoramas[facade]):
+        if reason is None and from_panoramas and poses and any(panorama in poses for panorama, _ in shown[facade]):
             reason = REASONS["panoramas"]
         if reason is not None:
             found[facade] = reason
@@ -158,7 +216,7 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
     return due, len(following)
 
 
-def _told(total: int, name: str, due: Mapping[int, str]) -> str | None:
+def _line(total: int, name: str, due: Mapping[int, str]) -> str | None:
     """Such as "3 of 202 facades (2: photo changed, 1: new)"; None where none is due."""
     if not due:
         return None

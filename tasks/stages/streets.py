@@ -24,7 +24,7 @@ from tasks.store.carry import forget_units
 from tasks.store.commits import begin, finish, tag_of
 from tasks.store.redo import street_chunks
 from tasks.units.context import plan_of_run
-from tasks.units.viewpoint import forget_street, street_unit, viewpoint_unit
+from tasks.units.streets import forget_street, street_unit, viewpoint_unit
 
 
 @task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)

@@ -13,20 +13,19 @@ from typing import Any
 import icechunk
 import numpy as np
 
+from catalogs.block import Block
 from facade_core.atlas.arrays import FORMAT, clear_rasters, resize_arrays
-from facade_core.atlas.journal import STAGES, forget_record, read_journal
+from facade_core.atlas.journal import Record, forget_record, read_journal
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, commit, format_of, open_repository, open_root
-from facade_core.atlas.zarr_types import StoreGroup, group_at
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
 from facade_core.geometry.packing import Places
 from facade_core.plan import Plan
+from tasks.kinds.kind import Change
+from tasks.kinds.order import KINDS, STAGES
 from tasks.run import Run
-
-Records = list[dict[str, Any] | None]
-# Names and keys.
-Units = Sequence[tuple[str, str]]
 
 
 @dataclass(frozen=True)
@@ -46,7 +45,7 @@ def made_for(run: Run) -> dict[str, Any]:
     return {
         "pages": [AtlasSpec.page, AtlasSpec.chunk, AtlasSpec.gutter],
         "crs": run.crs,
-        "texels_per_metre": run.texels_per_metre,
+        "texels_per_metre": run.texture.texels_per_metre,
     }
 
 
@@ -58,8 +57,10 @@ def why_anew(run: Run, group: StoreGroup) -> str | None:
     if not isinstance(held, dict) or format_of(group) != FORMAT or held.get("pages") != made_for(run)["pages"]:
         return "another version of Streetloom made the store"
     changed = []
-    if held["texels_per_metre"] != run.texels_per_metre:
-        changed.append(f"texture.texels_per_metre was {held['texels_per_metre']:g} and is {run.texels_per_metre:g}")
+    if held["texels_per_metre"] != run.texture.texels_per_metre:
+        changed.append(
+            f"texture.texels_per_metre was {held['texels_per_metre']:g} and is {run.texture.texels_per_metre:g}"
+        )
     if held["crs"] != run.crs:
         changed.append(f"the block's frame was {held['crs']} and is {run.crs}")
     return " and ".join(changed) or "what the store holds cannot be read"
@@ -81,61 +82,35 @@ def last_ingest(run: Run, repository: icechunk.Repository) -> Last | None:
         return None
 
 
-def carry_over(
-    group: StoreGroup, last: Last, plan: Plan, *, panorama_width: int, poses: Units, exemplars: Units
-) -> None:
+def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan) -> None:
     """Bring the arrays of `last` in line with a new plan, in place: charts that are gone, moved or written by others now are
-    cleared, and what is known of units goes to the places where these stand now.
-
-    poses, exemplars: names and keys of those units, by which they are found again; the others are found by their names. A
-    facade whose chart is another now is known as stale, and due.
-    """
-    before = {stage: read_journal(last.group, stage) for stage in STAGES}
-    stays = _staying(last.plan, plan)
-    textures = _textures(last.plan, plan, stays)
-    facades = _facades(last.plan, plan, stays)
-    cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(stays.values())))
-    spec, placement = last.plan.scene.spec, last.plan.scene.placement
-    clear_rasters(group, spec, placement, cleared.tolist())
-    resize_arrays(
-        group,
-        plan.scene.spec,
-        {
-            "poses": len(poses),
-            "exemplars": len(exemplars),
-            "textures": len(plan.textured_buildings()),
-            "facades": len(plan.facades),
-            "viewpoints": len(plan.viewpoints),
-            "streets": len(plan.streets),
-        },
-        panorama_width=panorama_width,
+    cleared, and what is known of units goes to the places where these stand now."""
+    change = Change(
+        run,
+        block,
+        before=last.plan,
+        after=plan,
+        group=root,
+        last=last.group,
+        records={stage: read_journal(last.group, stage) for stage in STAGES},
+        stays=_staying(last.plan, plan),
     )
-    streets = _streets(last.plan, plan)
-    same_width = last.group["panoramas/rgb"].shape[2] == panorama_width
-    viewpoints = _viewpoints(last.plan, plan, streets) if same_width else {}
-    moved = {
-        "poses": _by_key_or_name(before["poses"], poses),
-        "exemplars": _by_key_or_name(before["exemplars"], exemplars),
-        "textures": textures,
-        "facades": facades,
-        "viewpoints": viewpoints,
-        "streets": streets,
-    }
-    for stage, units in moved.items():
-        records = _moved(before[stage], units, group[f"journal/{stage}"].shape[0])
-        if stage == "facades":
-            _mark_stale(records, before[stage], plan)
-        _rename(stage, records, plan)
-        _write_changed(group[f"journal/{stage}"], last.group[f"journal/{stage}"], list(map(_text, records)))
-    held = last.group["hierarchies/data"][:]
-    hierarchies = [str(held[facades[i]]) if i in facades else "" for i in range(len(plan.facades))]
-    _write_changed(group["hierarchies/data"], last.group["hierarchies/data"], hierarchies)
-    for new, old in viewpoints.items():
-        if new != old:
-            group["panoramas/rgb"][new] = last.group["panoramas/rgb"][old]
-    for new, old in moved["exemplars"].items():
-        if new != old:
-            _copy_exemplar(group, last.group, new, old)
+    again = {kind.stage: kind.again(change) for kind in KINDS}
+    spec, placement = last.plan.scene.spec, last.plan.scene.placement
+    cleared = np.flatnonzero(~np.isin(np.arange(len(last.plan.ids)), list(change.stays.values())))
+    clear_rasters(root, spec, placement, cleared.tolist())
+    resize_arrays(root, plan.scene.spec, units=counts(block, plan), panorama_width=run.texture.panorama_width)
+    for kind in KINDS:
+        records = kind.carried(change, again[kind.stage])
+        held = [str(text) for text in last.group[f"journal/{kind.stage}"][:]]
+        for index, text in enumerate(map(_text, records)):
+            if index >= len(held) or held[index] != text:
+                root[f"journal/{kind.stage}"][index] = text
+
+
+def counts(block: Block, plan: Plan) -> dict[str, int]:
+    """How many units a block has, by stage."""
+    return {kind.stage: kind.count(block, plan) for kind in KINDS}
 
 
 def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:
@@ -176,106 +151,5 @@ def _roles(plan: Plan) -> np.ndarray:
     return roles
 
 
-def _facades(old: Plan, new: Plan, stays: dict[int, int]) -> dict[int, int]:
-    """Facades with the same name on a chart that stays, new -> old; the charts of others stay no longer."""
-    at = dict(zip(old.facades.id, range(len(old.facades)), strict=True))
-    found = {}
-    for facade, (name, chart) in enumerate(zip(new.facades.id, new.facades.chart.tolist(), strict=True)):
-        if chart not in stays:
-            continue
-        if name in at and int(old.facades.chart[at[name]]) == stays[chart]:
-            found[facade] = at[name]
-        else:
-            del stays[chart]
-    return found
-
-
-def _textures(old: Plan, new: Plan, stays: dict[int, int]) -> dict[int, int]:
-    """Buildings with textures of their own whose textured charts all stay, new -> old; the charts of others stay no longer."""
-
-    def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
-        buildings = enumerate(plan.textured_buildings())
-        return {plan.scene.names[one]: (unit, plan.own_charts(one)) for unit, one in buildings}
-
-    before, found = units(old), {}
-    for name, (unit, charts) in units(new).items():
-        if name in before and [stays.get(chart) for chart in charts] == before[name][1]:
-            found[unit] = before[name][0]
-        else:
-            for chart in charts:
-                stays.pop(chart, None)
-    return found
-
-
-def _streets(old: Plan, new: Plan) -> dict[int, int]:
-    """Streets with the same line, else the same id, new -> old."""
-    lines = {street.line.wkb: i for i, street in reversed(list(enumerate(old.streets)))}
-    names = {street.id: i for i, street in enumerate(old.streets)}
-    found: dict[int, int] = {}
-    for by in (lambda s: lines.get(s.line.wkb), lambda s: names.get(s.id)):
-        for index, street in enumerate(new.streets):
-            match = by(street)
-            if index not in found and match is not None and match not in found.values():
-                found[index] = match
-    return found
-
-
-def _viewpoints(old: Plan, new: Plan, streets: Mapping[int, int]) -> dict[int, int]:
-    """The viewpoints of streets that are still there, by their number along the street, new -> old."""
-    return {
-        one.id: other.id
-        for street, before in streets.items()
-        for one, other in zip(new.of_street(street), old.of_street(before), strict=False)
-    }
-
-
-def _by_key_or_name(records: Records, units: Units) -> dict[int, int]:
-    """Units, as (name, key), with the same key, else the same name, new -> old. The latter are due, and known for why."""
-    keys = {record["key"]: i for i, record in enumerate(records) if record}
-    found = {i: keys[key] for i, (_, key) in enumerate(units) if key in keys}
-    names = {record["unit"]: i for i, record in enumerate(records) if record and i not in found.values()}
-    return found | {i: names[name] for i, (name, _) in enumerate(units) if i not in found and name in names}
-
-
-def _moved(records: Records, units: Mapping[int, int], count: int) -> Records:
-    return [records[units[i]] if i in units else None for i in range(count)]
-
-
-def _rename(stage: str, records: Records, plan: Plan) -> None:
-    """Put what is known of streets under the names and waves that they have now."""
-    for index, record in enumerate(records):
-        if record and stage == "streets":
-            records[index] = record | {"unit": plan.streets[index].id, "wave": int(plan.wave[index])}
-        elif record and stage == "viewpoints":
-            step = record["unit"].rpartition("/")[2]
-            records[index] = record | {"unit": f"{plan.streets[plan.viewpoints[index].street].id}/{step}"}
-
-
-def _mark_stale(facades: Records, before: Records, plan: Plan) -> None:
-    """Say of facades that were not taken over, but known by their name, what they stood on."""
-    keys = {record["unit"]: record["key"] for record in before if record}
-    for index, name in enumerate(plan.facades.id):
-        if facades[index] is None and name in keys:
-            facades[index] = {"unit": name, "key": keys[name], "status": "stale", "reason": "its geometry changed"}
-
-
-def _text(record: dict[str, Any] | None) -> str:
+def _text(record: Record | None) -> str:
     return json.dumps(record, sort_keys=True, allow_nan=False) if record else ""
-
-
-def _write_changed(array: Any, before: Any, texts: Sequence[str]) -> None:
-    held = list(map(str, before[:]))
-    for index, text in enumerate(texts):
-        if index >= len(held) or held[index] != text:
-            array[index] = text
-
-
-def _copy_exemplar(group: StoreGroup, before: StoreGroup, new: int, old: int) -> None:
-    for name, array in group_at(before, f"exemplars/{old}").arrays():
-        group.create_array(
-            f"exemplars/{new}/{name}",
-            data=array[:],
-            chunks=array.chunks,
-            dimension_names=array.metadata.dimension_names,
-            overwrite=True,
-        )

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import icechunk
 
 from catalogs.features import file_stem
-from facade_core.atlas.journal import read_journal, unit_key, write_record
+from facade_core.atlas.journal import Record, read_journal, unit_key, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 
@@ -19,7 +20,7 @@ def begin(store: Path) -> tuple[icechunk.Session, Any]:
     return session, session.fork()
 
 
-def finish(session: icechunk.Session, fork: Any, stage: str, records: dict[int, dict[str, Any]], message: str) -> str:
+def finish(session: icechunk.Session, fork: Any, stage: str, records: Mapping[int, Record], message: str) -> str:
     """Commit a fork's data together with its journal records (unit index -> record); returns the snapshot id."""
     session.merge(fork)
     group = open_root(session)
@@ -28,13 +29,13 @@ def finish(session: icechunk.Session, fork: Any, stage: str, records: dict[int, 
     return commit(session, message)
 
 
-def journal(store: Path, stage: str) -> list[dict[str, Any] | None]:
+def journal(store: Path, stage: str) -> list[Record | None]:
     """The records of a stage at the newest snapshot."""
     session = open_repository(store).readonly_session(BRANCH)
     return read_journal(open_root(session), stage)
 
 
-def tag_of(record: dict[str, Any]) -> str:
+def tag_of(record: Record) -> str:
     """The tag of the snapshot in which a street ended, by the street's record."""
     return f"street-{file_stem(record['unit'])}-{unit_key(record['key'])[:12]}"
 

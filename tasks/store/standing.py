@@ -11,12 +11,13 @@ from catalogs.published.files import amiss
 from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.check import DAMAGE, is_whole
-from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from tasks.keys.stage_code import stage_code, version_of
 from tasks.keys.units import parts_of
+from tasks.kinds.order import KINDS, STAGES
 from tasks.outcome import refused
 from tasks.run import Run
 from tasks.store.wounds import find_wounds, is_suspect
@@ -72,7 +73,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
             return None
         journals = {stage: read_journal(group, stage) for stage in STAGES}
         for stage, codes in _codes(journals).items():
-            if codes != [stage_code(stage, neural=run.translator == "neural")]:
+            if codes != [stage_code(stage, neural=run.texture.translator == "neural")]:
                 return None
         records = [record for journal in journals.values() for record in journal]
         if not all(record and record["status"] == "done" for record in records):
@@ -99,12 +100,12 @@ def made_by(group: StoreGroup) -> str:
     )
 
 
-def _codes(journals: Mapping[str, Sequence[dict[str, Any] | None]]) -> dict[str, list[str]]:
+def _codes(journals: Mapping[str, Sequence[Record | None]]) -> dict[str, list[str]]:
     """The codes by which the units of a journal were done, by stage; a viewpoint's is its street's."""
     found = {
-        stage: sorted({parts_of(record["key"]).get("code", "") for record in journal if record})
-        for stage, journal in journals.items()
-        if stage != "viewpoints"
+        kind.stage: sorted({parts_of(r["key"]).get("code", "") for r in journals[kind.stage] if r})
+        for kind in KINDS
+        if kind.part_of is None
     }
     return {stage: codes for stage, codes in found.items() if codes}
 

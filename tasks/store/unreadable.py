@@ -8,9 +8,9 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from facade_core.atlas.check import Coordinates
-from facade_core.atlas.journal import STAGES
 from facade_core.atlas.zarr_types import StoreArray, StoreGroup
 from facade_core.plan import Plan
+from tasks.kinds.order import STAGES
 
 
 def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinates] | None]) -> dict[str, set[int]]:

@@ -7,14 +7,13 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import icechunk
 import numpy as np
 
 from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.check import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
-from facade_core.atlas.journal import STAGES, forget_record, read_journal, unit_key
+from facade_core.atlas.journal import Record, forget_record, read_journal, unit_key
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import picture_digest
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_table, root_of_any_format
@@ -23,12 +22,13 @@ from facade_core.errors import FormatError
 from facade_core.geometry.packing import Placement
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
+from tasks.kinds.order import STAGES
 from tasks.outcome import is_done
 from tasks.run import Run
 from tasks.store.digests import differing
 from tasks.store.unreadable import give_up, units_of_charts
 
-Records = Sequence[dict[str, Any] | None]
+Records = Sequence[Record | None]
 # Units by stage.
 Units = Mapping[str, Iterable[int]]
 
@@ -177,7 +177,7 @@ def _read_plan_tables(session: icechunk.Session) -> None:
             dict(group[name].attrs)
 
 
-def _done(record: dict[str, Any] | None) -> bool:
+def _done(record: Record | None) -> bool:
     return record is not None and record["status"] == "done"
 
 

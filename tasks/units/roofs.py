@@ -34,7 +34,7 @@ def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
 def sampler(run: Run) -> Sampler | None:
     """Colours of the block from above at the atlas' density, None where there is no picture."""
     aerial = run.aerial
-    return None if aerial is None else lambda places: aerial.sample(places, 1 / run.texels_per_metre)
+    return None if aerial is None else lambda places: aerial.sample(places, 1 / run.texture.texels_per_metre)
 
 
 def roof_material(run: Run) -> Material | None:
@@ -44,6 +44,6 @@ def roof_material(run: Run) -> Material | None:
     path, metres_per_pixel = run.roof_material
     try:
         picture = read_whole(path)
-        return Material.of(picture.rgb, metres_per_pixel / picture.scale, run.texels_per_metre)
+        return Material.of(picture.rgb, metres_per_pixel / picture.scale, run.texture.texels_per_metre)
     except InputError as error:
         raise InputError(f"texture.roof_material: {path}: {error}") from error

@@ -16,7 +16,7 @@ from facade_core.geometry.raycast import MISS
 from facade_core.plan import Plan
 from facade_core.street.propagate import propagate
 from facade_core.street.window import Window
-from tasks.units.viewpoint import replay
+from tasks.units.streets import replay
 from tasks.viewing.reading import View
 
 # Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.

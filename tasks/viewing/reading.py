@@ -13,13 +13,14 @@ import numpy as np
 
 from catalogs.published.items import BBOX, COLUMNS
 from catalogs.published.snapshot import current_if_any
-from facade_core.atlas.journal import STAGES, read_journal
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.plan_tables import read_facades, read_table
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
+from tasks.kinds.order import STAGES
 from tasks.outcome import refused
 from tasks.published.facade_stages import StoredFacade
 from tasks.published.rows import facts
@@ -70,12 +71,12 @@ class View:
         return found.id if found else None
 
     @cached_property
-    def journals(self) -> dict[str, list[dict[str, Any] | None]]:
+    def journals(self) -> dict[str, list[Record | None]]:
         """The records of every stage."""
         return {stage: read_journal(self.group, stage) for stage in STAGES}
 
     @property
-    def records(self) -> list[dict[str, Any] | None]:
+    def records(self) -> list[Record | None]:
         """Those of the facades."""
         return self.journals["facades"]
 

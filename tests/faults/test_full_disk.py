@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from facade_core.atlas.journal import STAGES
 from facade_core.errors import MachineError
+from tasks.kinds.order import STAGES
 from tasks.outcome import raising_machine_errors
 from tasks.stages import ingest
 from tasks.store import room

@@ -23,8 +23,8 @@ import psutil
 import pytest
 
 from catalogs.query import query
-from facade_core.atlas.journal import STAGES
 from facade_core.errors import FacadeError, StoreError
+from tasks.kinds.order import STAGES
 from tasks.store.commits import journal
 from tasks.viewing import Reader
 from tests.pipeline import stages

@@ -16,7 +16,8 @@ from PIL import Image
 from facade_core.errors import FacadeError, ImageError
 from facade_core.types import Pose
 from tasks.stages.due import what_is_set_aside
-from tasks.units import evidence, facade
+from tasks.units import evidence
+from tasks.units import facades as facade
 from tasks.units.evidence import Evidence, evidence_of
 from tasks.units.imagery import Imagery
 from tasks.units.images import read_panorama, read_textures

@@ -13,24 +13,21 @@ import yaml
 import zarr
 from PIL import Image
 
-from catalogs.block import Block, read_block
-from facade_core.atlas.journal import STAGES, atlas_digest, latest_digests, read_journal, seed_records
+from catalogs.block import read_block
+from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal, seed_records
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
 from facade_core.synth import exemplars
 from tasks.compute.connect import Serial
 from tasks.keys.runs import run_of
+from tasks.kinds.order import KINDS, STAGES
 from tasks.outcome import Outcome, refused
 from tasks.run import Run
-from tasks.stages.due import what_is_due
-from tasks.stages.exemplars import exemplars_due
-from tasks.stages.facades import facade_imagery, facades_due
-from tasks.stages.fan_out import Stage, process_batch
+from tasks.stages.due import Due, due_of, what_is_due
+from tasks.stages.fan_out import process_batch
 from tasks.stages.ingest import ingest_block
-from tasks.stages.poses import poses_due
 from tasks.stages.streets import texture_street
-from tasks.stages.textures import textures_due
 from tasks.store.redo import chosen_streets
 
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -114,11 +111,10 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     run = run_of(block, out)
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
-    said = what_is_due(run, block, outline)
-    outcome = _do(run, textures_due(run, outline.textured, block.textures), compute)
-    outcome += _do(run, poses_due(run, [panorama.path for panorama in block.panoramas]), compute)
-    outcome += _do(run, exemplars_due(run, block.exemplars), compute)
-    outcome += _do(run, _facades(run, block, outline), compute)
+    said, outcome = what_is_due(run, block, outline).said, Outcome()
+    for kind in KINDS:
+        if kind.units is not None:
+            outcome += _do(run, due_of(run, block, kind), compute)
     chosen = chosen_streets(run, only)
     for wave in outline.waves:
         for street in (s for s in wave if chosen is None or s in chosen):
@@ -160,15 +156,10 @@ def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     return atlas_digest(group), latest_digests(seed_records(group), read_journal(group, "streets"))
 
 
-def _facades(run: Run, block: Block, outline: Any) -> Stage:
-    imagery = facade_imagery(run, block, outline)
-    return facades_due(run, outline.buildings, outline.facades, outline.texels, imagery, block.textures)
-
-
-def _do(run: Run, stage: Stage, compute: Serial) -> Outcome:
-    outcome = Outcome(refused=refused(stage.held))
-    if stage.work:
-        outcome += process_batch.fn(run, stage.name, "1", stage.function, stage.work, compute)
+def _do(run: Run, due: Due, compute: Serial) -> Outcome:
+    outcome = Outcome(refused=refused(due.done))
+    if due.pieces and due.kind.function is not None:
+        outcome += process_batch.fn(run, due.kind.stage, "1", due.kind.function, due.pieces, compute)
     assert not outcome.failed, outcome.failed
     return outcome
 

@@ -20,10 +20,10 @@ from uuid import UUID
 import pytest
 import yaml
 
-from facade_core.atlas.journal import STAGES
 from facade_core.errors import InputError, StoreError
 from flows.block import flow_run_name
 from flows.lock import locked
+from tasks.kinds.order import STAGES
 from tasks.store.commits import journal
 from tests.pipeline.deployed import README, Site, end, healthy, kill, left_running, new_site, running, typed, until
 from tests.pipeline.runs import ROOT, command

@@ -20,8 +20,9 @@ import zarr
 
 from catalogs.query import query
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, atlas_digest, open_repository
-from facade_core.atlas.journal import STAGES, VOLATILE
+from facade_core.atlas.journal import VOLATILE
 from facade_core.errors import StoreError
+from tasks.kinds.order import STAGES
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
 from tests.pipeline import stages

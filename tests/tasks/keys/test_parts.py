@@ -17,12 +17,13 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from facade_core.atlas.journal import STAGES, write_record
+from facade_core.atlas.journal import write_record
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
 from facade_core.types import Building, Pose, Shell, Street
 from tasks.keys.streets import NOT_OF_STREETS, street_keys
 from tasks.keys.units import changed_parts, exemplar_key, facade_keys, parts_key, parts_of, pose_key, texture_key
+from tasks.kinds.order import STAGES
 from tasks.run import Run
 from tasks.units.imagery import Imagery
 

@@ -55,7 +55,7 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/geometry/facets.py": {"ingest"},
         "facade_core/texture/genetic.py": facades,
         "tasks/units/images.py": {"ingest", "poses", "textures", "publish"} | facades | streets,
-        "tasks/units/viewpoint.py": streets,
+        "tasks/units/streets.py": streets,
     }.items():
         content = (tmp_path / path).read_bytes()
         with (tmp_path / path).open("ab") as file:

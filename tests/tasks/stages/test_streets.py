@@ -16,7 +16,7 @@ from tasks.run import Run
 from tasks.stages import streets
 from tasks.stages.streets import _claimed, texture_street
 from tasks.store.commits import begin
-from tasks.units import viewpoint
+from tasks.units import streets as viewpoint
 from tests.pipeline.stages import STREETS, texture, write_block
 
 HERE: Any = SimpleNamespace(out="/out")

@@ -4,24 +4,27 @@ from __future__ import annotations
 
 import math
 import time
-from pathlib import Path
 from typing import Any
 
+from facade_core.atlas.journal import Record
 from facade_core.rectify import refine_pose
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_panorama
+from tasks.units.unit import Piece
 
 
-def pose_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[Any, dict[int, dict[str, Any]]]:
-    """Refine the pose of panorama `index` against the block; returns the fork, to which nothing is written, and its record."""
+def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Refine the pose of one panorama against the block; returns the fork, to which nothing is written, and its record."""
     start = time.time()
+    (unit,) = units
+    (path,) = unit.arguments
     plan = plan_of_run(run)
-    found = refine_pose(plan.scene, read_panorama(path), plan.poses[index])
+    found = refine_pose(plan.scene, read_panorama(path), plan.poses[unit.index])
     pose = found.pose
-    record = {
-        "unit": path.name,
-        "key": key,
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
         "status": "done",
         "pose": [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll],
         "moved_m": round(found.moved_m, 3),
@@ -34,7 +37,7 @@ def pose_unit(run: Run, fork: Any, index: int, path: Path, key: str) -> tuple[An
         "started": start,
         "seconds": {"refine": round(time.time() - start, 4)},
     }
-    return fork, {index: record}
+    return fork, {unit.index: record}
 
 
 def _number(value: float) -> float | None:

@@ -38,7 +38,7 @@ class Context:
 @lru_cache(maxsize=2)
 def context(run: Run) -> Context:
     plan = plan_of_run(run)
-    if run.translator == "neural":
+    if run.texture.translator == "neural":
         return Context(plan, neural.load())
     return Context(plan, Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=roof_material(run)))
 
@@ -68,7 +68,7 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     entry = (run, street, street_key)
     progress, mark = _take(entry, here, group, step)
     viewpoint = here.plan.of_street(street)[step]
-    size = (run.panorama_width // 2, run.panorama_width)
+    size = (run.texture.panorama_width // 2, run.texture.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
     clock = time.perf_counter()
 
@@ -108,7 +108,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     scene = here.plan.scene
     colour, views = blend(window.state)
     rasters = Rasters.of(scene.placement, window.writable)
-    resolved = levelled(scene, rasters, window) if run.levelling else window.colour[: rasters.total]
+    resolved = levelled(scene, rasters, window) if run.texture.levelling else window.colour[: rasters.total]
     provenance = window.provenance[: rasters.total]
     written = replace(rasters, charts=rasters.charts[~_held_by_later(here.plan, group, street, rasters.charts)])
     for name, flat in {

@@ -4,12 +4,11 @@ a stage of their own."""
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
-from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from facade_core.atlas.journal import Record
 from facade_core.atlas.provenance import PHOTO, UNSEEN, resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
@@ -20,13 +19,14 @@ from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_textures
 from tasks.units.roofs import sampler
+from tasks.units.unit import Piece
 
 
-def texture_unit(
-    run: Run, fork: Any, index: int, building: int, name: str, key: str, textures: Sequence[Path]
-) -> tuple[Any, dict[int, dict[str, Any]]]:
-    """Write the textured charts of one building through the fork; returns the fork and the journal record of unit `index`."""
+def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write the textured charts of one building through the fork; returns the fork and the journal record."""
     start = time.time()
+    (unit,) = units
+    building, textures = unit.arguments
     plan = plan_of_run(run)
     scene = plan.scene
     charts = plan.own_charts(building)
@@ -52,15 +52,15 @@ def texture_unit(
         }.items():
             write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
         digests |= chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
-    record = {
-        "unit": name,
-        "key": key,
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
         "status": "done",
-        **refusal(refused, "without it"),
         "charts": len(charts),
         "digests": digests,
         "worker": worker_name(),
         "started": start,
         "seconds": {"texture": round(time.time() - start, 4)},
     }
-    return fork, {index: record}
+    record |= cast(Record, refusal(refused, "without it"))
+    return fork, {unit.index: record}

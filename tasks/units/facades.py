@@ -4,13 +4,14 @@ from __future__ import annotations
 
 import base64
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from facade_core.atlas.journal import Record
 from facade_core.atlas.provenance import resolve
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
@@ -23,22 +24,16 @@ from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
 from tasks.units.evidence import evidence_of
-from tasks.units.exemplar import read_exemplar
+from tasks.units.exemplars import read_exemplar
+from tasks.units.unit import Piece
 
 if TYPE_CHECKING:
     from tasks.units.imagery import Imagery
 
 
-def facade_unit(
-    run: Run,
-    fork: Any,
-    facades: Sequence[int],
-    keys: Mapping[int, tuple[str, ...]],
-    imagery: Mapping[int, Imagery],
-    textures: Sequence[Path],
-) -> tuple[Any, dict[int, dict[str, Any]]]:
-    """All facades of one building, which may share chunks. keys, imagery: by facade its keys by what it is made from, and its
-    pictures; textures: the block's own.
+def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """All facades of one building that are due, which may share chunks. Arguments: the pictures of the facade, and the textures
+    that the block brings.
 
     Where a picture is refused the next source is taken, and the record says why. A facade that cannot be made at all is set
     aside with its reason; the others of the building are written.
@@ -47,29 +42,29 @@ def facade_unit(
     plan = plan_of_run(run)
     group = open_root(fork)
     prepared = time.time()
-    records: dict[int, dict[str, Any]] = {}
-    for facade in facades:
-        name = plan.facades.id[facade]
-        record: dict[str, Any] = {"unit": name, "worker": worker_name(), "started": start}
+    records: dict[int, Record] = {}
+    for unit in units:
+        facade, (imagery, textures) = unit.index, unit.arguments
+        about: dict[str, Any] = {"worker": worker_name(), "started": start}
         refused: list[Exception] = []
         try:
-            depth, result, source, confidence = _make(run, plan, group, facade, imagery[facade], textures, refused)
+            depth, result, source, confidence = _make(run, plan, group, facade, imagery, textures, refused)
         except Exception as error:
             if machine_fault(error):
                 raise
-            records[facade] = failure(name, keys[facade][-1], _all_of([*refused, error])) | record
+            records[facade] = failure(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
             start = prepared = time.time()
             continue
-        record |= {"status": "done", "key": keys[facade][depth], "source": source}
-        record |= refusal(refused, _told(imagery[facade], depth, source))
+        about |= {"source": source} | refusal(refused, _told(imagery, depth, source))
         stages = result.seconds if result is not None else {}
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
         if result is not None:
             begun = time.time()
             digests = _write(group, plan, facade, result, confidence)
             seconds["write"] = time.time() - begun
-            record |= _summary(result) | {"digests": digests}
-        records[facade] = record | {"seconds": {stage: round(s, 4) for stage, s in seconds.items()}}
+            about |= _summary(result) | {"digests": digests}
+        about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
+        records[facade] = Record(unit=unit.name, key=unit.keys[depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
     return fork, records
 
@@ -118,7 +113,7 @@ def _make(
                 confidence = np.where(result.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
                 return depth, replace(result, masked=evidence.masked + result.masked), evidence.source, confidence
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
-    if run.walls == "translate":
+    if run.texture.walls == "translate":
         return depth, None, "translator", nothing
     if imagery.exemplar is None:
         raise FacadeError(
@@ -131,7 +126,7 @@ def _make(
         (float(facades.height[facade]), float(facades.width[facade])),
         size,
         floors=int(facades.floors[facade]),
-        metres_per_pixel=1 / run.texels_per_metre,
+        metres_per_pixel=1 / run.texture.texels_per_metre,
         seed=seed,
     )
     return depth, result, imagery.exemplar[1], nothing

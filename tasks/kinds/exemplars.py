@@ -1,0 +1,54 @@
+"""The exemplar library: every exemplar parsed, completed and measured once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from catalogs.block import Block
+from facade_core.atlas.zarr_types import StoreGroup, group_at
+from facade_core.plan import Plan
+from tasks.keys.units import exemplar_key
+from tasks.kinds.kind import Change, Kind, Records, at_new_places, same_key_or_name
+from tasks.run import Run
+from tasks.units.exemplars import exemplar_unit
+from tasks.units.memory import exemplar_memory
+from tasks.units.unit import Unit
+
+
+def exemplar_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    return [
+        Unit(i, path.stem, (exemplar_key(run, path),), (path,), exemplar_memory(path))
+        for i, path in enumerate(block.exemplars)
+    ]
+
+
+def _again(change: Change) -> dict[int, int]:
+    units = exemplar_units(change.run, change.block, change.after, change.group)
+    return same_key_or_name(change.records["exemplars"], units)
+
+
+def _carried(change: Change, again: Mapping[int, int]) -> Records:
+    for new, old in again.items():
+        if new != old:
+            _copy(change.group, change.last, new, old)
+    return at_new_places(change.records["exemplars"], again, len(change.block.exemplars))
+
+
+def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
+    for name, array in group_at(last, f"exemplars/{old}").arrays():
+        group.create_array(
+            f"exemplars/{new}/{name}",
+            data=array[:],
+            chunks=array.chunks,
+            dimension_names=array.metadata.dimension_names,
+            overwrite=True,
+        )
+
+
+def _count(block: Block, plan: Plan) -> int:
+    return len(block.exemplars)
+
+
+EXEMPLARS = Kind(
+    "exemplars", "exemplar", _count, _again, _carried, units=exemplar_units, function=exemplar_unit, always=True
+)

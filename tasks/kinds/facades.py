@@ -1,0 +1,132 @@
+"""The facades, those of a building in one go, and what each is made from."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from catalogs.block import Block
+from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.plan import Plan
+from facade_core.style import choose_exemplars
+from facade_core.types import Pose
+from tasks.keys.units import facade_keys
+from tasks.kinds.kind import Change, Kind, Records, at_new_places
+from tasks.kinds.poses import refined
+from tasks.run import Run
+from tasks.units.facades import facade_unit
+from tasks.units.imagery import Imagery, imagery_of
+from tasks.units.memory import facade_memory
+from tasks.units.unit import Unit
+
+# Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
+VIEWS = 4
+
+
+def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: poses that are refined, exemplars that could be prepared."""
+    imagery = facade_imagery(run, block, plan, group)
+    exemplars = {i: r["key"] for i, r in enumerate(read_journal(group, "exemplars")) if r and r["status"] == "done"}
+    charts, texels = plan.facades.chart.tolist(), plan.texels()
+    return [
+        Unit(
+            index,
+            plan.facades.id[index],
+            facade_keys(run, plan, index, pictures, exemplars, block.textures),
+            (pictures, block.textures),
+            facade_memory(int(texels[charts[index]]), pictures),
+            (charts[index],),
+            together=int(plan.facades.building[index]),
+        )
+        for index, pictures in enumerate(imagery)
+    ]
+
+
+def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
+    """The pictures that there are of every facade, with the exemplar chosen for it."""
+    poses = read_journal(group, "poses")
+    panoramas = [
+        [(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in shown] for shown in panoramas_of(plan)
+    ]
+    chosen = _chosen(run, plan, read_journal(group, "exemplars")) if run.texture.walls == "exemplar" else {}
+    own = plan.textured[plan.facades.chart].tolist()
+    return imagery_of(plan.facades.id, block.photos, block.photos_rectified, panoramas, own, chosen)
+
+
+def panoramas_of(plan: Plan) -> list[list[tuple[int, Pose]]]:
+    """The panoramas that each facade is taken from, best first, as they were given."""
+    return [
+        [(panorama, plan.poses[panorama]) for panorama in plan.sightings.of(facade)[:VIEWS].tolist()]
+        for facade in range(len(plan.facades))
+    ]
+
+
+def _chosen(run: Run, plan: Plan, records: Records) -> dict[int, tuple[int, str]]:
+    """An exemplar, (index, name), for every facade; none where no exemplar could be prepared.
+
+    Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade alone.
+    """
+    usable = [(i, record) for i, record in enumerate(records) if record and record["status"] == "done"]
+    facades = plan.facades
+    if not usable or not len(facades):
+        return {}
+    chosen = choose_exemplars(
+        facades.width,
+        facades.floors,
+        plan.scene.building_numbers[facades.building],
+        [record["width_m"] for _, record in usable],
+        [record["floors"] for _, record in usable],
+        seed=run.seed,
+    )
+    return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in enumerate(chosen.tolist())}
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Facades with the same name on a chart that stays; the charts of others stay no longer."""
+    before, after = change.before.facades, change.after.facades
+    at = dict(zip(before.id, range(len(before)), strict=True))
+    again = {}
+    for facade, (name, chart) in enumerate(zip(after.id, after.chart.tolist(), strict=True)):
+        if chart not in change.stays:
+            continue
+        if name in at and int(before.chart[at[name]]) == change.stays[chart]:
+            again[facade] = at[name]
+        else:
+            del change.stays[chart]
+    return again
+
+
+def _carried(change: Change, again: Mapping[int, int]) -> Records:
+    """With the facades that are known by their name but stand on another chart now, as stale: they are due."""
+    names = change.after.facades.id
+    records = at_new_places(change.records["facades"], again, len(names))
+    keys = {record["unit"]: record["key"] for record in change.records["facades"] if record}
+    for index, name in enumerate(names):
+        if records[index] is None and name in keys:
+            records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
+    texts = np.array([str(text) for text in change.last["hierarchies/data"][:]], dtype=object)
+    hierarchies = [texts[again[i]] if i in again else "" for i in range(len(names))]
+    for index, text in enumerate(hierarchies):
+        if index >= len(texts) or texts[index] != text:
+            change.group["hierarchies/data"][index] = text
+    return records
+
+
+def _count(block: Block, plan: Plan) -> int:
+    return len(plan.facades)
+
+
+FACADES = Kind(
+    "facades",
+    "facade",
+    _count,
+    _again,
+    _carried,
+    units=facade_units,
+    function=facade_unit,
+    reads=("poses", "exemplars"),
+    seeds=True,
+    always=True,
+)

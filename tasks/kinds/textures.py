@@ -1,0 +1,83 @@
+"""The textures that buildings carry, and what is seen of them from above, into the atlas, a building at a time."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from catalogs.block import Block
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.plan import Plan
+from tasks.keys.units import texture_key
+from tasks.kinds.kind import Change, Kind, Records, at_new_places
+from tasks.run import Run
+from tasks.units.memory import texture_memory
+from tasks.units.textures import texture_unit
+from tasks.units.unit import Unit
+
+
+def texture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """A unit for each building with textures of its own, its facades aside."""
+    buildings = plan.textured_buildings()
+    if not buildings:
+        return []
+    texels = _texels(plan)
+    pictures = plan.own_pictures()
+    return [
+        Unit(
+            index,
+            plan.scene.names[building],
+            (texture_key(run, plan, building, block.textures),),
+            (building, block.textures),
+            texture_memory(int(texels[building]), [block.textures[p] for p in pictures.get(building, ())]),
+            tuple(plan.own_charts(building)),
+        )
+        for index, building in enumerate(buildings)
+    ]
+
+
+def _texels(plan: Plan) -> np.ndarray:
+    """Texels of the textured charts of each building (b,)."""
+    building = plan.scene.charts.building
+    textured = np.flatnonzero(plan.textured & (building >= 0))
+    totals = np.zeros(int(building.max(initial=-1)) + 1, np.int64)
+    np.add.at(totals, building[textured], plan.texels()[textured])
+    return totals
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Buildings whose textured charts all stay; the charts of others stay no longer."""
+
+    def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
+        buildings = enumerate(plan.textured_buildings())
+        return {plan.scene.names[building]: (unit, plan.own_charts(building)) for unit, building in buildings}
+
+    before, again = units(change.before), {}
+    for name, (unit, charts) in units(change.after).items():
+        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]:
+            again[unit] = before[name][0]
+        else:
+            for chart in charts:
+                change.stays.pop(chart, None)
+    return again
+
+
+def _carried(change: Change, again: Mapping[int, int]) -> Records:
+    return at_new_places(change.records["textures"], again, len(change.after.textured_buildings()))
+
+
+def _count(block: Block, plan: Plan) -> int:
+    return len(plan.textured_buildings())
+
+
+TEXTURES = Kind(
+    "textures",
+    "textured building",
+    _count,
+    _again,
+    _carried,
+    units=texture_units,
+    function=texture_unit,
+    seeds=True,
+)
