@@ -34,6 +34,7 @@ STOREYS = {
         ("run", "outcome", "progress"),
         ("units",),
         ("keys",),
+        ("kinds",),
         ("store", "compute"),
         ("published",),
         ("stages",),

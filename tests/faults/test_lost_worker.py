@@ -16,15 +16,17 @@ import pytest
 from facade_core.atlas.store import BRANCH, open_repository
 from tasks.compute.connect import connect
 from tasks.stages import fan_out
-from tasks.stages.fan_out import Work, process_batch
+from tasks.stages.fan_out import process_batch
 from tasks.store.commits import journal
+from tasks.units.unit import Piece, Unit
 from tests.pipeline.test_cluster import done, finish, machines, start, wait_until
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 
-def slow(run: Any, fork: Any, index: int, folder: str) -> tuple[Any, dict[int, dict[str, Any]]]:
+def slow(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Leaves a line with its worker in a file of its own each time that it begins."""
+    index, (folder,) = units[0].index, units[0].arguments
     from distributed import get_worker
 
     worker = str(get_worker().name)
@@ -64,7 +66,7 @@ def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
             thread = threading.Thread(target=lose)
             thread.start()
             # long enough for a worker to start in: an interpreter's start takes seconds on a busy machine
-            work = [Work({i: (str(i), "")}, (i, str(folder)), 10**6) for i in range(90)]
+            work = [(Unit(i, str(i), ("",), (str(folder),), 10**6),) for i in range(90)]
             outcome = process_batch.fn(SimpleNamespace(store=None), "slow", "1", slow, work, compute)  # type: ignore[arg-type]
             thread.join()
     assert outcome.done == 90

@@ -13,6 +13,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from catalogs.block import TextureSettings
 from facade_core.errors import FacadeError, ImageError
 from facade_core.types import Pose
 from tasks.stages.due import what_is_set_aside
@@ -50,7 +51,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None))
         monkeypatch.setattr(facade, "from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
-        run: Any = Value(seed=1, walls=walls, texels_per_metre=4.0)
+        run: Any = Value(seed=1, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None
         depth, made, source, _ = facade._make(run, plan, group, 0, imagery, (), refused)
         return depth, made, source, refused

@@ -21,7 +21,8 @@ from tasks.compute.cluster import ClusterGone, WorkersDied
 from tasks.compute.connect import connect
 from tasks.outcome import failure, machine_error, machine_fault
 from tasks.stages import fan_out
-from tasks.stages.fan_out import Work, process_batch
+from tasks.stages.fan_out import process_batch
+from tasks.units.unit import Piece, Unit
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -125,7 +126,8 @@ class Odd(Exception):
         self.two = two
 
 
-def unit(run: Any, fork: Any, index: int) -> tuple[Any, dict[int, dict[str, Any]]]:
+def unit(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str, Any]]]:
+    index = units[0].index
     if index == 1:
         raise Odd("input", 2)
     if index == 2:
@@ -142,8 +144,8 @@ def test_a_fault_keeps_its_kind_and_place_on_its_way_from_a_worker(
     monkeypatch.setattr(fan_out, "finish", lambda session, fork, stage, records, message: made.update(records))
     run: Any = SimpleNamespace(store=None)
 
-    def batch(*indices: int) -> list[Work]:
-        return [Work({i: (f"a/{i}", f"key {i}")}, (i,), 10**6) for i in indices]
+    def batch(*indices: int) -> list[Piece]:
+        return [(Unit(i, f"a/{i}", (f"key {i}",), memory=10**6),) for i in indices]
 
     with connect(workers, None, str(tmp_path)) as compute:
         outcome = process_batch.fn(run, "toys", "1 of 2", unit, batch(0, 1), compute)
@@ -159,7 +161,7 @@ def test_a_fault_keeps_its_kind_and_place_on_its_way_from_a_worker(
 
 def test_units_that_wait_for_their_turn_when_a_run_ends_do_not_start(tmp_path: Path) -> None:
     with connect(1, None, str(tmp_path)) as compute:
-        waiting = compute.submit(unit, None, "fork", 0)
+        waiting = compute.submit(unit, None, "fork", (Unit(0, "a", ("",)),))
     with pytest.raises(MachineError, match="the run has ended"):
         waiting.result()
     with pytest.raises(MachineError, match="the run has ended"), compute.lease(1):

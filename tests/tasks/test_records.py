@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from catalogs.block import TextureSettings
 from facade_core.errors import FacadeError, ImageError
 from tasks.outcome import Outcome, failure, is_done
 from tasks.progress import advance, begin_stage, listen
@@ -15,7 +16,7 @@ from tasks.run import Run
 from tasks.units.context import unit_seed
 from tasks.units.images import read_image
 
-RUN = Run("out", "b", "key", "EPSG:32635", 7, 20.0, 512, 3.2, "exemplar")
+RUN = Run("out", "b", "key", "EPSG:32635", 7, 3.2, TextureSettings())
 
 
 def test_outcomes_add_up() -> None:

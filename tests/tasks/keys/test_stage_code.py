@@ -12,7 +12,8 @@ from pathlib import Path
 import pytest
 
 from tasks.keys import stage_code as module
-from tasks.keys.stage_code import HOUSE, ROOT, UNITS, code_version, stage_code
+from tasks.keys.stage_code import HOUSE, ROOT, code_version, module_of, stage_code
+from tasks.kinds.order import CODED
 
 Codes = Callable[[], dict[str, str]]
 
@@ -26,7 +27,7 @@ def codes(tmp_path: Path) -> Codes:
     def now() -> dict[str, str]:
         for cached in (stage_code, module._module, module._naming, module._text, module._content):
             cached.cache_clear()
-        found = {stage: stage_code(stage, root=tmp_path) for stage in UNITS}
+        found = {stage: stage_code(stage, root=tmp_path) for stage in CODED}
         return found | {"swatches": stage_code("streets", neural=False, root=tmp_path)}
 
     return now
@@ -91,8 +92,8 @@ def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None
 
 
 def test_what_orders_and_runs_units_is_in_no_stage() -> None:
-    for start in UNITS.values():
-        reached = module._reached(start, module.APART, ROOT)
+    for stage in CODED:
+        reached = module._reached(module_of(stage), module.APART, ROOT)
         assert not reached.keys() & {
             f"tasks.{name}"
             for name in ("compute.cluster", "compute.connect", "compute.workers", "stages.fan_out", "stages.streets")
@@ -100,13 +101,14 @@ def test_what_orders_and_runs_units_is_in_no_stage() -> None:
 
 
 def test_two_processes_agree_and_every_library_is_known() -> None:
-    command = [sys.executable, "-c", "from tasks.keys.stage_code import code_version; print(code_version())"]
+    told = "from tasks.keys.stage_code import *; from tasks.kinds.order import CODED; print(code_version(CODED))"
+    command = [sys.executable, "-c", told]
     other = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=True).stdout.strip()
-    assert other == code_version()
+    assert other == code_version(CODED)
     libraries = {
         name.partition(".")[0]
-        for start in UNITS.values()
-        for one in module._reached(start, module.APART, ROOT).values()
+        for stage in CODED
+        for one in module._reached(module_of(stage), module.APART, ROOT).values()
         for name, _ in one.imports
     }
     libraries -= {*sys.stdlib_module_names, *HOUSE, *module.LIBRARIES_APART}

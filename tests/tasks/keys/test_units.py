@@ -11,15 +11,17 @@ from typing import Any
 import numpy as np
 import shapely
 
+from catalogs.block import TextureSettings
 from catalogs.file_digest import file_digest
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
 from facade_core.types import Building, Pose, Street
-from tasks.keys.streets import NOT_OF_STREETS
+from tasks.keys.streets import SETTINGS
 from tasks.keys.units import changed_parts, facade_keys, parts_key, parts_of
-from tasks.run import Run
-from tasks.store.carry import _by_key_or_name, _streets
+from tasks.kinds.kind import same_key_or_name
+from tasks.kinds.streets import STREETS
 from tasks.units.imagery import Imagery
+from tasks.units.unit import Unit
 
 
 def test_keys_differ_in_the_parts_that_changed() -> None:
@@ -36,9 +38,9 @@ def test_keys_differ_in_the_parts_that_changed() -> None:
     assert [parts_of(key).get("code") for key in (one, other, "0f")] == ["c", "d", None]
 
 
-def test_every_setting_of_a_run_is_of_streets_or_not() -> None:
-    of_streets = {"seed", "texels_per_metre", "panorama_width", "levelling", "translator"}
-    assert {field.name for field in fields(Run)} == of_streets | set(NOT_OF_STREETS)
+def test_every_setting_of_texture_is_of_streets_or_not() -> None:
+    in_what_they_see = {"viewpoint_spacing", "viewpoint_height", "visibility_range", "walls", "roof_material"}
+    assert {field.name for field in fields(TextureSettings)} == set(SETTINGS) | in_what_they_see
 
 
 def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
@@ -56,10 +58,13 @@ def test_a_file_is_read_again_when_it_changed(tmp_path: Path) -> None:
 
 
 def test_units_are_found_again_by_their_keys() -> None:
+    def again(records: Any, *units: tuple[str, str]) -> dict[int, int]:
+        return same_key_or_name(records, [Unit(i, name, (key,)) for i, (name, key) in enumerate(units)])
+
     records = [{"key": "a", "unit": "1"}, None, {"key": "c", "unit": "2"}]
-    assert _by_key_or_name(records, [("x", "c"), ("y", "b"), ("z", "a")]) == {0: 2, 2: 0}
+    assert again(records, ("x", "c"), ("y", "b"), ("z", "a")) == {0: 2, 2: 0}
     records = [{"key": "a", "unit": "x"}, {"key": "b", "unit": "y"}, {"key": "c", "unit": "z"}]
-    assert _by_key_or_name(records, [("z", "a"), ("y", "new"), ("x", "d"), ("w", "e")]) == {0: 0, 1: 1}
+    assert again(records, ("z", "a"), ("y", "new"), ("x", "d"), ("w", "e")) == {0: 0, 1: 1}
 
 
 def test_streets_are_found_again_by_line_and_then_by_id() -> None:
@@ -67,14 +72,18 @@ def test_streets_are_found_again_by_line_and_then_by_id() -> None:
         streets = [Value(id=name, line=shapely.LineString([(0, y), (9, y)])) for name, y in lines.items()]
         return Value(streets=tuple(streets), wave=np.zeros(len(streets)))
 
-    assert _streets(plan(g0=0, g1=1, g2=2), plan(g0=1, g1=2)) == {0: 1, 1: 2}  # named anew since one is gone
-    assert _streets(plan(a=0, b=1), plan(a=0.5, b=1, c=2)) == {0: 0, 1: 1}  # a was moved
+    def again(before: Any, after: Any) -> dict[int, int]:
+        change: Any = Value(before=before, after=after)
+        return STREETS.again(change)
+
+    assert again(plan(g0=0, g1=1, g2=2), plan(g0=1, g1=2)) == {0: 1, 1: 2}  # named anew since one is gone
+    assert again(plan(a=0, b=1), plan(a=0.5, b=1, c=2)) == {0: 0, 1: 1}  # a was moved
 
 
 def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> None:
     picture = tmp_path / "panorama.jpg"
     picture.write_bytes(b"")
-    run: Any = Value(seed=1, texels_per_metre=4.0, walls="translate")
+    run: Any = Value(seed=1, texture=TextureSettings(texels_per_metre=4.0, walls="translate"))
 
     def key(buildings: list[Building], pose: Pose) -> str:
         plan = _plan(buildings)

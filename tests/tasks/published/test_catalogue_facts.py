@@ -13,6 +13,7 @@ import pytest
 import shapely
 from shapely import LineString
 
+from catalogs.block import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, sources_of
 from facade_core.types import Street
 from tasks.published.catalogue_facts import (
@@ -41,13 +42,13 @@ def test_what_models_learned_from_is_what_their_cards_say(model: Shipped) -> Non
 
 
 def test_models_are_those_that_facades_and_streets_were_made_with() -> None:
-    run = cast(Any, SimpleNamespace(translator="exemplar"))
+    run = cast(Any, SimpleNamespace(texture=TextureSettings()))
     assert models_used(run, [None, {"status": "failed"}], [{"status": "done"}]) == []
     network, layouts = models_used(run, [{"lattice": {}}], [])
     assert network.sha256 == hashlib.sha256(OF_FACADES[0].path.read_bytes()).hexdigest()
     assert (network.file, layouts.id) == ("facade_core/parse/models/network.onnx", "layouts")
     assert layouts.card is not None
-    neural = cast(Any, SimpleNamespace(translator="neural"))
+    neural = cast(Any, SimpleNamespace(texture=TextureSettings(translator="neural")))
     assert models_used(neural, [], [{"status": "failed"}, None]) == []
     if OF_STREETS.path.is_file():
         assert [model.id for model in models_used(neural, [], [{"status": "done"}])] == ["translator"]

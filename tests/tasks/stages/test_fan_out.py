@@ -20,8 +20,11 @@ from hypothesis import strategies as st
 from facade_core.errors import FacadeError
 from tasks.compute.cluster import ClusterGone
 from tasks.compute.connect import Serial, connect
+from tasks.kinds.poses import POSES
 from tasks.stages import fan_out
-from tasks.stages.fan_out import AT_ONCE, LARGEST, Stage, Work, batches, process_batch
+from tasks.stages.due import Due
+from tasks.stages.fan_out import AT_ONCE, LARGEST, batches, memory_of, process_batch
+from tasks.units.unit import Piece, Unit
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -35,38 +38,33 @@ class Room:
 
 
 @st.composite
-def pieces(draw: st.DrawFn) -> list[Work]:
+def pieces(draw: st.DrawFn) -> list[Piece]:
     sizes = draw(st.lists(st.tuples(st.integers(1, 40), st.integers(0, 1000)), max_size=60))
     return [
-        Work({1000 * i + k: (f"{i}/{k}", "") for k in range(n)}, (i,), memory) for i, (n, memory) in enumerate(sizes)
+        tuple(Unit(1000 * i + k, f"{i}/{k}", ("",), memory=memory) for k in range(n))
+        for i, (n, memory) in enumerate(sizes)
     ]
 
 
 @given(pieces(), st.integers(1, 3000), st.integers(1, 40))
-def test_batches_keep_order_lose_nothing_and_fit(work: list[Work], memory: int, threads: int) -> None:
+def test_batches_keep_order_lose_nothing_and_fit(work: list[Piece], memory: int, threads: int) -> None:
     made = list(batches(work, Room(memory, threads)))  # type: ignore[arg-type]
     assert [piece for batch in made for piece in batch] == work
     most = max(LARGEST, threads)
     for batch in made:
         assert batch
         if len(batch) > 1:
-            assert AT_ONCE * sum(piece.memory for piece in batch) <= memory
-            assert sum(len(piece.units) for piece in batch) <= most
+            assert AT_ONCE * sum(memory_of(piece) for piece in batch) <= memory
+            assert sum(map(len, batch)) <= most
     for batch, following in zip(made[:-1], made[1:], strict=True):  # and none is smaller than it need be
         joined = [*batch, following[0]]
-        assert (
-            sum(piece.memory for piece in joined) > memory // AT_ONCE
-            or sum(len(piece.units) for piece in joined) > most
-        )
+        assert sum(memory_of(piece) for piece in joined) > memory // AT_ONCE or sum(map(len, joined)) > most
 
 
 def test_a_stage_counts_units_not_pieces() -> None:
-    assert (
-        Stage(
-            "facades", print, [Work({1: ("a", ""), 2: ("b", "")}, (), 1), Work({3: ("c", "")}, (), 1)], [{}] * 4
-        ).total
-        == 7
-    )
+    one, two, three = (Unit(i, str(i), ("",)) for i in range(3))
+    done: Any = ({},) * 4
+    assert Due(POSES, ((one, two), (three,)), done).total == 7
 
 
 @pytest.fixture
@@ -78,13 +76,15 @@ def commits(monkeypatch: pytest.MonkeyPatch) -> list[dict[int, dict[str, Any]]]:
     return made
 
 
-def big(run: Any, fork: Any, index: int, folder: str) -> tuple[bytes, dict[int, dict[str, Any]]]:
+def big(run: Any, fork: Any, units: Piece) -> tuple[bytes, dict[int, dict[str, Any]]]:
+    index = units[0].index
     memory = psutil.Process().memory_info().rss
     return os.urandom(RESULT), {index: {"unit": str(index), "status": "done", "memory": memory, "pid": os.getpid()}}
 
 
-def counted(run: Any, fork: Any, index: int, folder: str) -> tuple[Any, dict[int, dict[str, Any]]]:
+def counted(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str, Any]]]:
     """Leaves a line in a file of its own each time that it runs."""
+    index, (folder,) = units[0].index, units[0].arguments
     with (Path(folder) / str(index)).open("a") as file:
         file.write("run\n")
     if index == 3:
@@ -92,8 +92,8 @@ def counted(run: Any, fork: Any, index: int, folder: str) -> tuple[Any, dict[int
     return fork, {index: {"unit": str(index), "status": "done"}}
 
 
-def batch(count: int, folder: Path) -> list[Work]:
-    return [Work({i: (str(i), f"key {i}")}, (i, str(folder)), 10**6) for i in range(count)]
+def batch(count: int, folder: Path) -> list[Piece]:
+    return [(Unit(i, str(i), (f"key {i}",), (str(folder),), 10**6),) for i in range(count)]
 
 
 RUN = SimpleNamespace(store=None)
