@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field, fields, replace
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace
@@ -17,11 +17,12 @@ import zarr
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from catalogs.block import TextureSettings
 from facade_core.atlas.journal import write_record
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
 from facade_core.types import Building, Pose, Shell, Street
-from tasks.keys.streets import NOT_OF_STREETS, street_keys
+from tasks.keys.streets import SETTINGS, street_keys
 from tasks.keys.units import changed_parts, exemplar_key, facade_keys, parts_key, parts_of, pose_key, texture_key
 from tasks.kinds.order import STAGES
 from tasks.run import Run
@@ -33,14 +34,20 @@ RUN = Run(
     key="k",
     crs="EPSG:3067",
     seed=1,
-    texels_per_metre=4.0,
-    panorama_width=128,
     storey=3.2,
-    walls="translate",
+    texture=TextureSettings(texels_per_metre=4.0, panorama_width=128, walls="translate"),
 )
+TEXTURE = {field.name for field in fields(TextureSettings)}
 POSE = Pose(5.0, -3.0, 2.5, 30.0, 1.0, 2.0)
 # Settings that no key of a facade, a pose or an exemplar knows of.
 ELSEWHERE = {"out": "/other", "block": "other", "key": "l", "crs": "EPSG:32635", "ingested": 2.0, "failed_limit": 0.5}
+
+
+def changed(run: Run, values: dict[str, Any]) -> Run:
+    """A run with other values of its own or of its settings of texture."""
+    of_texture = {name: value for name, value in values.items() if name in TEXTURE}
+    others = {name: value for name, value in values.items() if name not in TEXTURE}
+    return replace(run, texture=replace(run.texture, **of_texture), **others)
 
 
 def house(name: str, x: float, y: float, height: float = 8.0) -> Building:
@@ -123,7 +130,7 @@ class Inputs:
 
 def of_run(**values: Any) -> Callable[[Inputs], None]:
     def change(inputs: Inputs) -> None:
-        inputs.run = replace(inputs.run, **values)
+        inputs.run = changed(inputs.run, values)
 
     return change
 
@@ -324,9 +331,10 @@ def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it(data: st.Data
             [("seed", 2), ("levelling", False), ("panorama_width", 256), ("walls", "x"), *ELSEWHERE.items()]
         )
     )
-    now = street_keys(replace(RUN, **{name: value}), plan, group, street)
-    assert changed_parts(before.street, now.street) == ([] if name in NOT_OF_STREETS else ["settings"])
-    assert (now == before) == (name in NOT_OF_STREETS)
+    now = street_keys(changed(RUN, {name: value}), plan, group, street)
+    of_streets = name in {"seed", *SETTINGS}
+    assert changed_parts(before.street, now.street) == (["settings"] if of_streets else [])
+    assert (now == before) == (not of_streets)
 
 
 def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
