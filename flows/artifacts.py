@@ -92,7 +92,7 @@ def tell_progress(block: str) -> Iterator[None]:
                     client.update_artifact(artifact, ArtifactUpdate(data=now))
                     told = now
 
-    stop = listen(lambda stage, done, total, failed: finished.update({stage: (done, total)}))
+    stop = listen(lambda told: finished.update({told.stage: (told.finished, told.total)}))
     thread = Thread(target=refresh, name="progress-artifact", daemon=True)
     thread.start()
     try:

@@ -2,17 +2,31 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Callable
+from dataclasses import dataclass, replace
 from threading import Lock
 
-# (stage, units finished, units in all, failed)
-Listener = Callable[[str, int, int, int], None]
+
+@dataclass(frozen=True)
+class StageProgress:
+    """How far a stage is.
+
+    finished: units that are done or failed, in this run or before it; failed, earlier: how many of them failed in this run, or
+    were finished before it.
+    total: units in all.
+    """
+
+    stage: str
+    finished: int
+    total: int
+    failed: int = 0
+    earlier: int = 0
+
+
+Listener = Callable[[StageProgress], None]
 
 _listeners: list[Listener] = []
-_finished: Counter[str] = Counter()
-_failed: Counter[str] = Counter()
-_total: dict[str, int] = {}
+_stages: dict[str, StageProgress] = {}
 _lock = Lock()
 
 
@@ -22,21 +36,28 @@ def listen(listener: Listener) -> Callable[[], None]:
     return lambda: _listeners.remove(listener)
 
 
-def begin_stage(stage: str, total: int, finished: int = 0) -> None:
+def begin_stage(stage: str, total: int, earlier: int = 0) -> None:
     """A stage of `total` units starts, of which so many were finished by an earlier run."""
     with _lock:
-        _total[stage], _finished[stage], _failed[stage] = total, finished, 0
-        _tell(stage)
+        _tell(StageProgress(stage, earlier, total, earlier=earlier))
 
 
-def advance(stage: str, finished: int, failed: int = 0) -> None:
-    """So many more units of a stage are finished, of which some failed. From any thread."""
+def advance(stage: str, finished: int = 0, failed: int = 0, *, earlier: int = 0) -> None:
+    """So many more units of a stage are finished, of which some failed; and so many are found to be from an earlier run. From
+    any thread."""
     with _lock:
-        _finished[stage] += finished
-        _failed[stage] += failed
-        _tell(stage)
+        before = _stages.get(stage) or StageProgress(stage, 0, 0)
+        _tell(
+            replace(
+                before,
+                finished=before.finished + finished + earlier,
+                failed=before.failed + failed,
+                earlier=before.earlier + earlier,
+            )
+        )
 
 
-def _tell(stage: str) -> None:
+def _tell(progress: StageProgress) -> None:
+    _stages[progress.stage] = progress
     for listener in _listeners:
-        listener(stage, _finished[stage], _total.get(stage, 0), _failed[stage])
+        listener(progress)

@@ -13,7 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, SpinnerColumn
 from rich.text import Text
 
 from catalogs.visible import visible
-from tasks.progress import listen
+from tasks.progress import StageProgress, listen
 
 console = Console(stderr=True)
 
@@ -42,10 +42,11 @@ def progress(*, quiet: bool = False) -> Iterator[None]:
         console=console,
     ) as display:
 
-        def on_event(stage: str, finished: int, total: int, failed: int) -> None:
-            if stage not in bars:
-                bars[stage] = display.add_task(stage, total=total, failed="")
-            display.update(bars[stage], completed=finished, total=total, failed=f"{failed} failed" if failed else "")
+        def on_event(told: StageProgress) -> None:
+            if told.stage not in bars:
+                bars[told.stage] = display.add_task(told.stage, total=told.total, failed="")
+            failed = f"{told.failed} failed" if told.failed else ""
+            display.update(bars[told.stage], completed=told.finished, total=told.total, failed=failed)
 
         stop = listen(on_event)
         try:
@@ -65,25 +66,26 @@ class Lines:
 
     tell: Callable[[str], None]
     clock: Callable[[], float] = time.monotonic
-    _begun: dict[str, tuple[float, int]] = field(default_factory=dict)  # when, with how many finished already
+    _begun: dict[str, float] = field(default_factory=dict)
     _tenths: dict[str, int] = field(default_factory=dict)
 
-    def __call__(self, stage: str, finished: int, total: int, failed: int) -> None:
+    def __call__(self, told: StageProgress) -> None:
+        stage, finished, total = told.stage, told.finished, told.total
+        tenth = 10 * finished // total if total else 10
         if stage not in self._begun:
-            self._begun[stage] = self.clock(), finished
-            self._tenths[stage] = 10 * finished // total if total else 10
-            before = f", {finished} of them done before" if finished else ""
+            self._begun[stage] = self.clock()
+            self._tenths[stage] = tenth
+            before = f", {told.earlier} of them done before" if told.earlier else ""
             self.tell(f"{stage}: {total}{before}")
             return
-        tenth = 10 * finished // total if total else 10
         if tenth <= self._tenths[stage]:
             return
         self._tenths[stage] = tenth
-        since, before_it = self._begun[stage]
-        seconds = self.clock() - since
-        left = seconds * (total - finished) / max(finished - before_it, 1)
+        seconds = self.clock() - self._begun[stage]
+        # by what this run did: what is found done takes no time
+        left = seconds * (total - finished) / max(finished - told.earlier, 1)
         when = f"about {_lasting(left)} left" if finished < total else f"in {_lasting(seconds)}"
-        aside = f", {failed} failed" if failed else ""
+        aside = f", {told.failed} failed" if told.failed else ""
         self.tell(f"{stage}: {finished} of {total}{aside}, {when}")
 
 

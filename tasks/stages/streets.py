@@ -42,14 +42,14 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     found = street_keys(run, plan, group, street)
     street_key, keys = found.street, found.viewpoints
     if is_done(read_records(group, "streets", np.array([street]))[0], street_key):
-        advance("viewpoints", len(own))
+        advance("viewpoints", earlier=len(own))
         return Outcome(skipped=len(own) + 1)
     held = read_records(group, "viewpoints", np.array(own, np.int64))
     first = next((k for k in range(len(own)) if not is_done(held[k], keys[k])), len(own))
     # who reads them later must not take them for what this street shows now
     forget_units(run, plan, "viewpoints", {own[k]: [] for k in range(first, len(own)) if held[k]})
     outcome = Outcome(skipped=first)
-    advance("viewpoints", first)
+    advance("viewpoints", earlier=first)
     at = ""
     commits: list[float] = []
     try:

@@ -11,7 +11,7 @@ from PIL import Image
 from catalogs.block import TextureSettings
 from facade_core.errors import FacadeError, ImageError
 from tasks.outcome import Outcome, failure, is_done
-from tasks.progress import advance, begin_stage, listen
+from tasks.progress import StageProgress, advance, begin_stage, listen
 from tasks.run import Run
 from tasks.units.context import unit_seed
 from tasks.units.images import read_image
@@ -45,13 +45,14 @@ def test_seeds_differ_by_unit_and_stage_and_repeat() -> None:
 
 
 def test_progress_tells_listeners_until_they_stop() -> None:
-    seen: list[tuple] = []
-    stop = listen(lambda *event: seen.append(event))
-    begin_stage("s", 3)
+    seen: list[StageProgress] = []
+    stop = listen(seen.append)
+    begin_stage("s", 4, 1)
     advance("s", 2, 1)
+    advance("s", earlier=1)
     stop()
     advance("s", 1)
-    assert seen == [("s", 0, 3, 0), ("s", 2, 3, 1)]
+    assert seen == [StageProgress("s", 1, 4, 0, 1), StageProgress("s", 3, 4, 1, 1), StageProgress("s", 4, 4, 1, 2)]
 
 
 def test_alpha_is_what_hides(tmp_path: Path) -> None:
