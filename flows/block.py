@@ -7,7 +7,6 @@ import time
 from collections import deque
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
-from contextlib import contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -21,18 +20,17 @@ from prefect.runtime import flow_run
 from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from catalogs.block import Block, read_block
 from catalogs.block.yaml_files import read_yaml
 from facade_core.errors import WithheldError
 from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
 from flows.cli.console import tell
+from flows.entry import Entry, entered, faults_told
 from flows.lock import locked
-from flows.log_file import log_to, told_to_prefect
+from flows.log_file import told_to_prefect
 from tasks.compute.connect import Compute, connect
 from tasks.examples.demo import NAME, write_demo
-from tasks.keys.runs import run_of
 from tasks.kinds.order import KINDS
-from tasks.outcome import Outcome, raising_machine_errors, refused, store_fault
+from tasks.outcome import Outcome, refused
 from tasks.progress import begin_stage
 from tasks.published.prune import pruned
 from tasks.run import Run
@@ -43,8 +41,6 @@ from tasks.stages.publish import publish_block
 from tasks.stages.streets import texture_street
 from tasks.store.redo import chosen_streets
 from tasks.store.room import require_room
-from tasks.store.standing import nothing_due, record_source
-from tasks.store.wounds import mend, suspect
 from tasks.units.memory import street_memory
 
 log = logging.getLogger(__name__)
@@ -65,8 +61,6 @@ def flow_run_name() -> str:
     return f"{name} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
 
 
-# What runs in this process came to, though their server may not have heard of it.
-_summaries: dict[Run, dict[str, Any]] = {}
 # Starts a Prefect task under a name; what it returns has the task's result.
 Submit = Callable[..., Any]
 
@@ -98,21 +92,18 @@ def city_block(
         keep: published snapshots to keep, the newest; all without.
     """
     out = out or Path("out") / (block_file.stem if block_file else "demo")
-    with locked(out), log_to(out), told_to_prefect():
-        source = (block_file or write_demo(out / "input")).resolve()
-        block = read_block(source)
-        run = run_of(block, out)
-        tell_viewer(run)
-        with _faults_told(run):
-            summary = _standing(run, source)
-            if summary is None:
-                with tell_progress(block.name):
-                    summary = _texture(run, block, source, workers, dask, only, _until(deadline), _recorded)
-        _summaries[run] = summary
-        if keep is not None:
-            for line in pruned(out, keep):
-                tell(line)
-        tell_outcome(run, summary)
+    with locked(out):
+        source = block_file or write_demo(out / "input")
+        with entered(source, out, tell=tell) as entry, told_to_prefect():
+            tell_viewer(entry.run)
+            if entry.summary is None:
+                with tell_progress(entry.block.name):
+                    entry.summary = _texture(entry, workers, dask, only, _until(deadline), _recorded)
+            summary = entry.summary
+            if keep is not None:
+                for line in pruned(out, keep):
+                    tell(line)
+            tell_outcome(entry.run, summary)
     if "withheld" in summary:
         raise WithheldError(summary["withheld"])
     if summary["failures"]:
@@ -136,36 +127,11 @@ def unrecorded_block(
 
     In the process in which the server was lost to `city_block`, it goes on from there.
     """
-    with locked(out), log_to(out):
-        block = read_block(block_file)
-        run = run_of(block, out)
-        if run in _summaries:
-            return _summaries.pop(run)
-        with _faults_told(run):
-            if (summary := _standing(run, block_file)) is not None:
-                return summary
+    with entered(block_file, out, tell=tell) as entry:
+        if entry.summary is None:
             with ThreadPoolExecutor(THREADS, thread_name_prefix="tasks") as pool:
-                return _texture(run, block, block_file, workers, dask, only, None, partial(_unrecorded, pool))
-
-
-def _standing(run: Run, source: Path) -> dict[str, Any] | None:
-    """Mend what the folder lost, and say so; the summary where nothing is due then."""
-    record_source(Path(run.out), source)
-    for line in mend(run):
-        tell(line)
-    return nothing_due(run)
-
-
-@contextmanager
-def _faults_told(run: Run) -> Iterator[None]:
-    """A fault of the machine ends the run as one, and one of the store is looked into by the next run."""
-    with raising_machine_errors(run.block):
-        try:
-            yield
-        except Exception as error:
-            if store_fault(error):
-                suspect(Path(run.out))
-            raise
+                entry.summary = _texture(entry, workers, dask, only, None, partial(_unrecorded, pool))
+        return entry.summary
 
 
 def _recorded(task: Task, *arguments: Any, name: str | None = None) -> PrefectFuture:
@@ -177,18 +143,12 @@ def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any, name: str
 
 
 def _texture(
-    run: Run,
-    block: Block,
-    source: Path,
-    workers: int,
-    dask: str | None,
-    only: str | None,
-    until: float | None,
-    submit: Submit,
+    entry: Entry, workers: int, dask: str | None, only: str | None, until: float | None, submit: Submit
 ) -> dict[str, Any]:
+    run, block = entry.run, entry.block
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
     ingest = submit(ingest_block, run, block) if dask is None else None
-    with connect(workers, dask, run.out, until) as compute:
+    with faults_told(run), connect(workers, dask, run.out, until) as compute:
         outline = (ingest or submit(ingest_block, run, block)).result()
         run = replace(run, ingested=outline.ingested)
         for line in what_is_set_aside(outline):
@@ -209,7 +169,7 @@ def _texture(
             outcome += _process(run, due, compute, submit)
         outcome += _streets(run, outline, compute, only, submit)
         require_room(Path(run.out))
-        published = submit(publish_block, run, source).result()
+        published = submit(publish_block, run, entry.source).result()
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     return published | {
         "out": run.out,

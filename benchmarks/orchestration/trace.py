@@ -80,7 +80,6 @@ def _install() -> None:
 
     flow.city_block.fn = _timed("flow", flow.city_block.fn)
     flow.connect = _entered("cluster", flow.connect)
-    flow.read_block = _timed("read block", flow.read_block)
     tasks: list[tuple[str, Any]] = [
         ("ingest", flow.ingest_block),
         ("publish", flow.publish_block),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from functools import partial
 from pathlib import Path
 from typing import Any, cast
 
@@ -181,21 +182,15 @@ def _run(
 ) -> None:
     import time
 
-    from catalogs.block import read_block
-    from flows.cli.console import console, progress, show
+    from flows.cli.console import console, progress, show, tell
     from flows.cli.interrupts import end_on_interrupt
-    from flows.lock import locked
-    from flows.log_file import log_to
-    from tasks.keys.runs import run_of
+    from flows.entry import entered
     from tasks.store.room import require_room
-    from tasks.store.standing import nothing_due
 
     start = time.monotonic()
-    run = run_of(read_block(block_file), out)
-    with locked(out), log_to(out, alone=True):
-        if redo is not None:
-            _redo(run, redo, only)
-        summary = nothing_due(run)
+    again = None if redo is None else partial(_redo, street=redo, only=only)
+    with entered(block_file, out, tell=tell, before=again, alone=True) as entry:
+        summary = entry.summary
         if summary is None:
             require_room(out)
             end_on_interrupt()
@@ -204,7 +199,7 @@ def _run(
 
                 require_scheduler(dask)
             with progress():
-                summary = _textured(block_file.resolve(), out, workers, dask, redo if only else None)
+                summary = _textured(entry.source, out, workers, dask, redo if only else None)
         if keep is not None:
             from tasks.published.prune import pruned
 
@@ -251,10 +246,7 @@ def _textured(block_file: Path, out: Path, workers: int, dask: str | None, only:
 def _redo(run: Any, street: str, only: bool) -> None:
     """Make a street due again and say what else is."""
     from tasks.store.redo import redo_street
-    from tasks.store.wounds import mend
 
-    for line in mend(run):
-        note(line)
     streets, dependants = redo_street(run, street, only=only)
     others = f"{', '.join(dependants) or 'no other street'} {'reads' if len(dependants) < 2 else 'read'} its texels"
     fate = ", marked stale until the next run" if only and dependants else ""

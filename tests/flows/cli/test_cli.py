@@ -138,7 +138,7 @@ def test_results_go_to_folders_of_this_machine(
 
 def test_what_asks_before_the_server_is_there_imports_no_prefect() -> None:
     """Prefect reads where its server is when it is first imported; a redo once made it look for one of its own."""
-    modules = "catalogs.block, flows.lock, flows.log_file, flows.server.starting"
+    modules = "catalogs.block, flows.entry, flows.lock, flows.log_file, flows.server.starting"
     modules += ", tasks.store.redo, tasks.run, tasks.store.standing"
     code = f"import sys, flows.cli.commands, flows.cli.console, {modules}; print('prefect' in sys.modules)"
     shown = subprocess.run([sys.executable, "-c", code], cwd=ROOT, capture_output=True, text=True, timeout=60)
@@ -153,7 +153,7 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
     def crash(*_: object) -> None:
         raise KeyError("inner")
 
-    monkeypatch.setattr("catalogs.block.read_block", crash)
+    monkeypatch.setattr("flows.entry.read_block", crash)
     (tmp_path / "block.yaml").write_text("")
     shown = CliRunner().invoke(main, ["run", str(tmp_path / "block.yaml"), "--out", str(tmp_path / "out")])
     assert shown.exit_code == 70

@@ -126,7 +126,7 @@ def test_results_leave_the_cluster_one_by_one(
     assert max(grown[2:]) - grown[1] < 5 * RESULT
     for pid in {record["pid"] for made in commits for record in made.values()}:
         memory = [record["memory"] for made in commits for record in made.values() if record["pid"] == pid]
-        assert max(memory) - min(memory) < 5 * RESULT
+        assert max(memory) - min(memory) < 8 * RESULT  # a worker that keeps all has 12; a slow coordinator fetches late
 
 
 def test_a_unit_runs_once_and_one_that_raises_is_recorded(tmp_path: Path, commits: list[dict[int, dict]]) -> None:

@@ -1,0 +1,83 @@
+"""The way into a run: its block read, its folder held, its store mended and looked at. It is walked once, by whoever comes
+first: the command line, before a server is there, or the flow."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from catalogs.block import Block, read_block
+from flows.lock import locked
+from flows.log_file import log_to
+from tasks.keys.runs import run_of
+from tasks.outcome import raising_machine_errors, store_fault
+from tasks.run import Run
+from tasks.store.standing import nothing_due, record_source
+from tasks.store.wounds import mend, suspect
+
+
+@dataclass
+class Entry:
+    """A run that this process is in.
+
+    source: its block file.
+    summary: what it came to: at once where nothing is due, else when it is done; None before.
+    """
+
+    source: Path
+    block: Block
+    run: Run
+    summary: dict[str, Any] | None = None
+
+
+# By output folder.
+_entries: dict[Path, Entry] = {}
+
+
+@contextmanager
+def entered(
+    source: Path,
+    out: Path,
+    *,
+    tell: Callable[[str], None],
+    before: Callable[[Run], None] | None = None,
+    alone: bool = False,
+) -> Iterator[Entry]:
+    """Enter a run of a block file in a folder, unless this process is in it already; then it goes on as it is.
+
+    tell: is told what was lost and mended, a line each. before: makes units due again, once the store is mended. alone: as of
+    `log_to`.
+    Raises what `read_block`, `locked` and `mend` raise.
+    """
+    source, out = source.resolve(), out.resolve()
+    if (entry := _entries.get(out)) is not None and entry.source == source:
+        yield entry
+        return
+    block = read_block(source)
+    run = run_of(block, out)
+    with locked(out), log_to(out, alone=alone), faults_told(run):
+        record_source(out, source)
+        for line in mend(run):
+            tell(line)
+        if before is not None:
+            before(run)
+        _entries[out] = entry = Entry(source, block, run, nothing_due(run))
+        try:
+            yield entry
+        finally:
+            del _entries[out]
+
+
+@contextmanager
+def faults_told(run: Run) -> Iterator[None]:
+    """A fault of the machine ends the run as one, and one of the store is looked into by the next run."""
+    with raising_machine_errors(run.block):
+        try:
+            yield
+        except Exception as error:
+            if store_fault(error):
+                suspect(Path(run.out))
+            raise
