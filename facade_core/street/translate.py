@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from typing import Protocol
 
 import numpy as np
-import shapely
 
 from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW
 from facade_core.geometry.raycast import MISS
+from facade_core.street.centrelines import Centrelines
 from facade_core.street.materials import asphalt, glass, paving, plaster, roofing, soffit, tiling, wood
 from facade_core.street.render import Panorama, shade
 from facade_core.street.scene import Scene
@@ -18,6 +18,8 @@ from facade_core.types import Street
 
 CARRIAGEWAY_M = 3.6
 KERB_M = 0.18
+# How far from a centreline the ground takes its colours from it: beyond, no distance is asked for.
+BESIDE_M = CARRIAGEWAY_M + 2 * KERB_M
 # A roof whose normal leans more than this from the vertical (cosine) carries tiles.
 TILED = 0.985
 
@@ -44,8 +46,7 @@ class Swatches:
         self._scene = scene
         self._roof = roof_material
         self._seed = seed
-        self._centrelines = shapely.union_all([street.line for street in streets])
-        shapely.prepare(self._centrelines)
+        self._centrelines = Centrelines(streets, BESIDE_M)
         charts, mesh = scene.charts, scene.mesh
         own = mesh.vertex_chart
         wall = charts.kind[own] == WALL
@@ -95,7 +96,7 @@ class Swatches:
         return material.laid(across, np.einsum("ij,ij->i", points, charts.axis_v[chart]))
 
     def _ground(self, points: np.ndarray) -> np.ndarray:
-        aside = shapely.distance(self._centrelines, shapely.points(points[:, :2]))
+        aside = self._centrelines.distance(points[:, :2])
         road = aside < CARRIAGEWAY_M
         kerb = np.abs(aside - CARRIAGEWAY_M) < KERB_M
         colour = paving(points, self._seed)
