@@ -8,7 +8,7 @@ from catalogs.block import Block
 from facade_core.atlas.zarr_types import StoreGroup, group_at
 from facade_core.plan import Plan
 from tasks.keys.units import exemplar_key
-from tasks.kinds.kind import Change, Kind, Records, at_new_places, same_key_or_name
+from tasks.kinds.kind import Change, Kind, Records, same_key_or_name
 from tasks.run import Run
 from tasks.units.exemplars import exemplar_unit
 from tasks.units.memory import exemplar_memory
@@ -27,11 +27,11 @@ def _again(change: Change) -> dict[int, int]:
     return same_key_or_name(change.records["exemplars"], units)
 
 
-def _carried(change: Change, again: Mapping[int, int]) -> Records:
+def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
     for new, old in again.items():
         if new != old:
             _copy(change.group, change.last, new, old)
-    return at_new_places(change.records["exemplars"], again, len(change.block.exemplars))
+    return records
 
 
 def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
@@ -45,10 +45,13 @@ def _copy(group: StoreGroup, last: StoreGroup, new: int, old: int) -> None:
         )
 
 
-def _count(block: Block, plan: Plan) -> int:
-    return len(block.exemplars)
-
-
 EXEMPLARS = Kind(
-    "exemplars", "exemplar", _count, _again, _carried, units=exemplar_units, function=exemplar_unit, always=True
+    "exemplars",
+    "exemplar",
+    count=lambda block, plan: len(block.exemplars),
+    again=_again,
+    units=exemplar_units,
+    function=exemplar_unit,
+    always=True,
+    moved=_moved,
 )

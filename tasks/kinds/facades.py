@@ -13,7 +13,7 @@ from facade_core.plan import Plan
 from facade_core.style import choose_exemplars
 from facade_core.types import Pose
 from tasks.keys.units import facade_keys
-from tasks.kinds.kind import Change, Kind, Records, at_new_places
+from tasks.kinds.kind import Change, Kind, Records
 from tasks.kinds.poses import refined
 from tasks.run import Run
 from tasks.units.facades import facade_unit
@@ -98,10 +98,9 @@ def _again(change: Change) -> dict[int, int]:
     return again
 
 
-def _carried(change: Change, again: Mapping[int, int]) -> Records:
+def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """With the facades that are known by their name but stand on another chart now, as stale: they are due."""
     names = change.after.facades.id
-    records = at_new_places(change.records["facades"], again, len(names))
     keys = {record["unit"]: record["key"] for record in change.records["facades"] if record}
     for index, name in enumerate(names):
         if records[index] is None and name in keys:
@@ -114,19 +113,15 @@ def _carried(change: Change, again: Mapping[int, int]) -> Records:
     return records
 
 
-def _count(block: Block, plan: Plan) -> int:
-    return len(plan.facades)
-
-
 FACADES = Kind(
     "facades",
     "facade",
-    _count,
-    _again,
-    _carried,
+    count=lambda block, plan: len(plan.facades),
+    again=_again,
     units=facade_units,
     function=facade_unit,
     reads=("poses", "exemplars"),
     seeds=True,
     always=True,
+    moved=_moved,
 )

@@ -46,12 +46,13 @@ class Kind:
     count: how many units a block with this plan has.
     again: which units of the block as it was are still there, new -> old; whether what is known of them is good is for their
         keys to say.
-    carried: the records that go on, once the store's arrays have their new size; moves what else lies by unit.
     units: all units as the journal in the group stands; None of those that are not fanned out.
     function: does units that go together; None likewise.
     reads: the stages on whose records the keys of these units stand.
     seeds: whether records hold digests of charts that later stages read.
     always: whether every block has some.
+    moved: takes the records of units that are still there, at their new places, and returns them as they read there; moves what
+        else the store holds by unit. The arrays have their new size by then.
     part_of: the stage whose code does these units, and with whose units they count, where that is another.
     """
 
@@ -59,12 +60,12 @@ class Kind:
     noun: str
     count: Callable[[Block, Plan], int]
     again: Callable[[Change], dict[int, int]]
-    carried: Callable[[Change, Mapping[int, int]], Records]
     units: Callable[[Run, Block, Plan, StoreGroup], list[Unit]] | None = None
     function: UnitFunction | None = None
     reads: tuple[str, ...] = ()
     seeds: bool = False
     always: bool = False
+    moved: Callable[[Change, Mapping[int, int], Records], Records] | None = None
     part_of: str | None = None
 
     @property
@@ -79,8 +80,3 @@ def same_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) ->
     found = {unit.index: keys[unit.key] for unit in units if unit.key in keys}
     names = {record["unit"]: i for i, record in enumerate(records) if record and i not in found.values()}
     return found | {u.index: names[u.name] for u in units if u.index not in found and u.name in names}
-
-
-def at_new_places(records: Sequence[Record | None], again: Mapping[int, int], count: int) -> Records:
-    """Records by the new indices of their units."""
-    return [records[again[i]] if i in again else None for i in range(count)]

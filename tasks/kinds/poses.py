@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from facade_core.types import Pose
 from tasks.keys.units import pose_key
-from tasks.kinds.kind import Change, Kind, Records, at_new_places, same_key_or_name
+from tasks.kinds.kind import Change, Kind, same_key_or_name
 from tasks.run import Run
 from tasks.units.memory import pose_memory
 from tasks.units.poses import pose_unit
@@ -37,12 +35,11 @@ def _again(change: Change) -> dict[int, int]:
     return same_key_or_name(change.records["poses"], units)
 
 
-def _carried(change: Change, again: Mapping[int, int]) -> Records:
-    return at_new_places(change.records["poses"], again, len(change.block.panoramas))
-
-
-def _count(block: Block, plan: Plan) -> int:
-    return len(block.panoramas)
-
-
-POSES = Kind("poses", "panorama", _count, _again, _carried, units=pose_units, function=pose_unit)
+POSES = Kind(
+    "poses",
+    "panorama",
+    count=lambda block, plan: len(block.panoramas),
+    again=_again,
+    units=pose_units,
+    function=pose_unit,
+)

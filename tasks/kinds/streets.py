@@ -4,10 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from catalogs.block import Block
 from facade_core.atlas.journal import Record
-from facade_core.plan import Plan
-from tasks.kinds.kind import Change, Kind, Records, at_new_places
+from tasks.kinds.kind import Change, Kind, Records
 
 
 def _same_streets(change: Change) -> dict[int, int]:
@@ -24,10 +22,9 @@ def _same_streets(change: Change) -> dict[int, int]:
     return again
 
 
-def _carried_streets(change: Change, again: Mapping[int, int]) -> Records:
+def _moved_streets(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """Under the names and waves that they have now."""
     plan = change.after
-    records = at_new_places(change.records["streets"], again, len(plan.streets))
     return [
         record and Record(**(record | {"unit": plan.streets[index].id, "wave": int(plan.wave[index])}))
         for index, record in enumerate(records)
@@ -45,13 +42,12 @@ def _same_viewpoints(change: Change) -> dict[int, int]:
     }
 
 
-def _carried_viewpoints(change: Change, again: Mapping[int, int]) -> Records:
+def _moved_viewpoints(change: Change, again: Mapping[int, int], records: Records) -> Records:
     """Under the names that their streets have now, with their panoramas."""
     plan = change.after
     for new, old in again.items():
         if new != old:
             change.group["panoramas/rgb"][new] = change.last["panoramas/rgb"][old]
-    records = at_new_places(change.records["viewpoints"], again, len(plan.viewpoints))
     for index, record in enumerate(records):
         if record:
             step = record["unit"].rpartition("/")[2]
@@ -59,21 +55,19 @@ def _carried_viewpoints(change: Change, again: Mapping[int, int]) -> Records:
     return records
 
 
-def _count_viewpoints(block: Block, plan: Plan) -> int:
-    return len(plan.viewpoints)
-
-
-def _count_streets(block: Block, plan: Plan) -> int:
-    return len(plan.streets)
-
-
 VIEWPOINTS = Kind(
     "viewpoints",
     "viewpoint",
-    _count_viewpoints,
-    _same_viewpoints,
-    _carried_viewpoints,
+    count=lambda block, plan: len(plan.viewpoints),
+    again=_same_viewpoints,
     always=True,
+    moved=_moved_viewpoints,
     part_of="streets",
 )
-STREETS = Kind("streets", "street", _count_streets, _same_streets, _carried_streets)
+STREETS = Kind(
+    "streets",
+    "street",
+    count=lambda block, plan: len(plan.streets),
+    again=_same_streets,
+    moved=_moved_streets,
+)

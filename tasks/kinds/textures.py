@@ -2,15 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-
 import numpy as np
 
 from catalogs.block import Block
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.keys.units import texture_key
-from tasks.kinds.kind import Change, Kind, Records, at_new_places
+from tasks.kinds.kind import Change, Kind
 from tasks.run import Run
 from tasks.units.memory import texture_memory
 from tasks.units.textures import texture_unit
@@ -63,20 +61,11 @@ def _again(change: Change) -> dict[int, int]:
     return again
 
 
-def _carried(change: Change, again: Mapping[int, int]) -> Records:
-    return at_new_places(change.records["textures"], again, len(change.after.textured_buildings()))
-
-
-def _count(block: Block, plan: Plan) -> int:
-    return len(plan.textured_buildings())
-
-
 TEXTURES = Kind(
     "textures",
     "textured building",
-    _count,
-    _again,
-    _carried,
+    count=lambda block, plan: len(plan.textured_buildings()),
+    again=_again,
     units=texture_units,
     function=texture_unit,
     seeds=True,

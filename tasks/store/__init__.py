@@ -1,1 +1,1 @@
-"""A run's store: the plan in it, what is committed, taken over, forgotten, and mended."""
+"""A run's store: what is committed, taken over, forgotten, looked at and mended."""

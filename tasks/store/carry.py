@@ -23,7 +23,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
 from facade_core.geometry.packing import Places
 from facade_core.plan import Plan
-from tasks.kinds.kind import Change
+from tasks.kinds.kind import Change, Records
 from tasks.kinds.order import KINDS, STAGES
 from tasks.run import Run
 
@@ -101,7 +101,9 @@ def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan)
     clear_rasters(root, spec, placement, cleared.tolist())
     resize_arrays(root, plan.scene.spec, units=counts(block, plan), panorama_width=run.texture.panorama_width)
     for kind in KINDS:
-        records = kind.carried(change, again[kind.stage])
+        records = _at_new_places(change.records[kind.stage], again[kind.stage], kind.count(block, plan))
+        if kind.moved is not None:
+            records = kind.moved(change, again[kind.stage], records)
         held = [str(text) for text in last.group[f"journal/{kind.stage}"][:]]
         for index, text in enumerate(map(_text, records)):
             if index >= len(held) or held[index] != text:
@@ -153,3 +155,8 @@ def _roles(plan: Plan) -> np.ndarray:
 
 def _text(record: Record | None) -> str:
     return json.dumps(record, sort_keys=True, allow_nan=False) if record else ""
+
+
+def _at_new_places(records: Sequence[Record | None], again: Mapping[int, int], count: int) -> Records:
+    """Records by the new indices of their units."""
+    return [records[again[i]] if i in again else None for i in range(count)]
