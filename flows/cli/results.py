@@ -177,12 +177,19 @@ def _run_in(folder: Path) -> Path:
     Raises InputError that names the runs where there are several, or says that there is none.
     """
     from facade_core.errors import InputError
+    from flows.lock import is_held
 
     if (folder / "store").is_dir():
         return folder
     found = sorted(store.parent for pattern in ("*/store", "*/*/store") for store in folder.glob(pattern))
     found = [run for run in found if not (run.parent / "store").is_dir()]  # a run's own folders are no runs
     if not found:
+        locks = [folder / ".lock", *(lock for pattern in ("*/.lock", "*/*/.lock") for lock in folder.glob(pattern))]
+        for begun in (lock.parent for lock in locks if is_held(lock.parent)):
+            raise InputError(
+                f"{begun}: a run has just begun here and has no store yet; wait until it has ingested its block, then: "
+                f"streetloom view {begun}"
+            )
         raise InputError(
             f"{folder}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
         )

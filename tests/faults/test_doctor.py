@@ -45,6 +45,12 @@ def forget_viewpoint(run: Run) -> None:
     commit(session, "forgotten")
 
 
+def lose_exemplar(run: Run) -> None:
+    session = open_repository(run.store).writable_session(BRANCH)
+    del zarr.open_group(session.store)["exemplars/1/labels"]
+    commit(session, "lost")
+
+
 def lose_model(run: Run) -> None:
     out = Path(run.out)
     current(out).model.unlink()
@@ -59,7 +65,8 @@ def cut_snapshot(run: Run) -> None:
     ("damage", "concern", "said"),
     [
         (garble_panorama, "store", "texels are not those of their records"),
-        (forget_viewpoint, "store", "records without their data: 1 streets"),
+        (forget_viewpoint, "store", "streets done over viewpoints that are not: 1"),
+        (lose_exemplar, "store", "records without their data: 1 exemplars"),
         (forget_viewpoint, "units", "24 done, 1 waiting"),
         (lose_model, "published", "block.glb is missing"),
         (cut_snapshot, "store", "the newest snapshot cannot be read"),

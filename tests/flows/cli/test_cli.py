@@ -81,6 +81,17 @@ def test_view_names_the_runs_of_a_folder(tmp_path: Path) -> None:
     assert "no run has written here" in message
 
 
+def test_view_says_that_a_run_has_just_begun(tmp_path: Path) -> None:
+    from flows.lock import locked
+
+    with locked(tmp_path / "north"):
+        for folder in (tmp_path, tmp_path / "north"):
+            message = one_line_and_code_2(streetloom("view", str(folder)))
+            assert f"{tmp_path / 'north'}: a run has just begun here and has no store yet; wait" in message
+            assert len(message.splitlines()) == 1
+    assert "no run has written here" in one_line_and_code_2(streetloom("view", str(tmp_path / "north")))
+
+
 def test_unknown_benchmark_names_those_there_are() -> None:
     message = one_line_and_code_2(streetloom("bench", "speed"))
     assert "block" in message
