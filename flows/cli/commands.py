@@ -17,14 +17,20 @@ from flows.cli.prune import prune
 from flows.cli.results import catalog, export, query, view
 from flows.cli.say import note, say
 from flows.cli.training import bench, train
+from flows.cli.usage import in_one_line
 
 
 class Commands(click.Group):
     """Ends with one line on stderr and the code of what went wrong, whatever that is."""
 
+    def make_context(self, *args: Any, **kwargs: Any) -> click.Context:
+        with in_one_line():
+            return super().make_context(*args, **kwargs)
+
     def invoke(self, ctx: click.Context) -> Any:
         try:
-            return super().invoke(ctx)
+            with in_one_line(ctx):
+                return super().invoke(ctx)
         except (click.ClickException, click.exceptions.Exit, click.Abort, BrokenPipeError):
             raise  # click's own: how it ends a command
         except Exception as error:

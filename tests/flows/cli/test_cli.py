@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import subprocess
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -172,3 +173,78 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
     told, _, log = line.rpartition(" ")
     assert told == "streetloom: stopped by an error of its own (KeyError: 'inner'); where is in"
     assert "in crash" in Path(log).read_text()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--worker",), "no such option --worker (streetloom --help)"),
+        (("rn",), "no such command rn; did you mean run? (streetloom --help)"),
+        (
+            ("run", "BLOCK", "--worker", "2"),
+            "run: no such option --worker; did you mean --workers? (streetloom run --help)",
+        ),
+        (("run", "BLOCK", "-x"), "run: no such option -x (streetloom run --help)"),
+        (("run",), "run: missing argument 'BLOCK.yaml' (streetloom run --help)"),
+        (("run", "BLOCK", "more"), "run: got unexpected extra argument (more) (streetloom run --help)"),
+        (("run", "BLOCK", "--out"), "run: option '--out' requires an argument (streetloom run --help)"),
+        (("run", "BLOCK", "--only"), "run: --only needs --redo STREET (streetloom run --help)"),
+        (
+            ("run", "BLOCK", "--workers", "two\n\x1b[2J"),
+            "run: invalid value for '--workers': 'two\\n\\x1b[2J' is not a valid integer range (streetloom run --help)",
+        ),
+        (
+            ("demo", "--workers", "0"),
+            "demo: invalid value for '--workers': 0 is not in the range 1<=x<=256 (streetloom demo --help)",
+        ),
+        (("prune", "FOLDER"), "prune: missing option '--keep' (streetloom prune --help)"),
+        (("train", "parsr"), "train: no such command parsr; did you mean parser? (streetloom train --help)"),
+        (
+            ("train", "parser", "--data", "FOLDER", "--out", "FOLDER", "--segmenter", "tree"),
+            "train parser: invalid value for '--segmenter': 'tree' is not one of 'network', 'forest' "
+            "(streetloom train parser --help)",
+        ),
+    ],
+)
+def test_a_slip_of_the_command_line_is_one_line(tmp_path: Path, arguments: tuple[str, ...], said: str) -> None:
+    from click.testing import CliRunner
+
+    from flows.cli.commands import main
+
+    (tmp_path / "block.yaml").write_text("")
+    given = {"BLOCK": str(tmp_path / "block.yaml"), "FOLDER": str(tmp_path)}
+    shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
+    assert (shown.exit_code, shown.stdout) == (2, "")
+    assert shown.stderr == f"streetloom: {said}\n"
+
+
+def test_every_command_refuses_an_unknown_option_in_one_line() -> None:
+    import click
+    from click.testing import CliRunner
+
+    from flows.cli.commands import main
+
+    def commands(group: click.Group, path: tuple[str, ...]) -> Iterator[tuple[str, ...]]:
+        for name, command in group.commands.items():
+            yield (*path, name)
+            if isinstance(command, click.Group):
+                yield from commands(command, (*path, name))
+
+    known = [path for path in commands(main, ()) if path != ("bench",)]  # a benchmark's options are its own
+    assert len(known) > 10
+    for path in known:
+        shown = CliRunner().invoke(main, [*path, "--xyzzy"])
+        assert shown.exit_code == 2
+        assert (
+            shown.stderr
+            == f"streetloom: {' '.join(path)}: no such option --xyzzy (streetloom {' '.join(path)} --help)\n"
+        )
+
+
+def test_a_group_without_a_command_shows_its_help() -> None:
+    from click.testing import CliRunner
+
+    from flows.cli.commands import main
+
+    for group in ((), ("train",)):
+        assert "Commands:" in CliRunner().invoke(main, list(group)).stderr

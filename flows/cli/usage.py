@@ -1,0 +1,61 @@
+"""What is said of a command line that cannot be understood: one line, with the command whose help tells more."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from contextlib import contextmanager
+from typing import IO, Any
+
+import click
+
+from flows.cli.say import note
+
+
+class Misused(click.ClickException):
+    """A command line that cannot be understood; Click's own errors show four lines."""
+
+    exit_code = 2
+
+    def show(self, file: IO[Any] | None = None) -> None:
+        note(self.message)
+
+
+@contextmanager
+def in_one_line(within: click.Context | None = None) -> Iterator[None]:
+    """Click's errors of usage as Misused. A group without a command shows its help, as ever.
+
+    within: the context of the group that invokes a command; Click gives some errors of the command's options none.
+    """
+    try:
+        yield
+    except click.exceptions.NoArgsIsHelpError:
+        raise
+    except click.UsageError as error:
+        raise Misused(_line(error, within)) from error
+
+
+def _line(error: click.UsageError, within: click.Context | None) -> str:
+    """ "run: no such option --worker; did you mean --workers? (streetloom run --help)"."""
+    names: list[str] = []
+    context = error.ctx
+    if context is None and within is not None and within.invoked_subcommand:
+        names = [within.invoked_subcommand]
+    while context is not None and context.parent is not None:
+        names.insert(0, str(context.info_name))
+        context = context.parent
+    command = " ".join(names)
+    said = " ".join(_said(error).split()).rstrip(".")
+    remedy = f"(streetloom {command} --help)" if command else "(streetloom --help)"
+    return f"{f'{command}: ' if command else ''}{said[:1].lower()}{said[1:]} {remedy}"
+
+
+def _said(error: click.UsageError) -> str:
+    if isinstance(error, click.NoSuchOption):
+        return f"no such option {error.option_name}{_close(error.possibilities)}"
+    if isinstance(error, click.exceptions.NoSuchCommand):
+        return f"no such command {error.command_name}{_close(error.possibilities)}"
+    return error.format_message()
+
+
+def _close(names: Iterable[str] | None) -> str:
+    return f"; did you mean {' or '.join(names)}?" if names else ""
