@@ -13,6 +13,7 @@ from shapely import LineString
 
 from catalogs.features import Centreline, Centrelines, Fault, natural_order
 from catalogs.frames import between
+from catalogs.readers.limits import LONGEST_STREET
 from facade_core.types import Street
 
 if TYPE_CHECKING:
@@ -31,8 +32,8 @@ def block_streets(
 
     area: polygon in the frame; lines are clipped to it, and faults outside of it left out. A source that states no frame is
     in the block's. A street's id is s + the number of its first piece in id order (s12), with -0, -1, ... where one
-    piece is cut into several streets; its direction is that piece's. A street shorter than SHORTEST is a fault, unless
-    clipping made it so. The result does not depend on the order of the pieces.
+    piece is cut into several streets; its direction is that piece's. A street longer than LONGEST_STREET is a fault, and one
+    shorter than SHORTEST, unless clipping made it so. The result does not depend on the order of the pieces.
     """
     pieces = sorted(source.items, key=lambda piece: (natural_order(piece.id), shapely.to_wkb(piece.line) or b""))
     lines = _projected([piece.line for piece in pieces], source.crs, crs)
@@ -53,7 +54,13 @@ def block_streets(
     merged: dict[str, list[tuple[LineString, str | None]]] = defaultdict(list)
     for name in sorted(by_name):
         for first, line in _merged(by_name[name]):
-            if line.length >= SHORTEST:
+            if line.length > LONGEST_STREET:
+                reason = (
+                    f"is {line.length / 1000:,.0f} km long within the block, over {LONGEST_STREET / 1000:g}: no street is; "
+                    "draw it again, remove it, or give area"
+                )
+                faults.append(Fault(first.id, "street", reason, first.line))
+            elif line.length >= SHORTEST:
                 merged[f"s{first.id.lstrip('w')}"].append((line, name or None))
             elif whole[first.id] < SHORTEST:
                 reason = f"is {line.length:.2g} m long and joins no other of its name; remove it, or draw it to its end"

@@ -19,6 +19,7 @@ MOST_FEATURES = 5_000_000  # of a file; a block has thousands
 LONGEST_ID = 1000  # letters
 LONGEST_NAME = 200  # letters; what is longer is cut
 MOST_POINTS = 100_000  # of a centreline
+LONGEST_STREET = 60_000.0  # m; what a block spans, and a winding more. Each few metres of it are a viewpoint
 LOWEST, HIGHEST = -1000.0, 10_000.0  # m; where on Earth a building can stand
 TALLEST = 1500.0  # m; what reaches further up is a slip of the data
 

@@ -77,12 +77,10 @@ def _store(out: Path, repository: Any, session: icechunk.Session, group: StoreGr
     store = out / "store"
     mended = f"{again} makes it again"
     wounds = find_wounds(session)
-    if streets := wounds.pop(
-        "streets", None
-    ):  # their own data are whole: a street is begun anew, or has lost a viewpoint
-        yield Finding(
-            "store", False, f"streets done over viewpoints that are not: {len(streets)}; {again} does them over"
-        )
+    streets = wounds.pop("streets", ())  # their own data are whole: they are begun anew, or lost a viewpoint
+    if streets:
+        told = f"streets done over viewpoints that are not: {len(streets)}"
+        yield Finding("store", False, f"{told}; {again} does them over")
     if wounds:
         told = ", ".join(f"{len(units)} {stage}" for stage, units in wounds.items())
         yield Finding("store", False, f"records without their data: {told}; {mended}")

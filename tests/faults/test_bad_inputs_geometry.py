@@ -229,6 +229,24 @@ def test_streets_are_followed_to_the_surroundings_and_a_point_far_away_breaks_on
     assert "streets cut off over 1000 m from the buildings: 2 (far, long)" in block.notes
 
 
+def test_a_street_longer_than_any_is_set_aside(tmp_path: Path) -> None:
+    (tmp_path / "b.geojson").write_text(json.dumps(feature("Polygon", [square()], id="a", height=7)))
+    lines = {
+        "zigzag": [[EAST + 60 * (number % 2), NORTH - 8 - number / 100] for number in range(3000)],
+        "good": [[EAST, NORTH + 20], [EAST + 40, NORTH + 20]],
+    }
+    features = [feature("LineString", line, id=id) for id, line in lines.items()]
+    (tmp_path / "s.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    block = block_of(tmp_path, "b.geojson", streets={"path": "s.geojson", "crs": "EPSG:32635"})
+    assert [street.id for street in block.streets] == ["sgood"]
+    assert [(fault.id, fault.reason) for fault in block.faults] == [
+        (
+            "zigzag",
+            "is 180 km long within the block, over 60: no street is; draw it again, remove it, or give area",
+        )
+    ]
+
+
 @pytest.mark.parametrize("longitude", [-350.0, 10.0, 370.0 - 360.0, 359.9, -179.9999, 179.9999, 180.0])
 def test_longitudes_of_any_turn_are_the_same_places(longitude: float, tmp_path: Path) -> None:
     features = [
