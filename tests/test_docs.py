@@ -1,0 +1,114 @@
+"""What the pages say of the code is there: files, folders, dotted names, links, and the storeys of the drawing.
+
+Decisions and the changelog may speak of the past."""
+
+from __future__ import annotations
+
+import ast
+import re
+from functools import cache
+from pathlib import Path
+
+import pytest
+
+from tests.test_layers import HOUSE, STOREYS
+
+ROOT = Path(__file__).resolve().parent.parent
+ARCHITECTURE = ROOT / "docs" / "architecture.md"
+PAGES = sorted(
+    [
+        ROOT / "README.md",
+        ROOT / "deploy" / "README.md",
+        *(page for folder in ("docs", "catalogs", "facade_core") for page in (ROOT / folder).rglob("*.md")),
+    ]
+)
+FENCE = re.compile(r"^ *```.*?^ *```", re.MULTILINE | re.DOTALL)
+CODE = re.compile(r"`([^`\n]+)`")
+# "tasks/units/", "readers/files.py", "osm.py"; of the house, or below the page's own folder
+PATH = re.compile(rf"(?<![\w./-])((?:{'|'.join((*HOUSE, 'deploy', 'docs'))})/[\w./-]*|[\w./-]*\w\.py)(?![\w*{{-])")
+NAME = re.compile(r"(?<![\w./-])((?:facade_core|tasks|flows|catalogs|benchmarks)(?:[.:][A-Za-z_]\w*)+)(?!\w*[/-])")
+LINK = re.compile(r"\]\(([^)\s#]+)(?:#[^)]*)?\)")
+
+
+def code_of(text: str) -> list[str]:
+    """What a page has in backticks, blocks of commands and drawings aside."""
+    return CODE.findall(FENCE.sub("", text))
+
+
+def missing(text: str, page: Path) -> list[str]:
+    """The paths and dotted names of a page's code that are not there."""
+    found = []
+    for code in code_of(text):
+        found += [path for path in PATH.findall(code) if not is_path(path, page)]
+        found += [name for name in NAME.findall(code) if not name.endswith(".py") and not is_name(name)]
+    return found
+
+
+def is_path(path: str, page: Path) -> bool:
+    """Whether a path is there as seen from the root or from the page; a bare name anywhere below a package's page."""
+    if any((folder / path).exists() for folder in (ROOT, page.parent)):
+        return True
+    return "/" not in path and page.parent != ROOT and any(page.parent.rglob(path))
+
+
+def is_name(dotted: str) -> bool:
+    """Whether a module is there and, of the first part that is none, a name in it."""
+    parts = re.split("[.:]", dotted)
+    for depth in range(len(parts), 0, -1):
+        place = ROOT.joinpath(*parts[:depth])
+        for module in (place.with_suffix(".py"), place / "__init__.py"):
+            if module.is_file():
+                return depth == len(parts) or parts[depth] in names_in(module)
+    return False
+
+
+@cache
+def names_in(module: Path) -> frozenset[str]:
+    """The names that a module defines or passes on."""
+    names: set[str] = set()
+    for node in ast.parse(module.read_text(encoding="utf-8")).body:
+        if isinstance(node, ast.FunctionDef | ast.ClassDef):
+            names.add(node.name)
+        elif isinstance(node, ast.Import | ast.ImportFrom):
+            names.update(alias.asname or alias.name for alias in node.names)
+        elif isinstance(node, ast.Assign | ast.AnnAssign):
+            targets = node.targets if isinstance(node, ast.Assign) else [node.target]
+            names.update(name.id for target in targets for name in ast.walk(target) if isinstance(name, ast.Name))
+    return frozenset(names)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.relative_to(ROOT).as_posix())
+def test_what_a_page_names_is_there(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert missing(text, page) == []
+    local = [link for link in LINK.findall(FENCE.sub("", text)) if "://" not in link and not link.startswith("mailto:")]
+    assert [link for link in local if not (page.parent / link).exists()] == []
+
+
+def test_what_is_gone_is_found() -> None:
+    said = "`tasks/due.py`, `flows/block.py`, `tasks.kinds.order.KINDS`, `tasks.kinds.order.ORDER`, `nowhere.py`, `tasks/old/`"
+    assert missing(said, ARCHITECTURE) == ["tasks/due.py", "tasks.kinds.order.ORDER", "nowhere.py", "tasks/old/"]
+    assert missing("`flows.block:city_block`, `catalogs.open(out)`, `catalogs.readers`", ARCHITECTURE) == []
+
+
+@pytest.mark.parametrize("layer", STOREYS)
+def test_the_drawing_shows_the_storeys(layer: str) -> None:
+    """The text as it stands, and the boxes of the diagram: the lowest storey is 1."""
+    text = ARCHITECTURE.read_text(encoding="utf-8")
+    storeys = dict(enumerate(STOREYS[layer], 1))
+    part = re.search(rf"^{layer} .*\n((?:  \d.*\n)+)", text, re.MULTILINE)
+    assert part is not None
+    lines = [line.split() for line in part[1].splitlines()]
+    assert [(int(number), tuple(rooms)) for number, *rooms in lines] == sorted(storeys.items(), reverse=True)
+    boxes = re.findall(rf'\b{layer[0]}(\d)\["([^"]+)"\]', text)
+    assert {int(number): tuple(rooms.split(" · ")) for number, rooms in boxes} == storeys
+
+
+def test_every_room_has_its_line() -> None:
+    rows = re.findall(r"^\| `([^`]+)/` \|", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE)
+    rooms = {
+        path.parent.relative_to(ROOT).as_posix()
+        for layer in ("flows", "tasks", "catalogs", "facade_core")
+        for path in (ROOT / layer).glob("*/__init__.py")
+    }
+    assert rooms | {"flows"} == set(rows)
