@@ -161,11 +161,13 @@ class Models:
 
 @dataclass(frozen=True, slots=True)
 class Centrelines:
-    """All centrelines of one source, the frame they are in (None where it states none), and those that are broken."""
+    """All centrelines of one source, the frame they are in (None where it states none), those that are broken, and what the
+    reader says of some."""
 
     crs: str | None
     items: tuple[Centreline, ...]
     faults: tuple[Fault, ...] = ()
+    remarks: tuple[Remark, ...] = ()
 
     def boxes(self) -> np.ndarray:
         """(xmin, ymin, xmax, ymax) of each line, (n, 4)."""
@@ -193,13 +195,13 @@ def natural_order(identifier: str) -> tuple[tuple[str, int, str], ...]:
     return tuple((text, len(number), number) for text, number in stripped)
 
 
-def numbered(identifier: str, seen: Counter[str], remarks: list[Remark]) -> str:
-    """An id of a building that has not been `seen` yet: a second one of a kind is numbered, with a remark."""
+def numbered(identifier: str, seen: Counter[str], remarks: list[Remark], path: Path) -> str:
+    """An id of a building of a file that has not been `seen` yet: a second one of a kind is numbered, with a remark."""
     seen[identifier] += 1
     if seen[identifier] == 1:
         return identifier
     unique = f"{identifier}-{seen[identifier]}"
-    remarks.append(Remark(unique, "buildings numbered since another has their id", None))
+    remarks.append(Remark(unique, f"buildings of {path.name} numbered since another has their id", None))
     return unique
 
 

@@ -15,7 +15,7 @@ from catalogs.block.keys import BlockKeys
 from catalogs.block.streets import block_streets, followed
 from catalogs.buildings.extents import Bounds, Source, check_area, places_of, together
 from catalogs.buildings.outlines import Buildings, block_buildings
-from catalogs.features import Centrelines, Fault, notes_by_reason
+from catalogs.features import Centrelines, Fault, by_reason, notes_by_reason
 from catalogs.frames import area_outline, block_frame, check_axes, check_scale, known_frame, named_frame, outside
 from catalogs.readers.files import read_buildings, read_centrelines
 from facade_core.errors import BlockFileError
@@ -119,7 +119,7 @@ def _streets(
     extent: tuple[float, float, float, float],
     file: BlockFile,
 ) -> tuple[tuple[Street, ...], tuple[str, ...], tuple[Fault, ...]]:
-    """The streets, a note on those that lead away from the block, and the broken ones."""
+    """The streets, notes on what the reader says of some and on those that lead away from the block, and the broken ones."""
     around = shapely.box(*extent).buffer(FOLLOWED_M - SURROUNDINGS_M, join_style="mitre")
     near, cut = file.read("streets.path", followed, centrelines, frame, around, area)
     streets, faults = block_streets(near, frame, area=area)
@@ -132,7 +132,10 @@ def _streets(
             f"no street comes within {SURROUNDINGS_M:g} m of a building (streets span [{span}]); "
             "check streets.crs, or leave streets out",
         )
-    return streets, notes_by_reason({f"streets cut off over {FOLLOWED_M:g} m from the buildings": cut}), faults
+    known = {piece.id for piece in near.items}
+    reasons = by_reason(remark for remark in near.remarks if remark.id in known)
+    reasons[f"streets cut off over {FOLLOWED_M:g} m from the buildings"] = list(cut)
+    return streets, notes_by_reason(reasons), faults
 
 
 def _bounds(centrelines: Centrelines) -> Bounds | None:

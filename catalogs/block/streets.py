@@ -90,7 +90,7 @@ def followed(
             cut.append(piece.id)
     places = _projected([fault.place for fault in source.faults], source.crs, crs)
     faults = [replace(fault, place=place) for fault, place in zip(source.faults, places, strict=True)]
-    return Centrelines(None, tuple(items), tuple(faults)), tuple(cut)
+    return replace(source, crs=None, items=tuple(items), faults=tuple(faults)), tuple(cut)
 
 
 def _projected(geometries: Sequence[Any], source: str | None, crs: CRS) -> np.ndarray:

@@ -43,10 +43,7 @@ def within_limits(source: Source, path: Path) -> Source:
             items.append(item)
         else:
             items.append(replace(item, name=one_line(item.name[:LONGEST_NAME]) or None))
-    found = replace(source, items=tuple(items), faults=tuple(faults))
-    if isinstance(found, Centrelines):
-        return found
-    return replace(found, remarks=_shown_remarks(found.remarks))
+    return replace(source, items=tuple(items), faults=tuple(faults), remarks=_shown_remarks(source.remarks))
 
 
 def _too_much(item: Footprint | Model | Centreline) -> str | None:

@@ -229,6 +229,22 @@ def test_streets_are_followed_to_the_surroundings_and_a_point_far_away_breaks_on
     assert "streets cut off over 1000 m from the buildings: 2 (far, long)" in block.notes
 
 
+def test_units_of_one_id_are_numbered_with_a_note_and_a_photo_is_the_first_ones(tmp_path: Path) -> None:
+    ids = ["x", "y", "x", "z"]
+    features = [feature("Polygon", [square(30 * row)], id=id, height=7) for row, id in enumerate(ids)]
+    (tmp_path / "b.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": features}))
+    lines = [feature("LineString", [[EAST, NORTH - 8 - y], [EAST + 99, NORTH - 8 - y]], id=7) for y in (0, 60)]
+    lines += [feature("LineString", [[EAST, NORTH + 60 + y], [EAST + 99, NORTH + 60 + y]], id=y) for y in (8, 9)]
+    lines.append(feature("LineString", [[EAST, NORTH + 9000], [EAST + 99, NORTH + 9000]], id=7))  # of another place
+    (tmp_path / "s.geojson").write_text(json.dumps({"type": "FeatureCollection", "features": lines}))
+    block = block_of(tmp_path, "b.geojson", streets={"path": "s.geojson", "crs": "EPSG:32635"})
+    assert [building.id for building in block.buildings] == ["x", "x-2", "y", "z"]
+    assert "buildings of b.geojson numbered since another has their id: 1 (x-2)" in block.notes
+    assert "streets of s.geojson numbered since another has their id: 1 (7-2)" in block.notes
+    assert block.buildings[0].footprint.bounds[0] == EAST  # a photo x-0 is of the first in the file
+    assert {"x-0", "x-2-0"} <= set(plan_of(block).facades.id)
+
+
 def test_a_street_longer_than_any_is_set_aside(tmp_path: Path) -> None:
     (tmp_path / "b.geojson").write_text(json.dumps(feature("Polygon", [square()], id="a", height=7)))
     lines = {

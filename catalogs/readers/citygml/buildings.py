@@ -57,7 +57,7 @@ def read_citygml(path: Path, lod: str | None = None) -> Models:
     faults: list[Fault] = []
     frame = None
     for number, building in enumerate(elements(path, ("Building",)), 1):
-        id = numbered(id_of(building) or f"{path.stem}-{number}", reading.ids, reading.remarks)
+        id = numbered(id_of(building) or f"{path.stem}-{number}", reading.ids, reading.remarks, reading.path)
         try:
             axes, model = _model(building, id, None if lod is None else int(lod[0]), reading)
             frame = frame or axes

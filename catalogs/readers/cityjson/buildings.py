@@ -143,7 +143,7 @@ def _read(document: Mapping[str, Any], reading: _Reading) -> None:
         else:
             reading.faults.append(Fault(id, "building", f"{reading.path.name}: it is no CityObject; export it anew"))
     for root, ids in families(objects):
-        id = numbered(root, reading.ids, reading.remarks)
+        id = numbered(root, reading.ids, reading.remarks, reading.path)
         try:
             pieces, other = pieces_of(ids, objects, templates, reading.asked)
             faces = [face for geometries in pieces for face in _once([placed(g) for g in _best_first(geometries)])]

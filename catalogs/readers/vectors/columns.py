@@ -58,6 +58,13 @@ _LONGEST = 10_000  # letters of a cell that are looked at
 _KINDS = ("element", "element_type", "osm_type")
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
 _OSM_ID = re.compile(r"(node|way|relation)/(\d+)")
+# From here on floats leave out whole numbers. GDAL writes such a one so where other cells of its column are text.
+INEXACT = 2**53
+_INEXACT_TEXT = re.compile(r"\d\.\d{15,16}e\+\d+")
+# What is said of features whose ids are not what their file states: after "buildings of b.gpkg".
+_NUMBERED = "numbered since another has their id"
+_BY_ROW = "named by their row, since too few have an id of their own"
+_ROUNDED = "whose id is a number too large to be held whole; write it as text"
 
 _WANTED = frozenset(
     name for names in (*COLUMNS.values(), ROOF_LEVEL, GROUND_LEVEL, IDS, _MORE, _KINDS) for name in names
@@ -112,20 +119,21 @@ def text_of(value: Any) -> str:
     if isinstance(value, dict):  # Overture: {"primary": name, ...}
         return text_of(value.get("primary"))
     if isinstance(value, float):
-        return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < 1e15 else str(value)
+        return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < INEXACT else str(value)
     text = "" if value is None else str(value[:_LONGEST] if isinstance(value, str) else value).strip()
     return "" if text.lower() in ("nan", "none", "null", "<na>", "nat") else text
 
 
-def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> list[str]:
+def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> tuple[list[str], dict[str, str]]:
     """An id for each record: from the first column whose values are all there and different, else nearly all, else the row's
-    number.
+    number. And what is to be said of those that are not what the column states, by id.
 
     In a column with gaps a missing one is row-N, a second one of a kind gets -2. Those of OpenStreetMap are written w12 and r12
     where the kind is known.
     """
     kind = next((columns[name] for name in _KINDS if name in columns), None)
-    nearly: list[str] | None = None
+    nearly: tuple[list[str], str] | None = None
+    stated = False
     for name in IDS:
         if name not in columns:
             continue
@@ -140,11 +148,30 @@ def identifiers(records: list[dict[str, Any]], columns: Mapping[str, str]) -> li
                 way = text_of(record[columns["osm_way_id"]])
                 text = f"r{text}" if text else f"w{way}" if way else ""
             texts.append(text)
+        stated = stated or any(texts)
         if all(texts) and len({*texts}) == len(texts):
-            return texts
+            return texts, _rounded(texts, records, columns[name])
         if nearly is None and len({*texts} - {""}) >= NEARLY_ALL * len(texts):
-            nearly = texts
-    return _told_apart(nearly) if nearly else [str(row) for row in range(len(records))]
+            nearly = texts, columns[name]
+    if nearly is None:
+        ids = [str(row) for row in range(len(records))]
+        return ids, dict.fromkeys(ids if stated else (), _BY_ROW)
+    texts, field = nearly
+    ids = _told_apart(texts)
+    numbered = {id: _NUMBERED for id, text in zip(ids, texts, strict=True) if text and id != text}
+    return ids, _rounded(ids, records, field) | numbered
+
+
+def _rounded(ids: list[str], records: Iterable[Mapping[str, Any]], field: str) -> dict[str, str]:
+    """The ids that stand for a number of which a float, or GDAL's text of one, holds the first digits only."""
+    cells = [record[field] for record in records]
+    return {id: _ROUNDED for id, cell in zip(ids, cells, strict=True) if _is_inexact(cell)}
+
+
+def _is_inexact(cell: Any) -> bool:
+    if isinstance(cell, float):
+        return abs(cell) >= INEXACT
+    return isinstance(cell, str) and _INEXACT_TEXT.fullmatch(cell) is not None
 
 
 def _told_apart(texts: list[str]) -> list[str]:

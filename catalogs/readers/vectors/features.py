@@ -55,6 +55,8 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
             faults.append(Fault(id, "building", f"footprint {id}: {reason_of(error)}", place_of(geometry)))
             continue
         if footprint is not None:
+            if id in features.renamed:
+                remarks.append(Remark(id, f"buildings of {path.name} {features.renamed[id]}", geometry))
             ground = tags.get("ground")
             items.append(replace(footprint, base=float(ground) if ground else base))
     return Footprints(features.crs, tuple(items), tuple(remarks), tuple(faults))
@@ -80,7 +82,19 @@ def read_centrelines(path: Path) -> Centrelines:
                 continue
             yield id, geometry, listed(tags["name"])[0] if "name" in tags else None
 
-    return centrelines_of(features.crs, streets())
+    found = centrelines_of(features.crs, streets())
+    return replace(found, remarks=tuple(_renamed(found, features, path)))
+
+
+def _renamed(found: Centrelines, features: Features, path: Path) -> Iterator[Remark]:
+    """Remarks on lines whose ids are not what the file states; those of one id and name are pieces of one street."""
+    names = {id: tags.get("name") for id, tags in zip(features.ids, features.tags, strict=True)}
+    for item in found.items:
+        id = item.id if item.id in names else item.id.rpartition("-")[0]  # a part of a line is id-0, id-1, ...
+        if id not in features.renamed:
+            continue
+        if names[id] is None or names[id] != names.get(id.rpartition("-")[0]):
+            yield Remark(item.id, f"streets of {path.name} {features.renamed[id]}", None)
 
 
 def _remarks(features: Features) -> list[Remark]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -14,7 +14,7 @@ import shapely
 
 from catalogs.broken import is_machines
 from catalogs.readers.limits import MOST_FEATURES
-from catalogs.readers.vectors.columns import columns_of, identifiers, tags_of
+from catalogs.readers.vectors.columns import INEXACT, columns_of, identifiers, tags_of
 from catalogs.readers.vectors.shapefile_tables import check_table
 from catalogs.readers.vectors.tables import check_tables
 from facade_core.errors import InputError
@@ -42,12 +42,16 @@ _KINDS = {"outlines": ("Polygon", "Surface"), "lines": ("LineString", "MultiCurv
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """A layer's features row by row: ids, geometries and tags; others: the layers of the file that were left alone."""
+    """A layer's features row by row: ids, geometries and tags.
+
+    renamed: what is to be said of ids that are not what the file states. others: its layers that were left alone.
+    """
 
     crs: str | None
     ids: Sequence[str]
     geometries: Sequence[Any]
     tags: Sequence[dict[str, str]]
+    renamed: Mapping[str, str]
     layer: str
     others: Sequence[str]
 
@@ -86,7 +90,8 @@ def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
     crs = _frame_name(frame.crs)
     if crs == _LONLAT and not _are_degrees(geometries):
         crs = None
-    return Features(crs, identifiers(records, columns), geometries, tags_of(records, columns), layer, others)
+    ids, renamed = identifiers(records, columns)
+    return Features(crs, ids, geometries, tags_of(records, columns), renamed, layer, others)
 
 
 def _check_start(path: Path) -> None:
@@ -124,12 +129,40 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # on what is broken, which becomes a fault of its own
         warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # which is read as the text that it is
-        frame = pyogrio.read_dataframe(path, layer=layer, columns=sorted(set(columns.values())), on_invalid="ignore")
-    return frame, columns
+        frame = pyogrio.read_dataframe(
+            path,
+            layer=layer,
+            columns=sorted(set(columns.values())),
+            on_invalid="ignore",
+            datetime_as_string=True,
+            **({"DATE_AS_STRING": "YES"} if info["driver"] == "GeoJSON" else {}),  # which takes text for dates
+        )
+    whole = [str(name) for name, kind in zip(info["fields"], info["dtypes"], strict=True) if "int" in str(kind)]
+    return _exact(frame, whole, lambda names: _integers(path, layer, names)), columns
+
+
+def _exact(frame: GeoDataFrame, whole: Sequence[str], read: Callable[[list[str]], Any]) -> GeoDataFrame:
+    """The frame with integers of over 53 bits as they are: a column with gaps comes as floats.
+
+    whole: the fields that hold integers. read: an Arrow table of some of them.
+    """
+    floats = [name for name in whole if name in frame and frame[name].dtype.kind == "f"]
+    if lossy := [name for name in floats if (frame[name].abs() >= INEXACT).any()]:
+        table = read(lossy)
+        for name in lossy:
+            frame[name] = np.array(table[name].to_pylist(), dtype=object)
+    return frame
+
+
+def _integers(path: Path, layer: str, names: list[str]) -> Any:
+    import pyogrio
+
+    return pyogrio.read_arrow(path, layer=layer, columns=names, read_geometry=False)[1]
 
 
 def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
     import geopandas
+    import pyarrow
     from pyarrow import parquet
 
     file = parquet.ParquetFile(path)
@@ -149,7 +182,9 @@ def _read_parquet(path: Path) -> tuple[GeoDataFrame, dict[str, str]]:
         )
         if unpacked > most:
             raise InputError(f"{path} unpacks to over {_PACKED} times its size; export it again")
-    return geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted]), columns
+    frame = geopandas.read_parquet(path, columns=[name for name in schema.names if name in wanted])
+    whole = [field.name for field in schema if pyarrow.types.is_integer(field.type)]
+    return _exact(frame, whole, lambda names: parquet.read_table(path, columns=names)), columns
 
 
 def _frame_name(crs: Any) -> str | None:

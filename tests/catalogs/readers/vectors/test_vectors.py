@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import geopandas
+import pandas
 import pytest
 import shapely
 from shapely import LineString, MultiLineString, Point, Polygon
@@ -120,6 +121,86 @@ def test_ids_are_unique(tmp_path: Path, columns: dict[str, list[Any]], ids: list
     path = tmp_path / "a.parquet"
     frame([square(), square(20), square(40)], **columns).to_parquet(path)
     assert [found.id for found in read_footprints(path).items] == ids
+
+
+HUGE = 2**53 + 1
+
+
+@pytest.mark.parametrize(
+    ("stated", "ids"),
+    [
+        (["2020-01-01", "2020-01-02", "x"], ["2020-01-01", "2020-01-02", "x"]),
+        (["2020-01-01", "2020-01-02", "2020/01/03"], ["2020-01-01", "2020-01-02", "2020/01/03"]),
+        (["2020-01-01", "2020-01-02", None], ["2020-01-01", "2020-01-02", "row-2"]),
+        (["12:30:00", "12:30:01", "1:2:3"], ["12:30:00", "12:30:01", "1:2:3"]),
+        (["2020-01-01T10:00:00Z", "2020-01-01T12:00:00+02:00", "b"],) * 2,
+        (["1e5", "007", "7"], ["1e5", "007", "7"]),
+        ([HUGE, HUGE + 1, HUGE + 2], [str(HUGE), str(HUGE + 1), str(HUGE + 2)]),
+        ([HUGE, None, HUGE + 1], [str(HUGE), "row-1", str(HUGE + 1)]),
+        ([10**15 + 1, 1.5, 2], ["1000000000000001", "1.5", "2"]),
+        ([HUGE, "a", "b"], [str(HUGE), "a", "b"]),
+    ],
+)
+@pytest.mark.parametrize("column", ["id", "osm_id", "fid"])
+def test_ids_of_geojson_are_what_it_states(tmp_path: Path, stated: list[Any], ids: list[str], column: str) -> None:
+    features = [
+        (shapely.geometry.mapping(square(20.0 * row)), {} if id is None else {column: id, "name": id})
+        for row, id in enumerate(stated)
+    ]
+    found = read_footprints(geojson(tmp_path / "a.geojson", features))
+    assert [footprint.id for footprint in found.items] == ids
+    assert [footprint.name for footprint in found.items if footprint.name] == [id for id in ids if "row" not in id]
+    assert found.remarks == ()
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_integers_of_over_53_bits_and_dates_are_whole_in_every_format(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"a{suffix}"
+    ids = pandas.array([HUGE, None, HUGE + 1], dtype="Int64")
+    days = pandas.to_datetime(["2020-01-01", "2020-01-02", "2020-01-03"]).date
+    source = frame([square(), square(20), square(40)], id=ids, name=days)
+    if suffix == ".geojson":
+        source = source.to_crs(4326)
+    source.to_parquet(path) if suffix == ".parquet" else source.to_file(path)
+    items = read_footprints(path).items
+    assert {str(HUGE), str(HUGE + 1)} < {item.id for item in items}
+    assert sorted(str(item.name) for item in items) == ["2020-01-01", "2020-01-02", "2020-01-03"]
+
+
+@pytest.mark.parametrize("stated", [[2**70, 5, 6], [HUGE, 1.5, 2], [1, "a", 2**70 + 1]])
+def test_an_id_that_cannot_be_held_whole_is_remarked_on(tmp_path: Path, stated: list[Any]) -> None:
+    features = [(shapely.geometry.mapping(square(20.0 * row)), {"id": id}) for row, id in enumerate(stated)]
+    (remark,) = read_footprints(geojson(tmp_path / "a.geojson", features)).remarks
+    assert remark.reason == "buildings of a.geojson whose id is a number too large to be held whole; write it as text"
+    assert "e+" in remark.id or remark.id.endswith(".0")
+
+
+def test_buildings_of_one_id_are_remarked_on(tmp_path: Path) -> None:
+    places = [shapely.geometry.mapping(square(20.0 * row)) for row in range(4)]
+    rows = [{"id": id} for id in ("x", "y", "x", "z")]
+    found = read_footprints(geojson(tmp_path / "a.geojson", list(zip(places, rows, strict=True))))
+    assert [footprint.id for footprint in found.items] == ["x", "y", "x-2", "z"]
+    assert [(r.id, r.reason) for r in found.remarks] == [
+        ("x-2", "buildings of a.geojson numbered since another has their id")
+    ]
+    found = read_footprints(geojson(tmp_path / "b.geojson", [(place, {"id": "x"}) for place in places]))
+    assert [footprint.id for footprint in found.items] == ["0", "1", "2", "3"]
+    reason = "buildings of b.geojson named by their row, since too few have an id of their own"
+    assert [(r.id, r.reason) for r in found.remarks] == [(str(row), reason) for row in range(4)]
+
+
+def test_streets_of_one_id_are_remarked_on_unless_they_are_pieces_of_one(tmp_path: Path) -> None:
+    lines = [shapely.geometry.mapping(LineString([(x, 0), (x, 50)])) for x in range(0, 100, 10)]
+    rows = [
+        {"osm_id": id, "name": name}
+        for id, name in (("1", "A"), ("1", "A"), ("2", "B"), ("2", "C"), ("3", None), ("3", None))
+    ]
+    rows += [{"osm_id": str(id), "name": "D"} for id in range(4, 8)]
+    found = read_centrelines(geojson(tmp_path / "a.geojson", list(zip(lines, rows, strict=True))))
+    assert [piece.id for piece in found.items][:6] == ["1", "1-2", "2", "2-2", "3", "3-2"]
+    assert [(r.id, r.reason) for r in found.remarks] == [
+        (id, "streets of a.geojson numbered since another has their id") for id in ("2-2", "3-2")
+    ]
 
 
 def test_overture_columns(tmp_path: Path) -> None:
