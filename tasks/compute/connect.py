@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import threading
 import time
 from collections.abc import Callable, Iterable, Iterator
@@ -159,10 +160,28 @@ def _watched(client: Client, until: float | None, patience: Patience) -> Iterato
         cluster.close()
 
 
+def _track_quietly() -> None:
+    """Start the process by which Python removes the semaphores of a run that ends at once, as on Ctrl-C, without its word on
+    them, which is a warning of nothing. It alone is given the filter."""
+    from multiprocessing import resource_tracker
+
+    stated = os.environ.get("PYTHONWARNINGS")
+    quiet = "ignore:resource_tracker:UserWarning"
+    os.environ["PYTHONWARNINGS"] = f"{stated},{quiet}" if stated else quiet
+    try:
+        resource_tracker.ensure_running()
+    finally:
+        if stated is None:
+            del os.environ["PYTHONWARNINGS"]
+        else:
+            os.environ["PYTHONWARNINGS"] = stated
+
+
 def _local(workers: int) -> LocalCluster:
     """Local processes, asked for once more where one dies while it starts. Raises ClusterGone."""
     from distributed import LocalCluster
 
+    _track_quietly()
     cause: Exception | None = None
     for _ in range(2):
         try:

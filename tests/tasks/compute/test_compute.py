@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import socket
+import subprocess
 import sys
 import threading
 import time
@@ -22,6 +23,7 @@ from tasks.compute.cluster import Cluster, ClusterGone, RunOverran, WorkersDied
 from tasks.compute.connect import connect
 from tasks.compute.patience import Patience
 from tasks.compute.scheduler_view import View, Worker
+from tests.pipeline.runs import ROOT, environment
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
@@ -319,3 +321,20 @@ def test_a_unit_that_kills_its_workers_fails_and_the_rest_goes_on(tmp_path: Path
                 done.add(number)
         assert done == set(range(12))
         assert set(made.submit(threads).result()[0]) == {1}  # on a worker that was started anew
+
+
+def test_a_run_that_ends_at_once_leaves_nothing_on_stderr(tmp_path: Path) -> None:
+    code = (
+        "import os, sys; from tasks.compute.connect import connect; at_work = connect(2, None, sys.argv[1]); "
+        "at_work.__enter__(); print(os.environ.get('PYTHONWARNINGS'), flush=True); os._exit(130)"
+    )
+    done = subprocess.run(
+        [sys.executable, "-c", code, str(tmp_path)],
+        cwd=ROOT,
+        env=environment(tmp_path) | {"PYTHONWARNINGS": "default"},
+        capture_output=True,  # until the last of its processes has ended
+        text=True,
+        timeout=120,
+    )
+    assert (done.returncode, done.stdout) == (130, "default\n")
+    assert "resource_tracker" not in done.stderr
