@@ -82,7 +82,9 @@ VOLATILE = ("worker", "seconds", "started", "commits", "traceback")
 
 
 def read_journal(group: StoreGroup, stage: str) -> list[Record | None]:
-    """All records of a stage by unit index; None where there is none."""
+    """All records of a stage by unit index, None where there is none; no units where the store is older than the stage."""
+    if f"journal/{stage}" not in group:
+        return []
     return [json.loads(text) if text else None for text in group[f"journal/{stage}"][:]]
 
 

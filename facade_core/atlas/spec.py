@@ -80,7 +80,11 @@ class Array:
         replace(self, path=f"{folder}/{self.path}").create(group, axes)[:] = values
 
     def fit(self, group: StoreGroup, axes: Mapping[str, Axis]) -> None:
-        """Resize the array, which keeps what lies in both sizes; where its chunks would be others, it is made anew."""
+        """Resize the array, which keeps what lies in both sizes; where its chunks would be others it is made anew. It is made
+        where the store is older than it."""
+        if self.path not in group:
+            self.create(group, axes)
+            return
         array = group[self.path]
         if array.chunks == tuple(axes[dim].chunk for dim in self.dims):
             array.resize(tuple(axes[dim].size for dim in self.dims))

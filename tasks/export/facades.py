@@ -83,8 +83,9 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     outlines = footprints(found.textured)
     table = found.buildings
     chosen = {found.names[b] for b in buildings.tolist()}
+    name = f"{file_stem(found.block)}.gpkg"
     write_layers(
-        folder / f"{file_stem(found.block)}.gpkg",
+        folder / name,
         items=found.snapshot.items,
         crs=found.crs,
         walls=dict(zip(plan.facades.id, walls.tolist(), strict=True)),
@@ -104,4 +105,4 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
         chosen=chosen,
     )
     advance("export", 1)
-    return [f"{found.block}.gpkg"], []
+    return [name], []

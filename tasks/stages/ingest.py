@@ -25,7 +25,7 @@ from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
 from tasks.stages.planning import plan_of
-from tasks.store.carry import carry_over, counts, last_ingest, made_for, why_anew
+from tasks.store.carry import carry_over, counts, has_all_stages, last_ingest, made_for, why_anew
 from tasks.store.room import require_room, room_for
 
 if TYPE_CHECKING:
@@ -66,7 +66,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
     root = root_of_any_format(session)
-    skipped, anew = root.attrs.get("key") == run.key, None
+    skipped, anew = root.attrs.get("key") == run.key and has_all_stages(root), None
     if skipped:
         plan = read_plan(session)
     else:

@@ -104,15 +104,20 @@ def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan)
         records = _at_new_places(change.records[kind.stage], again[kind.stage], kind.count(block, plan))
         if kind.moved is not None:
             records = kind.moved(change, again[kind.stage], records)
-        held = [str(text) for text in last.group[f"journal/{kind.stage}"][:]]
+        before = list(map(_text, change.records[kind.stage]))
         for index, text in enumerate(map(_text, records)):
-            if index >= len(held) or held[index] != text:
+            if index >= len(before) or before[index] != text:
                 root[f"journal/{kind.stage}"][index] = text
 
 
 def counts(block: Block, plan: Plan) -> dict[str, int]:
     """How many units a block has, by stage."""
     return {kind.stage: kind.count(block, plan) for kind in KINDS}
+
+
+def has_all_stages(group: StoreGroup) -> bool:
+    """Whether a store has a journal for every stage; one from before a stage was there has none for it."""
+    return all(f"journal/{stage}" in group for stage in STAGES)
 
 
 def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:

@@ -20,6 +20,7 @@ from tasks.keys.units import parts_of
 from tasks.kinds.order import KINDS, STAGES
 from tasks.outcome import refused
 from tasks.run import Run
+from tasks.store.carry import has_all_stages
 from tasks.store.wounds import find_wounds, is_suspect
 
 # In a run's folder: the path of its block file.
@@ -69,7 +70,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
         _check_block(run, group)
         if group.attrs.get("key") != run.key or unpublished(Path(run.out), session.snapshot_id):
             return None
-        if group.attrs.get("published_by") != stage_code("publish"):
+        if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):
             return None
         journals = {stage: read_journal(group, stage) for stage in STAGES}
         for stage, codes in _codes(journals).items():

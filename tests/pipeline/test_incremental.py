@@ -9,10 +9,12 @@ from typing import Any
 
 import numpy as np
 import pytest
+import zarr
 from PIL import Image, ImageOps
 
 from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal
+from facade_core.atlas.store import BRANCH, commit, open_repository
 from tasks.keys.runs import run_of
 from tasks.keys.stage_code import stage_code
 from tasks.stages.publish import publish_block
@@ -238,6 +240,21 @@ def test_other_code_that_ingests_takes_over_what_is_the_same(
     assert done == set()
     assert made.run.key != _key_of(translated)
     assert made.said == "nothing is due but what is published"
+
+
+def test_a_store_from_before_a_stage_was_there_goes_on(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    digests = digests_of(folder / "out")
+    session = open_repository(folder / "out" / "store").writable_session(BRANCH)
+    group: Any = zarr.open_group(session.store)
+    for stage in ("poses", "exemplars"):
+        del group[f"journal/{stage}"]
+    commit(session, "older")
+    run = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
+    assert nothing_due(run) is None
+    done, _ = again(folder)
+    assert done == {"0", "1"}, "the exemplars, of which nothing is known; what was made from them stands"
+    assert digests_of(folder / "out") == digests
 
 
 def test_other_code_that_publishes_does_nothing_else(

@@ -25,7 +25,7 @@ from catalogs.published.items import COLUMNS
 from catalogs.readers.cityjson.buildings import read_cityjson
 from facade_core.errors import InputError, StoreError
 from flows.cli.commands import main
-from tasks.export.formats import FORMATS, export
+from tasks.export.formats import FORMATS, _writers, export
 from tasks.export.models import write_3dtiles
 from tasks.published.opened import Published, published
 
@@ -36,6 +36,11 @@ Run = tuple[Path, dict[str, Any]]
 def found(undisturbed: Run) -> Iterator[Published]:
     with published(undisturbed[0]) as opened:
         yield opened
+
+
+def test_the_command_line_offers_every_format() -> None:
+    (option,) = (one for one in main.commands["export"].params if "--format" in one.opts)
+    assert tuple(option.type.choices) == FORMATS == tuple(_writers())  # type: ignore[attr-defined]
 
 
 def cityjson_is_sound(city: dict[str, Any]) -> None:
