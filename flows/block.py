@@ -159,15 +159,17 @@ def _texture(
         outcome = Outcome()
         changed: set[str] = set()
         for kind in KINDS:
-            if kind.units is None:
+            if kind.part_of is not None:  # done with the stage that it is part of
                 continue
-            # keys are computed once, unless something was done since that they stand on
-            known = None if changed & set(kind.reads) else ahead.units.get(kind.stage)
-            due = due_of(run, block, kind, known)
-            if due.pieces:
+            if kind.units is None:
+                ended = _streets(run, outline, compute, only, submit)
+            else:
+                # keys are computed once, unless something was done since that they stand on
+                known = None if changed & set(kind.reads) else ahead.units.get(kind.stage)
+                ended = _process(run, due_of(run, block, kind, known), compute, submit)
+            if ended.done or ended.failed:
                 changed.add(kind.stage)
-            outcome += _process(run, due, compute, submit)
-        outcome += _streets(run, outline, compute, only, submit)
+            outcome += ended
         require_room(Path(run.out))
         published = submit(publish_block, run, entry.source).result()
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
