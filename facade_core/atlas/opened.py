@@ -71,12 +71,16 @@ class Atlas:
         try:
             found = repository.lookup_tag(snapshot) if snapshot in tags else snapshot
             session = repository.readonly_session(snapshot_id=found)
-        except (icechunk.IcechunkError, ValueError) as error:
+            return open_atlas(session, chunks=self.chunks)
+        except (
+            icechunk.IcechunkError,
+            FileNotFoundError,
+            ValueError,
+        ) as error:  # the first snapshot of a store is empty
             known = ", ".join(sorted(tags)[:5]) or "none"
             raise StoreError(f"{self.path}: no tag or snapshot {snapshot} is there; tags are e.g. {known}") from error
-        return open_atlas(session, chunks=self.chunks)
 
-    def chart(self, id: str | int) -> xr.Dataset:
+    def chart(self, id: str | int | np.integer) -> xr.Dataset:
         """The rasters (y, x) of a chart, by its id (16 hexadecimal digits, as in the journal) or its row in `charts`.
 
         Coordinates: y and x in metres down and to the right of the chart's upper left corner; world_x, world_y and world_z
@@ -84,7 +88,7 @@ class Atlas:
         axis_x and axis_y (3,), texels_per_metre, crs. Raises InputError where there is no such chart.
         """
         ids = [f"{number:016x}" for number in self.tables["charts"]["id"].tolist()]
-        row = id if isinstance(id, int) else ids.index(id) if id in ids else -1
+        row = int(id) if isinstance(id, int | np.integer) else ids.index(id.lower()) if id.lower() in ids else -1
         if not 0 <= row < len(ids):
             raise InputError(f"no chart {id}; there are {len(ids)}, such as {ids[0]}")
         return self._cut(row, ids[row])
@@ -95,7 +99,7 @@ class Atlas:
         """
         facades = self.tables["facades"]
         if id not in facades["id"]:
-            near = get_close_matches(id, facades["id"], n=1, cutoff=0) or ["none"]
+            near = get_close_matches(str(id), facades["id"], n=1, cutoff=0) or ["none"]
             raise InputError(f"no facade {id}; there are {len(facades['id'])}, the nearest is {near[0]}")
         row = facades["id"].index(id)
         record = read_records(self.group, "facades", np.array([row]))[0]

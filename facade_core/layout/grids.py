@@ -39,11 +39,6 @@ class Grid:
         return np.diff(self.rows)
 
     @property
-    def column_spacing(self) -> np.ndarray:
-        """(columns - 1,) distances between neighbouring column centres."""
-        return np.diff(self.columns)
-
-    @property
     def completeness(self) -> float:
         """Share of the cells that hold an element (Eq. 4 of Fan et al. 2014)."""
         return float((self.cells >= 0).mean())

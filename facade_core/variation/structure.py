@@ -10,7 +10,6 @@ import numpy as np
 # The weight alpha grows by _GROWTH from _ALPHA[0] to _ALPHA[1]; costs are normalised to [0, 1], regularity is not.
 _ALPHA = (1e-3, 1e3)
 _GROWTH = 2.6
-MISSING = -1
 
 
 @dataclass(frozen=True, slots=True, eq=False)

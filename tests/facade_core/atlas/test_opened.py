@@ -136,9 +136,15 @@ def test_at_a_tag_or_snapshot(tmp_path: Path) -> None:
         assert not (earlier["panoramas/rgb"][0] == 9).all()
     with pytest.raises(StoreError, match=f"no tag or snapshot street-9.*{tag}"):
         now.at("street-9")
+    *_, first = repository.ancestry(branch="main")
+    with pytest.raises(StoreError, match=f"no tag or snapshot {first.id}"):
+        now.at(first.id)  # before anything was written
 
 
 def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
+    assert atlas.chart(np.int64(0)).identical(atlas.chart(0))
+    with pytest.raises(InputError, match="no facade 3"):
+        atlas.facade(3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="no facade a-9; there are 1, the nearest is a-0"):
         atlas.facade("a-9")
     with pytest.raises(InputError, match="no chart 99; there are 13"):
