@@ -51,7 +51,13 @@ def bucket() -> Iterator[str]:
             environment.setenv(name, value)
         from pyarrow.fs import S3FileSystem
 
-        S3FileSystem(endpoint_override=f"http://{host}:{port}", allow_bucket_creation=True).create_dir("city")
+        # its first answer takes the server seconds, in which it imports what it answers with
+        S3FileSystem(
+            endpoint_override=f"http://{host}:{port}",
+            allow_bucket_creation=True,
+            connect_timeout=60,
+            request_timeout=60,
+        ).create_dir("city")
         yield "s3://city"
     server.stop()
 
