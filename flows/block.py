@@ -148,6 +148,7 @@ def _texture(
     run, block = entry.run, entry.block
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
     ingest = submit(ingest_block, run, block) if dask is None else None
+    # told here too, as the flow must end by it, whoever entered
     with faults_told(run), connect(workers, dask, run.out, until) as compute:
         outline = (ingest or submit(ingest_block, run, block)).result()
         run = replace(run, ingested=outline.ingested)

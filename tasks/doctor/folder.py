@@ -18,14 +18,14 @@ from catalogs.block import read_block
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
-from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.journal import Record
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, FormatError, StoreError
 from tasks.doctor.findings import Finding
 from tasks.keys.runs import run_of
-from tasks.kinds.order import STAGES
+from tasks.kinds.order import read_journals
 from tasks.stages.due import what_is_due
 from tasks.stages.ingest import ingest_block
 from tasks.store.digests import differing
@@ -48,7 +48,7 @@ def examine_folder(out: Path) -> Iterator[Finding]:
         repository = open_repository(store)
         session = repository.readonly_session(BRANCH)
         group = open_root(session)
-        records = {stage: read_journal(group, stage) for stage in STAGES}
+        records = read_journals(group)
         attrs = dict(group.attrs)
     except FormatError as error:
         yield Finding("store", False, str(error))

@@ -3,9 +3,11 @@ entry here."""
 
 from __future__ import annotations
 
+from facade_core.atlas.journal import read_journal
+from facade_core.atlas.zarr_types import StoreGroup
 from tasks.kinds.exemplars import EXEMPLARS
 from tasks.kinds.facades import FACADES
-from tasks.kinds.kind import Kind
+from tasks.kinds.kind import Kind, Records
 from tasks.kinds.poses import POSES
 from tasks.kinds.streets import STREETS, VIEWPOINTS
 from tasks.kinds.textures import TEXTURES
@@ -14,3 +16,8 @@ KINDS: tuple[Kind, ...] = (POSES, EXEMPLARS, TEXTURES, FACADES, VIEWPOINTS, STRE
 STAGES = tuple(kind.stage for kind in KINDS)
 # The stages that have code of their own, those before and after the units among them.
 CODED = ("ingest", *(kind.stage for kind in KINDS if kind.part_of is None), "publish")
+
+
+def read_journals(group: StoreGroup) -> dict[str, Records]:
+    """The records of every stage by unit index, None where there is none."""
+    return {stage: read_journal(group, stage) for stage in STAGES}

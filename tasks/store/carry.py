@@ -15,7 +15,7 @@ import numpy as np
 
 from catalogs.block import Block
 from facade_core.atlas.arrays import FORMAT, clear_rasters, resize_arrays
-from facade_core.atlas.journal import Record, forget_record, read_journal
+from facade_core.atlas.journal import Record, forget_record
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, commit, format_of, open_repository, open_root
@@ -24,7 +24,7 @@ from facade_core.errors import StoreError
 from facade_core.geometry.packing import Places
 from facade_core.plan import Plan
 from tasks.kinds.kind import Change, Records
-from tasks.kinds.order import KINDS, STAGES
+from tasks.kinds.order import KINDS, STAGES, read_journals
 from tasks.run import Run
 
 
@@ -92,7 +92,7 @@ def carry_over(root: StoreGroup, last: Last, run: Run, block: Block, plan: Plan)
         after=plan,
         group=root,
         last=last.group,
-        records={stage: read_journal(last.group, stage) for stage in STAGES},
+        records=read_journals(last.group),
         stays=_staying(last.plan, plan),
     )
     again = {kind.stage: kind.again(change) for kind in KINDS}

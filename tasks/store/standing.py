@@ -11,13 +11,13 @@ from catalogs.published.files import amiss
 from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.check import DAMAGE, is_whole
-from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.journal import Record
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from tasks.keys.stage_code import stage_code, version_of
 from tasks.keys.units import parts_of
-from tasks.kinds.order import KINDS, STAGES
+from tasks.kinds.order import KINDS, read_journals
 from tasks.outcome import refused
 from tasks.run import Run
 from tasks.store.carry import has_all_stages
@@ -72,7 +72,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
             return None
         if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):
             return None
-        journals = {stage: read_journal(group, stage) for stage in STAGES}
+        journals = read_journals(group)
         for stage, codes in _codes(journals).items():
             if codes != [stage_code(stage, neural=run.texture.translator == "neural")]:
                 return None
@@ -91,7 +91,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
 
 def made_by(group: StoreGroup) -> str:
     """The version of the code that made what a store holds, and that publishes it."""
-    codes = _codes({stage: read_journal(group, stage) for stage in STAGES})
+    codes = _codes(read_journals(group))
     return version_of(
         {
             "ingest": str(group.attrs.get("ingested_by")),

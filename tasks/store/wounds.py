@@ -22,7 +22,7 @@ from facade_core.errors import FormatError
 from facade_core.geometry.packing import Placement
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
-from tasks.kinds.order import STAGES
+from tasks.kinds.order import STAGES, read_journals
 from tasks.outcome import is_done
 from tasks.run import Run
 from tasks.store.digests import differing
@@ -46,7 +46,7 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
     A street whose viewpoints are being done again is among them: whether it is due anyway is for its key to say.
     """
     group = open_root(session)
-    records = {stage: read_journal(group, stage) for stage in STAGES}
+    records = read_journals(group)
     viewpoints = _without_panorama(session, group, records["viewpoints"])
     found = {
         "exemplars": [

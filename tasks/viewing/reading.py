@@ -13,14 +13,14 @@ import numpy as np
 
 from catalogs.published.items import BBOX, COLUMNS
 from catalogs.published.snapshot import current_if_any
-from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.journal import Record
 from facade_core.atlas.plan_tables import read_facades, read_table
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
 from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
-from tasks.kinds.order import STAGES
+from tasks.kinds.order import read_journals
 from tasks.outcome import refused
 from tasks.published.facade_stages import StoredFacade
 from tasks.published.rows import facts
@@ -73,7 +73,7 @@ class View:
     @cached_property
     def journals(self) -> dict[str, list[Record | None]]:
         """The records of every stage."""
-        return {stage: read_journal(self.group, stage) for stage in STAGES}
+        return read_journals(self.group)
 
     @property
     def records(self) -> list[Record | None]:
