@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import groupby
 
 import numpy as np
 
@@ -53,14 +54,12 @@ def find_facades(
     buildings: Sequence[Building],
     cameras: Sequence[Viewpoint],
     seen: Sequence[np.ndarray],
-    streets: int,
     storey: float,
 ) -> Facades:
     """Walls that a street sees; seen: the charts that each camera's panorama shows."""
     charts = scene.charts
     candidate = _large_walls(scene)
-    share = _share_seen(scene, candidate, cameras, seen, streets)
-    best = share.max(axis=0)
+    best, street = _best_seen(scene, candidate, cameras, seen)
     chart = np.flatnonzero(candidate & (best >= FACADE_SEEN))
     building = charts.building[chart]
     wall = _wall_numbers(charts)[chart]
@@ -68,7 +67,7 @@ def find_facades(
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
         chart=chart.astype(np.int32),
-        street=share.argmax(axis=0)[chart].astype(np.int32),
+        street=street[chart],
         building=building.astype(np.int32),
         width=width,
         height=height,
@@ -84,24 +83,34 @@ def _large_walls(scene: Scene) -> np.ndarray:
     return large & (charts.texels(scene.spec.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
 
 
-def _share_seen(
-    scene: Scene, candidate: np.ndarray, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray], streets: int
-) -> np.ndarray:
-    """The share of every chart that is seen from each street, (streets, charts), one row of zeros without streets: by looking
-    from every viewpoint at a grid of points on each candidate in its panorama."""
+def _best_seen(
+    scene: Scene, candidate: np.ndarray, cameras: Sequence[Viewpoint], seen: Sequence[np.ndarray]
+) -> tuple[np.ndarray, np.ndarray]:
+    """The largest share of every chart that is seen from one street, (charts,), and the first such street, (charts,) int32, 0
+    where none sees it: by looking from every viewpoint at a grid of points on each candidate in its panorama."""
     charts = scene.charts
     across, down = ((np.arange(n) + 0.5) / n for n in SAMPLES)
     grid = np.stack(np.meshgrid(across, down), axis=-1).reshape(-1, 2)
-    visible = np.zeros((max(streets, 1), len(charts), len(grid)), bool)
-    for camera, row in zip(cameras, seen, strict=True):
-        walls = row[candidate[row]]
-        if len(walls) == 0:
+    best, best_street = np.zeros(len(charts)), np.zeros(len(charts), np.int32)
+    in_order = sorted(zip(cameras, seen, strict=True), key=lambda one: one[0].street)
+    for street, looks in groupby(in_order, key=lambda one: one[0].street):
+        visible: dict[int, np.ndarray] = {}
+        for camera, row in looks:
+            walls = row[candidate[row]]
+            if len(walls) == 0:
+                continue
+            ray = charts.at_shares(walls, grid) - camera.position
+            distance, chart = scene.caster.cast(camera.position, ray)
+            reached = (distance > 1 - 1e-3) | (chart == walls[:, None])
+            reached &= np.linalg.norm(ray, axis=-1) <= scene.visibility_range
+            for wall, points in zip(walls.tolist(), reached, strict=True):
+                visible[wall] = visible[wall] | points if wall in visible else points
+        if not visible:
             continue
-        ray = charts.at_shares(walls, grid) - camera.position
-        distance, chart = scene.caster.cast(camera.position, ray)
-        reached = (distance > 1 - 1e-3) | (chart == walls[:, None])
-        visible[camera.street, walls] |= reached & (np.linalg.norm(ray, axis=-1) <= scene.visibility_range)
-    return visible.mean(axis=2)
+        shown, share = np.array(list(visible)), np.array(list(visible.values())).mean(axis=1)
+        better = share > best[shown]
+        best[shown[better]], best_street[shown[better]] = share[better], street
+    return best, best_street
 
 
 def _wall_numbers(charts: Charts) -> np.ndarray:

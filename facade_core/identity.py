@@ -5,7 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from hashlib import blake2b
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -37,8 +39,19 @@ class Things:
 
     def within(self, low: np.ndarray, high: np.ndarray) -> list[str]:
         """The things whose boxes meet the box from low to high (3,), as sorted hexadecimal digests."""
-        meet = (self.low <= high).all(axis=1) & (self.high >= low).all(axis=1)
-        return [f"{digest:016x}" for digest in np.sort(self.digest[meet]).tolist()]
+        near = self._with_surface[self._boxes.query(shapely.box(*low[:2], *high[:2]))]
+        meet = (self.low[near] <= high).all(axis=1) & (self.high[near] >= low).all(axis=1)
+        return [f"{digest:016x}" for digest in np.sort(self.digest[near[meet]]).tolist()]
+
+    @cached_property
+    def _with_surface(self) -> np.ndarray:
+        return np.flatnonzero(np.isfinite(self.low).all(axis=1))
+
+    @cached_property
+    def _boxes(self) -> shapely.STRtree:
+        """The boxes of what has a surface, from above."""
+        low, high = self.low[self._with_surface], self.high[self._with_surface]
+        return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
 
 
 def chart_ids(charts: Charts, names: Sequence[str]) -> np.ndarray:
@@ -138,4 +151,6 @@ def _lines_near(streets: Sequence[Street], cameras: Sequence[Viewpoint], reach: 
     places = shapely.points(np.array([camera.position[:2] for camera in cameras]).reshape(-1, 2))
     tree = shapely.STRtree(shapely.linestrings(segments.reshape(-1, 2, 2)))
     camera, near = tree.query(places, predicate="dwithin", distance=reach)
-    return [segments[np.sort(near[camera == index])] for index in range(len(cameras))]
+    order = np.lexsort((near, camera))
+    ends = np.searchsorted(camera[order], np.arange(len(cameras) + 1))
+    return [segments[near[order[first:last]]] for first, last in pairwise(ends.tolist())]

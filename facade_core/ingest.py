@@ -15,9 +15,10 @@ from facade_core.geometry.packing import Places, pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import terrain_of
+from facade_core.grouping import Grouped
 from facade_core.identity import chart_ids, look_around, things_of
 from facade_core.plan import Plan, Sightings
-from facade_core.rectify import sightings
+from facade_core.rectify import REACH_M, sightings
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Elevation, Pose, Street
 
@@ -81,7 +82,7 @@ def ingest(
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
-    facades = find_facades(scene, buildings, cameras, seen, len(streets), storey)
+    facades = find_facades(scene, buildings, cameras, seen, storey)
     on_ground = tuple(
         replace(pose, z=float(terrain.height(np.array([[pose.x, pose.y]]))[0]) + height) if pose.z is None else pose
         for pose in poses
@@ -110,11 +111,18 @@ def ingest(
 
 
 def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Sightings:
-    found = [
-        (facade, sighting.panorama, sighting.seen, sighting.pixels_per_metre)
-        for facade, chart in enumerate(facades.chart.tolist() if poses else [])
-        for sighting in sightings(scene, chart, poses, sizes)
-    ]
+    charts = scene.charts
+    middle = charts.at_shares(facades.chart, np.array([[0.5, 0.5]]))[:, 0, :2]
+    # the points that are looked for lie on the chart: as far from its middle as its diagonal is long, at most
+    reach = REACH_M + 2 * np.hypot(*charts.size[facades.chart].T)
+    places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
+    facade, pose = places.query(shapely.points(middle), predicate="dwithin", distance=reach)
+    near = Grouped(facade)
+    found = []
+    for index, chart in enumerate(facades.chart.tolist()):
+        of = np.sort(pose[near.of(index)]).tolist()
+        for sighting in sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of]):
+            found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]
     return Sightings(
         np.array(columns[0], np.int32),

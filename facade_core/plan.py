@@ -9,6 +9,7 @@ import numpy as np
 
 from facade_core.facades import Facades
 from facade_core.geometry.streets import Viewpoint
+from facade_core.grouping import Grouped
 from facade_core.identity import Things, things_of
 from facade_core.street.scene import Scene
 from facade_core.types import Pose, Street
@@ -28,7 +29,11 @@ class Sightings:
 
     def of(self, facade: int) -> np.ndarray:
         """The panoramas that show a facade, best first."""
-        return self.panorama[self.facade == facade]
+        return self.panorama[self._of_facade.of(facade)]
+
+    @cached_property
+    def _of_facade(self) -> Grouped:
+        return Grouped(self.facade)
 
 
 @dataclass(frozen=True)
@@ -64,28 +69,76 @@ class Plan:
 
     def textured_buildings(self) -> tuple[int, ...]:
         """The buildings that have textures of their own besides those on facades."""
-        others = self.textured.copy()
-        others[self.facades.chart] = False
-        return tuple(np.unique(self.scene.charts.building[others]).tolist())
+        return self._textured_buildings
+
+    @cached_property
+    def _textured_buildings(self) -> tuple[int, ...]:
+        return tuple(np.unique(self.scene.charts.building[self._own_charts]).tolist())
 
     def own_charts(self, building: int) -> list[int]:
         """The charts of a building, its facades aside, that have textures of their own."""
-        mine = self.textured & (self.scene.charts.building == building)
-        mine[self.facades.chart] = False
-        return np.flatnonzero(mine).tolist()
+        return self._own_charts[self._own_by_building.of(building)].tolist()
+
+    @cached_property
+    def _own_charts(self) -> np.ndarray:
+        """The charts (k,) with textures of their own that are no facades."""
+        others = self.textured.copy()
+        others[self.facades.chart] = False
+        return np.flatnonzero(others)
+
+    @cached_property
+    def _own_by_building(self) -> Grouped:
+        return Grouped(self.scene.charts.building[self._own_charts])
+
+    @cached_property
+    def street_of_viewpoints(self) -> np.ndarray:
+        """The street of every viewpoint, (viewpoints,) int64."""
+        return np.array([viewpoint.street for viewpoint in self.viewpoints], np.int64)
 
     def of_street(self, street: int) -> list[Viewpoint]:
         """A street's viewpoints in their order."""
-        return [viewpoint for viewpoint in self.viewpoints if viewpoint.street == street]
+        return [self.viewpoints[row] for row in self._by_street.of(street).tolist()]
+
+    @cached_property
+    def _by_street(self) -> Grouped:
+        return Grouped(self.street_of_viewpoints)
 
     @cached_property
     def street_charts(self) -> np.ndarray:
         """Pairs of street and chart, (k, 2) int64, sorted: what the viewpoints of each street show."""
-        return np.unique(np.column_stack([self.street_of_views(), self.views[:, 1]]), axis=0)
+        return np.unique(np.column_stack([self.street_of_viewpoints[self.views[:, 0]], self.views[:, 1]]), axis=0)
 
-    def street_of_views(self) -> np.ndarray:
-        """The street of every row of views, (k,) int64."""
-        return np.array([v.street for v in self.viewpoints], np.int64)[self.views[:, 0]]
+    def charts_of_street(self, street: int) -> np.ndarray:
+        """The charts (k,) int64 that the viewpoints of a street show, ascending."""
+        return self.street_charts[self._charts_by_street.of(street), 1]
+
+    @cached_property
+    def _charts_by_street(self) -> Grouped:
+        return Grouped(self.street_charts[:, 0])
+
+    def streets_of_charts(self, charts: np.ndarray) -> np.ndarray:
+        """The rows (k, 2) of street_charts that are of some charts (n,)."""
+        return self.street_charts[self._streets_by_chart.of_any(charts)]
+
+    @cached_property
+    def _streets_by_chart(self) -> Grouped:
+        return Grouped(self.street_charts[:, 1])
+
+    def charts_of_viewpoint(self, viewpoint: int) -> np.ndarray:
+        """The charts (k,) int32 that a viewpoint shows, ascending."""
+        return self.views[self._charts_by_viewpoint.of(viewpoint), 1]
+
+    @cached_property
+    def _charts_by_viewpoint(self) -> Grouped:
+        return Grouped(self.views[:, 0])
+
+    def views_of_charts(self, charts: np.ndarray) -> np.ndarray:
+        """The rows (k, 2) of views that are of some charts (n,)."""
+        return self.views[self._views_by_chart.of_any(charts)]
+
+    @cached_property
+    def _views_by_chart(self) -> Grouped:
+        return Grouped(self.views[:, 1])
 
     def texels(self) -> np.ndarray:
         """Texels of every chart, (charts,) int64."""

@@ -7,6 +7,8 @@ from functools import cached_property
 
 import numpy as np
 
+from facade_core.grouping import Grouped
+
 KINDS = ("wall", "roof", "ground", "window", "door", "ceiling")
 WALL, ROOF, GROUND, WINDOW, DOOR, CEILING = range(6)
 # A surface that leans less than this from the horizontal (sine) has its chart's right to the east, as a flat one.
@@ -93,6 +95,14 @@ class Mesh:
             object.__setattr__(self, "texture", np.full(len(self.triangles), -1, np.int32))
         if self.uv is None:
             object.__setattr__(self, "uv", np.zeros((len(self.triangles), 3, 2), np.float32))
+
+    def triangles_of(self, chart: int) -> np.ndarray:
+        """The triangles (k,) of a chart, ascending."""
+        return self._by_chart.of(chart)
+
+    @cached_property
+    def _by_chart(self) -> Grouped:
+        return Grouped(self.chart)
 
     def chart_coordinates(self, charts: Charts) -> np.ndarray:
         """Each vertex in its chart's frame: (v, 2) metres, x right and y down."""

@@ -2,11 +2,12 @@
 
 from facade_core.rectify.fusion import Fused, View, fuse_views
 from facade_core.rectify.own_texture import own_texture
-from facade_core.rectify.panorama import Sighting, rectify_view, sightings
+from facade_core.rectify.panorama import REACH_M, Sighting, rectify_view, sightings
 from facade_core.rectify.photo import Rectified, rectify
 from facade_core.rectify.refinement import Refined, refine_pose
 
 __all__ = [
+    "REACH_M",
     "Fused",
     "Rectified",
     "Refined",

@@ -28,7 +28,7 @@ def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> t
     mesh, charts = scene.mesh, scene.charts
     shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
     rgb, covered = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.bool_)
-    triangles = np.flatnonzero(mesh.chart == chart)
+    triangles = mesh.triangles_of(chart)
     corners = mesh.vertices[mesh.triangles[triangles]] - charts.origin[chart]
     flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]]) * scene.spec.texels_per_metre
     texture = np.where(np.isfinite(mesh.uv[triangles]).all(axis=(1, 2)), mesh.texture[triangles], -1)

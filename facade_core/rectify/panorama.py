@@ -22,6 +22,8 @@ SKIN_M = 0.05
 LEAST_SEEN = 0.02
 # Points of a chart that are looked at, per axis.
 SAMPLES = (12, 8)
+# Panoramas farther than this do not show a chart, metres.
+REACH_M = 150.0
 # Texels between the rays that look for what hides a chart, before its outline is followed texel by texel.
 SPARSE = 4
 # Rays cast at once, which bounds memory.
@@ -46,7 +48,7 @@ def sightings(
     poses: Sequence[Pose],
     image_sizes: Sequence[tuple[int, int]],
     *,
-    reach: float = 150.0,
+    reach: float = REACH_M,
 ) -> list[Sighting]:
     """Panoramas that show a chart within `reach` metres, best first; image_sizes are (height, width) in pixels.
 
@@ -175,7 +177,7 @@ def _grid(scene: Scene, chart: int) -> np.ndarray:
     charts, mesh = scene.charts, scene.mesh
     at = np.stack(np.meshgrid(*((np.arange(n) + 0.5) / n for n in SAMPLES)), axis=-1).reshape(-1, 2)
     at = at * charts.size[chart]
-    corners = mesh.vertices[mesh.triangles[mesh.chart == chart]] - charts.origin[chart]
+    corners = mesh.vertices[mesh.triangles[mesh.triangles_of(chart)]] - charts.origin[chart]
     flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]])
     edge = np.roll(flat, -1, axis=1) - flat
     to = at[:, None, None] - flat

@@ -3,7 +3,7 @@ before it; the street's texels on all of them."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +17,9 @@ from tasks.keys.stage_code import stage_code
 from tasks.keys.units import parts_key
 from tasks.run import Run
 
+# The records of some units (n,) of a stage, in that order.
+_Read = Callable[[str, np.ndarray], list[Record | None]]
+
 # Settings that streets' texels depend on.
 SETTINGS = ("texels_per_metre", "panorama_width", "levelling", "translator")
 
@@ -29,23 +32,32 @@ class StreetKeys:
     viewpoints: tuple[str, ...]
 
 
-def street_keys(run: Run, plan: Plan, group: StoreGroup, street: int) -> StreetKeys:
-    """The keys of a street as the journal stands, when those of earlier waves and all that seed are done."""
+def street_keys(
+    run: Run, plan: Plan, group: StoreGroup, street: int, journals: Mapping[str, Sequence[Record | None]] | None = None
+) -> StreetKeys:
+    """The keys of a street as the journal stands, when those of earlier waves and all that seed are done.
+
+    journals: those of textures, facades and viewpoints, where they were read as a whole, for one who asks for many streets.
+    """
+
+    def records(stage: str, units: np.ndarray) -> list[Record | None]:
+        return [journals[stage][unit] for unit in units.tolist()] if journals else read_records(group, stage, units)
+
     viewpoints = plan.of_street(street)
     code, settings = stage_code("streets", neural=run.texture.translator == "neural"), _settings(run, plan)
-    charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
-    seeds = _seeds(plan, group, charts)
+    charts = plan.charts_of_street(street)
+    seeds = _seeds(plan, records, charts)
     known = latest_digests(seeds, [])
-    names = [f"{number:016x}" for number in plan.ids.tolist()]
-    shown = [np.unique(plan.views[plan.views[:, 0] == v.id, 1]) for v in viewpoints]
-    earlier, passed = _earlier(plan, group, street, charts)
+    names = {chart: f"{number:016x}" for chart, number in zip(charts.tolist(), plan.ids[charts].tolist(), strict=True)}
+    shown = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
+    earlier, passed = _earlier(plan, records, street, charts)
 
     key = unit_key(code, settings)
     chain: list[str] = []
     views, read, passes = [], [], []
     for viewpoint, seen in zip(viewpoints, shown, strict=True):
-        views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]])])
-        read.append(sorted((names[c], known[names[c]]) for c in seen if names[c] in known))
+        views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
+        read.append(sorted((names[c], known[names[c]]) for c in seen.tolist() if names[c] in known))
         blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
         passes.append([[plan.looks[v], passed[v]] for v in blended.tolist()])
         key = unit_key(key, views[-1], read[-1], passes[-1])
@@ -71,27 +83,23 @@ def _settings(run: Run, plan: Plan) -> dict[str, Any]:
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 
-def _seeds(plan: Plan, group: StoreGroup, charts: np.ndarray) -> list[Record | None]:
+def _seeds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
     """The records of those who seeded the buildings of some charts, in the order in which they wrote."""
     buildings = np.unique(plan.scene.charts.building[charts])
     textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
     facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
-    return read_records(group, "textures", textures) + read_records(group, "facades", facades)
+    return records("textures", textures) + records("facades", facades)
 
 
-def _earlier(
-    plan: Plan, group: StoreGroup, street: int, charts: np.ndarray
-) -> tuple[np.ndarray, dict[int, str | None]]:
+def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tuple[np.ndarray, dict[int, str | None]]:
     """Pairs (k, 2) of a viewpoint of an earlier wave and a chart that it shows and this street writes, and by viewpoint the
     digest of what it passes on, None where it is not done."""
-    of_street = plan.street_of_views()
-    before = (plan.wave[of_street] < plan.wave[street]) & np.isin(plan.views[:, 1], charts[plan.writable[charts]])
-    pairs = plan.views[before]
+    pairs = plan.views_of_charts(charts[plan.writable[charts]])
+    pairs = pairs[plan.wave[plan.street_of_viewpoints[pairs[:, 0]]] < plan.wave[street]]
     viewpoints = np.unique(pairs[:, 0]).astype(np.int64)
-    records = read_records(group, "viewpoints", viewpoints)
     return pairs, {
         viewpoint: record["passes"] if record else None
-        for viewpoint, record in zip(viewpoints.tolist(), records, strict=True)
+        for viewpoint, record in zip(viewpoints.tolist(), records("viewpoints", viewpoints), strict=True)
     }
 
 
@@ -104,9 +112,8 @@ def _seeding(plan: Plan, seeds: Sequence[Record | None], charts: np.ndarray) -> 
 
 def _later(plan: Plan, street: int, charts: np.ndarray) -> list[list[str]]:
     """Which charts of the street others write in later waves: one that they write no longer is this street's again."""
-    pairs = plan.street_charts
-    shared = (plan.wave[pairs[:, 0]] > plan.wave[street]) & np.isin(pairs[:, 1], charts[plan.writable[charts]])
+    pairs = plan.streets_of_charts(charts[plan.writable[charts]])
     found: dict[int, set[str]] = {}
-    for other, chart in pairs[shared].tolist():
+    for other, chart in pairs[plan.wave[pairs[:, 0]] > plan.wave[street]].tolist():
         found.setdefault(other, set()).add(f"{plan.ids[chart]:016x}")
     return sorted(sorted(ids) for ids in found.values())

@@ -138,7 +138,7 @@ def _own(plan: Plan, charts: Sequence[int], textures: Sequence[Path]) -> list[An
     mesh = plan.scene.mesh
     found = []
     for chart in charts:
-        mine = mesh.chart == chart
+        mine = mesh.triangles_of(chart)
         pictures = [file_digest(textures[i]) if i >= 0 else None for i in mesh.texture[mine].tolist()]
         shape = mesh.vertices[mesh.triangles[mine]].tobytes() + mesh.uv[mine].tobytes()
         found.append([f"{plan.ids[chart]:016x}", blake2b(shape, digest_size=8).hexdigest(), pictures])

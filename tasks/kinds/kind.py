@@ -78,5 +78,6 @@ def same_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) ->
     """Units with the same key as a record, else with the same name, new -> old. The latter are due, and known for why."""
     keys = {record["key"]: i for i, record in enumerate(records) if record}
     found = {unit.index: keys[unit.key] for unit in units if unit.key in keys}
-    names = {record["unit"]: i for i, record in enumerate(records) if record and i not in found.values()}
+    taken = set(found.values())
+    names = {record["unit"]: i for i, record in enumerate(records) if record and i not in taken}
     return found | {u.index: names[u.name] for u in units if u.index not in found and u.name in names}

@@ -14,11 +14,13 @@ def _same_streets(change: Change) -> dict[int, int]:
     lines = {street.line.wkb: i for i, street in reversed(list(enumerate(before)))}
     names = {street.id: i for i, street in enumerate(before)}
     again: dict[int, int] = {}
+    taken: set[int] = set()
     for by in (lambda s: lines.get(s.line.wkb), lambda s: names.get(s.id)):
         for index, street in enumerate(after):
             match = by(street)
-            if index not in again and match is not None and match not in again.values():
+            if index not in again and match is not None and match not in taken:
                 again[index] = match
+                taken.add(match)
     return again
 
 

@@ -17,6 +17,7 @@ from catalogs.block.sources import sources_of
 from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
 from facade_core.export.footprints import footprints
 from facade_core.export.models import textured_scene
+from facade_core.grouping import Grouped
 from facade_core.layout.model import SHIPPED as LAYOUTS
 from facade_core.parse.network import SHIPPED as NETWORK
 from facade_core.plan import Plan
@@ -109,11 +110,11 @@ def block_facts(
 
 def street_facts(plan: Plan, streets: Records, viewpoints: Records) -> list[StreetFacts]:
     """All streets of a block, by their journal records and those of their viewpoints."""
-    street_of = np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64)
+    viewpoints_of = Grouped(np.array([viewpoint.street for viewpoint in plan.viewpoints], np.int64))
     writable = plan.street_texels()[:, 1].tolist()
     found = []
     for index, (street, record) in enumerate(zip(plan.streets, streets, strict=True)):
-        own = np.flatnonzero(street_of == index).tolist()
+        own = viewpoints_of.of(index).tolist()
         made = [seen for viewpoint in own if (seen := viewpoints[viewpoint]) and seen["status"] == "done"]
         state = record["status"] if record else "waiting" if own else "unseen"
         texels = (record or {}).get("texels")

@@ -190,12 +190,18 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
     """The streets that are due and why, and how many more are where others change what they share; seeded: the charts that are
     seeded again."""
     records = read_journal(group, "streets")
-    pairs = plan.street_charts
+    journals = {stage: read_journal(group, stage) for stage in ("textures", "facades", "viewpoints")}
     due: dict[int, str] = {}
     following: set[int] = set()
-    for street in sorted(np.unique(pairs[:, 0]).tolist(), key=lambda s: (int(plan.wave[s]), s)):
-        charts = pairs[pairs[:, 0] == street, 1]
-        key = street_keys(run, plan, group, street).street
+    # charts that streets of earlier waves which are due, or follow one that is, show; and those of the wave at hand
+    earlier, wave = np.zeros(len(plan.ids), bool), -1
+    of_wave: list[np.ndarray] = []
+    for street in sorted(np.unique(plan.street_charts[:, 0]).tolist(), key=lambda s: (int(plan.wave[s]), s)):
+        if plan.wave[street] != wave:
+            earlier[np.concatenate([np.zeros(0, np.int64), *of_wave])] = True
+            of_wave, wave = [], int(plan.wave[street])
+        charts = plan.charts_of_street(street)
+        key = street_keys(run, plan, group, street, journals).street
         record = records[street]
         if record is None:
             due[street] = NEW
@@ -209,10 +215,10 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
             due[street] = FOLLOW
         elif record["status"] != "done":
             due[street] = AGAIN
-        else:
-            before = pairs[np.isin(pairs[:, 0], [*due, *following]) & (plan.wave[pairs[:, 0]] < plan.wave[street]), 1]
-            if plan.writable[np.intersect1d(charts, before)].any():
-                following.add(street)
+        elif (plan.writable[charts] & earlier[charts]).any():
+            following.add(street)
+        if street in due or street in following:
+            of_wave.append(charts)
     return due, len(following)
 
 

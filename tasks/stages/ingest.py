@@ -135,14 +135,14 @@ def _notes(block: Block, plan: Plan) -> list[str]:
 
 
 def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:
-    streets = np.array([v.street for v in plan.viewpoints], np.int64)
-    per_street = np.bincount(streets, minlength=len(plan.wave)).tolist()
+    per_street = np.bincount(plan.street_of_viewpoints, minlength=len(plan.wave)).tolist()
+    waves: list[list[int]] = [[] for _ in range(int(plan.wave.max(initial=-1)) + 1)]
+    for street, wave in enumerate(plan.wave.tolist()):
+        if per_street[street]:
+            waves[wave].append(street)
     return Outline(
         streets=tuple(street.name or street.id for street in plan.streets),
-        waves=tuple(
-            tuple(s for s in range(len(plan.wave)) if plan.wave[s] == wave and per_street[s])
-            for wave in range(int(plan.wave.max(initial=-1)) + 1)
-        ),
+        waves=tuple(map(tuple, waves)),
         viewpoints=tuple(per_street),
         windows=tuple((read, written) for read, written in plan.street_texels().tolist()),
         set_aside=tuple(map(tuple, root.attrs["set_aside"])),

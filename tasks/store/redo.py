@@ -72,7 +72,7 @@ def chosen_streets(run: Run, only: str | None) -> frozenset[int] | None:
 
 def street_chunks(plan: Plan, street: int) -> tuple[frozenset[str], frozenset[str]]:
     """The chunks that a street reads, and those of them that it writes, as "page/row/column"."""
-    charts = plan.street_charts[plan.street_charts[:, 0] == street, 1]
+    charts = plan.charts_of_street(street)
     spec, placement = plan.scene.spec, plan.scene.placement
     reads, writes = set(), set()
     for chart in charts.tolist():

@@ -20,6 +20,7 @@ from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, 
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FormatError
 from facade_core.geometry.packing import Placement
+from facade_core.grouping import Grouped
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
 from tasks.kinds.order import STAGES, read_journals
@@ -219,12 +220,13 @@ def _over_other_viewpoints(
 ) -> list[int]:
     """Streets that are done, and one of whose viewpoints is not, or is another than the street was made of."""
     street_of = open_table(session, "viewpoints").street.values
-    held = [None if i in set(lost) or not _done(record) else record for i, record in enumerate(viewpoints)]
+    viewpoints_of, away = Grouped(street_of), set(lost)
+    held = [None if i in away or not _done(record) else record for i, record in enumerate(viewpoints)]
     found = []
     for street, record in enumerate(streets):
         if record is None or not _done(record):
             continue
-        keys = [one["key"] if (one := held[v]) else None for v in np.flatnonzero(street_of == street)]
+        keys = [one["key"] if (one := held[v]) else None for v in viewpoints_of.of(street).tolist()]
         if None in keys or record.get("chain", unit_key(keys)) != unit_key(keys):
             found.append(street)
     return found

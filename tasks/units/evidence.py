@@ -68,7 +68,7 @@ def evidence_of(
         return Evidence(image, hidden, ~hidden, imagery.photo.name)
     if source == "panoramas":
         return _of_panoramas(plan, chart, size, imagery, refused)
-    images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.chart == chart], refused)
+    images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.triangles_of(chart)], refused)
     image, covered = own_texture(plan.scene, chart, images)
     if covered.mean() < SHOWN:
         return None

@@ -138,8 +138,8 @@ def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarra
 
     Those are blended of more views than this street's, or will be once that street is done again too.
     """
-    pairs = plan.street_charts
-    pairs = pairs[(plan.wave[pairs[:, 0]] > plan.wave[street]) & np.isin(pairs[:, 1], charts)]
+    pairs = plan.streets_of_charts(charts)
+    pairs = pairs[plan.wave[pairs[:, 0]] > plan.wave[street]]
     later = np.unique(pairs[:, 0])
     records = dict(zip(later.tolist(), read_records(group, "streets", later), strict=True))
     held = [
@@ -179,16 +179,15 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: in
     one of its charts, then the street's own."""
     scene = plan.scene
     viewpoints = plan.of_street(street)
-    is_own = np.isin(plan.views[:, 0], [v.id for v in viewpoints])
-    charts = np.unique(plan.views[is_own, 1])
+    charts = plan.charts_of_street(street)
     rasters, writable = Window.layout(scene.placement, charts[plan.writable[charts]], charts)
     seed, evidence = (
         read_rasters(group[f"atlas/{name}"], scene.placement, rasters) for name in ("seed", "seed_evidence")
     )
     window = Window.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
-    shows = np.unique(plan.views[np.isin(plan.views[:, 1], writable), 0])
-    shows = np.array([v for v in shows if plan.wave[plan.viewpoints[v].street] < plan.wave[street]], np.int64)
+    shows = np.unique(plan.views_of_charts(writable)[:, 0]).astype(np.int64)
+    shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]
     records = read_records(group, "viewpoints", shows)
     earlier = [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
     for viewpoint in [*earlier, *viewpoints[:step]]:

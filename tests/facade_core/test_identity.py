@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,8 @@ import shapely
 
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
-from facade_core.types import Building, Street
+from facade_core.rectify import sightings
+from facade_core.types import Building, Pose, Street
 
 
 def house(name: str, x: float, y: float, height: float = 8.0) -> Building:
@@ -25,12 +27,16 @@ STREETS = [
 ]
 
 
-def plan(houses: list[Building], streets: list[Street] = STREETS, last: Plan | None = None) -> Plan:
+def plan(
+    houses: list[Building], streets: list[Street] = STREETS, last: Plan | None = None, poses: Sequence[Pose] = ()
+) -> Plan:
     from facade_core.geometry.packing import Places
 
     return ingest(
         houses,
         streets,
+        poses=poses,
+        panorama_sizes=[(256, 512)] * len(poses),
         texels_per_metre=4,
         spacing=6.0,
         height=2.5,
@@ -105,3 +111,37 @@ def test_things_are_found_by_their_boxes(before: Plan) -> None:
     assert found == [f"{int(before.things.digest[2]):016x}"]
     above = low + np.array([0, 0, 50])
     assert before.things.within(above, above + 2) == []
+
+
+def test_things_within_a_box_are_those_whose_boxes_meet_it(before: Plan) -> None:
+    things = before.things
+    first, last = things.low.min(axis=0), things.high.max(axis=0)
+    rng = np.random.default_rng(4)
+    corners = [rng.uniform(first - 5, last + 5) for _ in range(80)] + [
+        *things.high,
+        *things.low,
+    ]  # boxes that touch too
+    for low in corners:
+        high = low + rng.uniform(0, 30, 3)
+        meet = (things.low <= high).all(axis=1) & (things.high >= low).all(axis=1)
+        assert things.within(low, high) == sorted(f"{digest:016x}" for digest in things.digest[meet].tolist())
+    assert len(things.within(first, np.array([*last[:2], np.inf]))) == len(things.digest)
+
+
+def test_panoramas_of_facades_are_those_of_all_poses() -> None:
+    rng = np.random.default_rng(5)
+    middle = np.array([EAST, NORTH])
+    poses = [Pose(*(middle + rng.uniform(-400, 400, 2)), 2.5, float(rng.uniform(0, 360))) for _ in range(60)]
+    found = plan(HOUSES, poses=poses)
+    wanted = [
+        (facade, one.panorama, one.seen, one.pixels_per_metre)
+        for facade, chart in enumerate(found.facades.chart.tolist())
+        for one in sightings(found.scene, chart, found.poses, [(256, 512)] * len(poses))
+    ]
+    shown = found.sightings
+    columns = (shown.facade, shown.panorama, shown.seen, shown.pixels_per_metre)
+    assert list(zip(*(column.tolist() for column in columns), strict=True)) == wanted
+    assert 5 < len(wanted) < len(poses) * len(found.facades)
+    assert [len(shown.of(facade)) for facade in range(len(found.facades))] == [
+        sum(one[0] == facade for one in wanted) for facade in range(len(found.facades))
+    ]

@@ -1,0 +1,26 @@
+"""Grouped of a table by a value in one of its columns, found without looking at the others."""
+
+from __future__ import annotations
+
+import numpy as np
+
+
+class Grouped:
+    """A column (n,) of integers by value: the rows that comparing the whole column would select, in their order."""
+
+    def __init__(self, column: np.ndarray) -> None:
+        self._order = np.argsort(column, kind="stable")
+        self._values = column[self._order].astype(np.int64)  # as asked for: nothing is converted at each question
+
+    def of(self, value: int) -> np.ndarray:
+        """The rows (k,) that hold a value, ascending."""
+        first, last = np.searchsorted(self._values, (value, value + 1))
+        return self._order[first:last]
+
+    def of_any(self, values: np.ndarray) -> np.ndarray:
+        """The rows (k,) that hold any of some values (v,), ascending; a value counts once."""
+        values = np.unique(values)
+        first, last = (np.searchsorted(self._values, values, side) for side in ("left", "right"))
+        count = last - first
+        at = np.repeat(first - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
+        return np.sort(self._order[at])
