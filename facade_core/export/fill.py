@@ -69,7 +69,8 @@ def _painted(scene: Scene, swatches: Swatches, chart: int, size: tuple[int, int]
     columns = np.arange(-(-width // STRIDE)) * STRIDE + STRIDE / 2
     points = raster_points(scene, chart, rows, columns)
     owner = np.full(points.shape[0] * points.shape[1], chart)
-    swatch = swatches.colour(owner, points.reshape(-1, 3)).reshape(*points.shape[:2], 3)
+    footprint = np.full(len(owner), STRIDE / scene.spec.texels_per_metre)
+    swatch = swatches.materials.colour(owner, points.reshape(-1, 3), footprint).reshape(*points.shape[:2], 3)
     painted = cv2.resize(swatch, (width, height), interpolation=cv2.INTER_LINEAR)
     if aerial is not None and scene.charts.kind[chart] == GROUND:
         rgb, known = from_above(scene, chart, aerial)

@@ -2,6 +2,7 @@
 
 from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street.blend import BlendState, add_views, blend
+from facade_core.street.field import Materials
 from facade_core.street.propagate import propagate
 from facade_core.street.render import Panorama, render
 from facade_core.street.scene import Scene
@@ -10,6 +11,7 @@ from facade_core.street.window import Window
 
 __all__ = [
     "BlendState",
+    "Materials",
     "Panorama",
     "Scene",
     "Swatches",

@@ -10,7 +10,7 @@ from facade_core.atlas import UNSEEN, AtlasSpec
 from facade_core.export import fill_unseen
 from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import GROUND, ROOF
-from facade_core.street import Scene, Swatches
+from facade_core.street import Materials, Scene, Swatches
 from facade_core.street.overhead import from_above, raster_points, shown_from_above
 from facade_core.street.tiled import Material
 from facade_core.types import Building, Street
@@ -92,10 +92,11 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
 
 def test_roofs_take_their_material_and_nothing_else_does(scene: Scene) -> None:
     green = Material.of(np.full((32, 32, 3), (20, 220, 30), np.uint8), 0.05, DENSITY)
-    plain, laid = Swatches(scene, [STREET], seed=0), Swatches(scene, [STREET], seed=0, roof_material=green)
+    plain, laid = Materials(scene, [STREET], seed=0), Materials(scene, [STREET], seed=0, roof_material=green)
     charts = np.arange(len(scene.charts))
     points = scene.charts.origin + scene.charts.axis_u + scene.charts.axis_v
-    before, after = plain.colour(charts, points), laid.colour(charts, points)
+    footprint = np.full(len(charts), 1 / DENSITY)
+    before, after = plain.colour(charts, points, footprint), laid.colour(charts, points, footprint)
     roofs = scene.charts.kind == ROOF
     assert (after[roofs, 1] > 2 * after[roofs, 0].astype(int)).all()
     assert not (before[roofs] == after[roofs]).all(axis=1).any()
