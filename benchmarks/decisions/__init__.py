@@ -29,6 +29,7 @@ DECISIONS = {
     "determinism": "0018-same-input-same-bits",
     "ranks": "0019-who-wins-on-a-texel",
     "publishing": "0020-published-by-snapshot",
+    "manifests": "0045-what-a-city-costs",
 }
 
 

@@ -22,6 +22,10 @@ BRANCH = "main"
 # It warns at every opening that local folders are unsafe for concurrent commits; one process commits, behind a lock.
 icechunk.set_logs_filter("off")
 
+# Units, and pages of the atlas, that one manifest lists: a commit writes those that it touches anew, and in its snapshot a line
+# for each that there is (ADR 0045).
+UNITS_A_MANIFEST, PAGES_A_MANIFEST = 64, 4
+
 # The local file system has no compare-and-swap: of two threads that move a branch at once, one commit is lost without an error.
 _committing = Lock()
 
@@ -52,6 +56,23 @@ class Repository(icechunk.Repository):
         return session
 
 
+def configuration(units: int, pages: int) -> icechunk.RepositoryConfig:
+    """How a store is opened whose manifests list so many units, or pages, each.
+
+    It is given at every opening, and not kept in the store: there it would be one more file without which a store is lost. What
+    was written otherwise is read as it is, and written so by the first commit that touches it.
+    """
+    array, along = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
+    splitting: dict[icechunk.ManifestSplitCondition, Any] = {
+        array.path_matches("^/(journal|hierarchies|panoramas)/"): {along.Axis(0): units},
+        array.AnyArray(): {along.DimensionName("page"): pages},
+    }
+    # Icechunk reads small manifests ahead, of which a session needs few: for that it takes longer than for a commit
+    ahead = icechunk.ManifestPreloadConfig(max_total_refs=0, preload_if=icechunk.ManifestPreloadCondition.false())
+    manifests = icechunk.ManifestConfig(preload=ahead, splitting=icechunk.ManifestSplittingConfig.from_dict(splitting))
+    return icechunk.RepositoryConfig(manifest=manifests)
+
+
 def open_repository(path: Path, *, create: bool = False) -> Repository:
     """The repository in folder `path`. Raises StoreError when there is none (and `create` is False) or it is damaged."""
     if not create and not path.is_dir():  # the storage would make one, which a run takes for a store that lost all
@@ -60,7 +81,10 @@ def open_repository(path: Path, *, create: bool = False) -> Repository:
         raise LostStoreError(f"{path}: is no folder; remove it, and run again")
     storage = icechunk.local_filesystem_storage(str(path))
     try:
-        repository = cast(Repository, Repository.open_or_create(storage) if create else Repository.open(storage))
+        if create:
+            Repository.open_or_create(storage)
+        config = configuration(UNITS_A_MANIFEST, PAGES_A_MANIFEST)
+        repository = cast(Repository, Repository.open(storage, config))
     except icechunk.IcechunkError as error:
         raise StoreError(
             f"{path}: no usable store ({str(error).splitlines()[0]}); run the block first, or remove it"

@@ -140,3 +140,10 @@ def test_by_rank_no_order_matters() -> None:
 def test_readers_of_a_snapshot_never_see_two() -> None:
     seen = quick("publishing")
     assert seen["by_snapshot"]["reads"] == seen["by_snapshot"]["whole"] > 0
+
+
+def test_split_manifests_make_commits_small() -> None:
+    whole, split = quick("manifests")["60"].values()
+    for unit in ("facade", "viewpoint"):
+        assert 0 < split[unit]["kb"] < whole[unit]["kb"]
+    assert split["manifests"] > whole["manifests"]

@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import json
 import pickle
 from pathlib import Path
 
+import icechunk
 import numpy as np
 import pytest
 import xarray as xr
@@ -32,7 +34,7 @@ from facade_core.atlas import (
     write_record,
 )
 from facade_core.atlas.journal import forget_record, read_records
-from facade_core.atlas.store import new_root
+from facade_core.atlas.store import PAGES_A_MANIFEST, new_root, open_root
 from facade_core.errors import StoreError
 from facade_core.geometry import pack
 
@@ -215,3 +217,60 @@ def test_no_store_is_one_line_with_a_remedy(tmp_path: Path) -> None:
 def test_unusable_specs(wrong: dict) -> None:
     with pytest.raises(StoreError):
         AtlasSpec(**({"pages": 1, "texels_per_metre": 20.0} | wrong))
+
+
+PAGES = 2 * PAGES_A_MANIFEST + 1
+
+
+def _pages(repository: icechunk.Repository, count: int, *, written: slice = slice(None)) -> None:
+    """A byte of every page that is written: its number, and one."""
+    session = repository.writable_session("main")
+    group = open_root(session)
+    if "atlas/seed" in group:
+        group["atlas/seed"].resize((count, 4))
+    else:
+        names = ("page", "y")
+        group.create_array("atlas/seed", shape=(count, 4), chunks=(1, 4), dtype="uint8", dimension_names=names)
+    group["atlas/seed"][written] = (np.arange(count, dtype=np.uint8)[:, None] + 1)[written]
+    session.commit("pages", rebase_with=icechunk.ConflictDetector())
+
+
+def _manifests(repository: icechunk.Repository) -> list[list[int]]:
+    """From and to which page each manifest of the pages lists them, at the newest snapshot."""
+    snapshot = json.loads(repository.inspect_snapshot(repository.lookup_branch("main")))
+    node = next(node for node in snapshot["nodes"] if node["path"] == "/atlas/seed")
+    return sorted(one["extents"][0] for one in node["manifest_refs"])
+
+
+def _whole_manifests(path: Path) -> icechunk.Repository:
+    """A store as it was opened before manifests were split."""
+    return icechunk.Repository.open_or_create(icechunk.local_filesystem_storage(str(path)))
+
+
+def test_a_commit_writes_only_the_manifests_of_the_pages_that_it_touches(tmp_path: Path) -> None:
+    repository = open_repository(tmp_path / "store", create=True)
+    _pages(repository, PAGES)
+    assert _manifests(repository) == [[i, min(i + PAGES_A_MANIFEST, PAGES)] for i in range(0, PAGES, PAGES_A_MANIFEST)]
+    before = set((tmp_path / "store" / "manifests").iterdir())
+    _pages(repository, PAGES, written=slice(1))
+    assert len(set((tmp_path / "store" / "manifests").iterdir()) - before) == 1
+
+
+def test_how_manifests_are_split_is_no_file_that_a_store_could_lose(tmp_path: Path) -> None:
+    _pages(open_repository(tmp_path / "store", create=True), PAGES)
+    assert not (tmp_path / "store" / "config.yaml").exists()
+
+
+def test_a_store_with_whole_manifests_goes_on_with_split_ones_and_the_other_way_round(tmp_path: Path) -> None:
+    old = _whole_manifests(tmp_path / "store")
+    session = old.writable_session("main")
+    new_root(session).attrs["format"] = 2
+    session.commit("root")
+    _pages(old, PAGES)
+    assert len(_manifests(old)) == 1
+    for opened, count in ((open_repository, PAGES + 5), (_whole_manifests, PAGES + 7), (open_repository, 3)):
+        before = open_root(open_repository(tmp_path / "store").readonly_session("main"))["atlas/seed"].shape[0]
+        _pages(opened(tmp_path / "store"), count, written=slice(before, None))
+        held = open_root(open_repository(tmp_path / "store").readonly_session("main"))["atlas/seed"][:]
+        assert held[:, 0].tolist() == list(range(1, count + 1))
+        assert (len(_manifests(old)) == 1) == (opened is _whole_manifests or count < PAGES_A_MANIFEST)
