@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -12,6 +13,27 @@ from facade_core.types import Street
 
 # Cells of the grid by which segments are found: this wide at least, metres, and so many at most.
 CELL_M, CELLS = 8.0, 1 << 20
+
+
+class Lines(NamedTuple):
+    """Segments on a grid, as kernels read them.
+
+    low (2,): the grid's corner, metres;
+    cell: a cell's side, metres;
+    shape (2,): cells across and up;
+    start (cells + 1,): where each cell's members begin;
+    member (m,): segments;
+    segments (k, 4): x0, y0, x1, y1;
+    reach: metres.
+    """
+
+    low: np.ndarray
+    cell: float
+    shape: np.ndarray
+    start: np.ndarray
+    member: np.ndarray
+    segments: np.ndarray
+    reach: float
 
 
 class Centrelines:
@@ -31,9 +53,14 @@ class Centrelines:
 
     def distance(self, points: np.ndarray) -> np.ndarray:
         """How far points (n, 2) are from the nearest centreline, metres, (n,); inf beyond the reach."""
-        return _nearest(
-            points, self._low, self._cell, self._shape, self._start, self._member, self._segments, self._reach
-        )
+        found = np.empty(len(points))
+        distances(np.ascontiguousarray(points[:, 0]), np.ascontiguousarray(points[:, 1]), self.lines, found)
+        return found
+
+    @property
+    def lines(self) -> Lines:
+        """What `distances` asks."""
+        return Lines(self._low, self._cell, self._shape, self._start, self._member, self._segments, self._reach)
 
     def _cells(self) -> np.ndarray:
         """Pairs (k, 2) of a cell and a segment within reach of it, sorted: by the boxes of pieces no longer than a cell."""
@@ -63,38 +90,30 @@ def _segments(streets: Sequence[Street]) -> np.ndarray:
     return np.column_stack([corners[:-1][same], corners[1:][same]])
 
 
-@njit(cache=True)
-def _nearest(
-    points: np.ndarray,
-    low: np.ndarray,
-    cell: float,
-    shape: np.ndarray,
-    start: np.ndarray,
-    member: np.ndarray,
-    segments: np.ndarray,
-    reach: float,
-) -> np.ndarray:
-    """Distances as GEOS computes them, in the order of its operations: the bits are those of shapely.distance."""
-    found = np.full(len(points), np.inf)
-    for i in range(len(points)):
-        x, y = points[i, 0], points[i, 1]
-        column, row = np.floor((x - low[0]) / cell), np.floor((y - low[1]) / cell)
-        if not (0 <= column < shape[0] and 0 <= row < shape[1]):
-            continue
-        here = int(row) * shape[0] + int(column)
+@njit(cache=True, nogil=True)
+def distances(x: np.ndarray, y: np.ndarray, lines: Lines, out: np.ndarray) -> None:
+    """How far places (n,) are from the nearest centreline, metres, inf beyond the reach, into out (n,).
+
+    As GEOS computes it, in the order of its operations: the bits are those of shapely.distance.
+    """
+    low_x, low_y, cell, wide, high = lines.low[0], lines.low[1], lines.cell, lines.shape[0], lines.shape[1]
+    start, member, segments, reach = lines.start, lines.member, lines.segments, lines.reach
+    for i in range(len(x)):
+        column, row = np.floor((x[i] - low_x) / cell), np.floor((y[i] - low_y) / cell)
         nearest = np.inf
-        for k in range(start[here], start[here + 1]):
-            ax, ay, bx, by = segments[member[k]]
-            dx, dy = bx - ax, by - ay
-            square = dx * dx + dy * dy
-            along = ((x - ax) * dx + (y - ay) * dy) / square if square > 0 else 0.0
-            if along <= 0:
-                away = np.sqrt((x - ax) * (x - ax) + (y - ay) * (y - ay))
-            elif along >= 1:
-                away = np.sqrt((x - bx) * (x - bx) + (y - by) * (y - by))
-            else:
-                away = np.abs(((ay - y) * dx - (ax - x) * dy) / square) * np.sqrt(square)
-            nearest = min(nearest, away)
-        if nearest <= reach:
-            found[i] = nearest
-    return found
+        if 0 <= column < wide and 0 <= row < high:
+            here = int(row) * wide + int(column)
+            for k in range(start[here], start[here + 1]):
+                m = member[k]
+                ax, ay, bx, by = segments[m, 0], segments[m, 1], segments[m, 2], segments[m, 3]
+                dx, dy = bx - ax, by - ay
+                square = dx * dx + dy * dy
+                along = ((x[i] - ax) * dx + (y[i] - ay) * dy) / square if square > 0 else 0.0
+                if along <= 0:
+                    away = np.sqrt((x[i] - ax) * (x[i] - ax) + (y[i] - ay) * (y[i] - ay))
+                elif along >= 1:
+                    away = np.sqrt((x[i] - bx) * (x[i] - bx) + (y[i] - by) * (y[i] - by))
+                else:
+                    away = np.abs(((ay - y[i]) * dx - (ax - x[i]) * dy) / square) * np.sqrt(square)
+                nearest = min(nearest, away)
+        out[i] = nearest if nearest <= reach else np.inf

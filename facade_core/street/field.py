@@ -6,20 +6,24 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from facade_core.geometry.charts import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW
+from facade_core.geometry.charts import DOOR, ROOF, WALL, WINDOW
+from facade_core.street import field_kernels as kernels
 from facade_core.street.centrelines import Centrelines
-from facade_core.street.materials import asphalt, glass, paving, plaster, roofing, soffit, tiling, wood
+from facade_core.street.field_kernels import BOARDS, LAID, PANE, PLASTER, SHEET, SOIL, TILE, UNDERSIDE, Field, Surfaces
+from facade_core.street.materials import CARRIAGEWAY_M, KERB_M, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
 from facade_core.street.render import shade
+from facade_core.street.sampling import Lights
 from facade_core.street.scene import Scene
 from facade_core.street.tiled import Material
 from facade_core.types import Street
 
-CARRIAGEWAY_M = 3.6
-KERB_M = 0.18
-# How far from a centreline the ground takes its colours from it: beyond, no distance is asked for.
-BESIDE_M = CARRIAGEWAY_M + 2 * KERB_M
+# How far from a centreline the ground takes its colours from it: beyond, no distance is asked for. An edge is soft over
+# twice what lies between it and there, at most.
+BESIDE_M = CARRIAGEWAY_M + KERB_M + 1.22
 # A roof whose normal leans more than this from the vertical (cosine) carries tiles.
 TILED = 0.985
+# What faces down counts as if it saw this much of the sky in the open.
+LEAST_OPEN = 0.25
 
 
 class Materials:
@@ -34,68 +38,65 @@ class Materials:
         self, scene: Scene, streets: Sequence[Street], *, seed: int, roof_material: Material | None = None
     ) -> None:
         self._scene = scene
-        self._roof = roof_material
-        self._seed = seed
-        self._centrelines = Centrelines(streets, BESIDE_M)
-        charts, mesh = scene.charts, scene.mesh
-        own = mesh.vertex_chart
-        wall = charts.kind[own] == WALL
-        # where each building's walls begin
-        self._foot = np.full(int(charts.building.max(initial=-1)) + 1, np.inf)
-        np.minimum.at(self._foot, charts.building[own[wall]], mesh.vertices[wall, 2])
+        self._step = 1 / scene.spec.texels_per_metre
+        grey = Material(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
+        self._field = Field(
+            _surfaces(scene, seed, laid=roof_material is not None),
+            Centrelines(streets, BESIDE_M).lines,
+            (roof_material or grey).mips,
+            seed,
+        )
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
         """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
-        charts = self._scene.charts
-        albedo = np.zeros((len(chart), 3))
-        kind = charts.kind[chart]
-        if (ground := kind == GROUND).any():
-            albedo[ground] = self._ground(points[ground])
-        building = charts.building[chart]
-        number = self._scene.building_numbers[building]
-        along, down = charts.coordinates(chart, points).T
-        flat = charts.normal()[:, 2][chart] > TILED
-        roof = kind == ROOF
-        if self._roof is not None and roof.any():
-            albedo[roof] = self._laid(self._roof, chart[roof], points[roof])
-        elif roof.any():
-            sheet, tiled = roof & flat, roof & ~flat
-            albedo[sheet] = roofing(points[sheet], number[sheet], self._seed)
-            albedo[tiled] = tiling(along[tiled], down[tiled], number[tiled], self._seed)
-        if (wall := kind == WALL).any():
-            above = points[wall, 2] - self._foot[building[wall]]
-            albedo[wall] = plaster(along[wall], down[wall], above, number[wall], self._seed)
-        if (window := kind == WINDOW).any():
-            albedo[window] = glass(along[window], down[window], charts.size[chart[window], 1], self._seed)
-        if (door := kind == DOOR).any():
-            albedo[door] = wood(along[door], down[door], number[door], self._seed)
-        if (ceiling := kind == CEILING).any():
-            albedo[ceiling] = soffit(along[ceiling], down[ceiling], self._seed)
-        return np.clip(albedo * shade(charts.normal()[chart])[:, None], 0, 255).astype(np.uint8)
+        out = np.empty((len(chart), 3), np.uint8)
+        order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64)
+        kernels.colour(order, own, points, footprint, self._field, self._lights(np.unique(chart)), out)
+        return out
 
     def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Texels (k,) of a chart at their middles: (k, 3) uint8."""
-        step = 1 / self._scene.spec.texels_per_metre
-        points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
-        return self.colour(np.full(len(points), chart), points, np.full(len(points), step))
+        out = np.empty((len(rows), 3), np.uint8)
+        places = (rows.astype(np.int64), columns.astype(np.int64))
+        kernels.texels(chart, *places, self._step, self._field, self._lights([chart]), out)
+        return out
 
     def raster(self, chart: int) -> np.ndarray:
         """A whole chart: (h, w, 3) uint8."""
-        shape = (int(self._scene.placement.height[chart]), int(self._scene.placement.width[chart]))
-        rows, columns = np.divmod(np.arange(shape[0] * shape[1]), shape[1])
-        return self.texels(chart, rows, columns).reshape(*shape, 3)
+        placement = self._scene.placement
+        out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
+        kernels.raster(chart, self._step, self._field, self._lights([chart]), out)
+        return out
 
-    def _laid(self, material: Material, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """The material at points (n, 3) of roofs (n,), in the frames of their planes: it goes on over the pieces of one."""
-        charts = self._scene.charts
-        across = np.einsum("ij,ij->i", points, charts.axis_u[chart])
-        return material.laid(across, np.einsum("ij,ij->i", points, charts.axis_v[chart]))
+    def _lights(self, charts: Sequence[int] | np.ndarray) -> Lights:
+        daylight = self._scene.daylight
+        daylight.reach(charts)
+        return Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
 
-    def _ground(self, points: np.ndarray) -> np.ndarray:
-        aside = self._centrelines.distance(points[:, :2])
-        road = aside < CARRIAGEWAY_M
-        kerb = np.abs(aside - CARRIAGEWAY_M) < KERB_M
-        colour = paving(points, self._seed)
-        colour[road] = asphalt(points[road], aside[road], self._seed)
-        colour[kerb] = 150 + 0.25 * (colour[kerb] - 150)
-        return colour
+
+def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
+    charts, mesh = scene.charts, scene.mesh
+    own = mesh.vertex_chart
+    wall = charts.kind[own] == WALL
+    # where each building's walls begin
+    foot = np.full(max(1, int(charts.building.max(initial=-1)) + 1), np.inf)
+    np.minimum.at(foot, charts.building[own[wall]], mesh.vertices[wall, 2])
+    normal = charts.normal()
+    made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE], np.uint8)[charts.kind]
+    roof = charts.kind == ROOF
+    made[roof & (normal[:, 2] > TILED)] = SHEET
+    if laid:
+        made[roof] = LAID
+    number = scene.building_numbers[charts.building]
+    grey = shade(normal)
+    tint = np.ones((len(charts), 3))
+    for material, palette, turn in ((SHEET, ROOFS, 5), (TILE, TILES, 19), (PLASTER, PLASTERS, 9), (BOARDS, WOODS, 37)):
+        chosen = made == material
+        tint[chosen] = kernels.picked(palette, number[chosen], seed + turn)
+    tint[made == UNDERSIDE] = SOFFIT
+    start = np.column_stack([np.einsum("ij,ij->i", charts.origin, axis) for axis in (charts.axis_u, charts.axis_v)])
+    start[np.isin(charts.kind, (WINDOW, DOOR))] = 0.0
+    frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
+    # a surface sees the sky above the horizon
+    sky = np.maximum(0.5 + 0.5 * normal[:, 2], LEAST_OPEN)
+    return Surfaces(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky)

@@ -1,11 +1,17 @@
-"""Procedural materials as functions of the world point: the same wherever they are seen from."""
+"""Procedural materials, a kernel each: tones of places, each meant over its footprint, so that nothing aliases.
+
+Joints, seams and edges count by the share of the footprint that they cover, the integral of their box over it. Lattice noise
+and the tones of slabs, tiles and boards are integrated over it too, and fade where it covers several of them. All arrays are
+(n,), without a branch within their loops, so that several places are worked out at once; lengths are metres; a footprint is
+the side of a square, longer than 0.
+"""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-# Muted Nordic plasters and roofs, sRGB 0..255.
+# Muted Nordic plasters and roofs.
 PLASTERS = np.array(
     [
         [214, 196, 160],
@@ -21,118 +27,210 @@ PLASTERS = np.array(
 ROOFS = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
 TILES = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [88, 84, 84]], np.float64)
 WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
-GLASS = np.array([44.0, 52.0, 60.0])
-SKY = np.array([176.0, 198.0, 220.0])
-# Width and visible length of a roof tile, metres.
-TILE_M = (0.24, 0.34)
+# The colours of a tone of 1.
+SOFFIT = np.array([172.0, 170.28, 166.84])
+ASPHALT, PAVING = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
+# A pane's colour where it shows no sky, and where it shows nothing else.
+GLASS, SKY = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
+# From a centreline to the kerb's middle, and half of a kerb's width.
+CARRIAGEWAY_M, KERB_M = 3.6, 0.18
+# Width and visible length of a roof tile, of a slab; widths of a board and of a sheet of metal.
+TILE_M, SLAB_M, BOARD_M, SHEET_M = (0.24, 0.34), (0.6, 0.4), (0.12, 1e9), 0.6
 
-_LOW32 = np.uint64(0xFFFFFFFF)
-
-
-@njit(cache=True)
-def _hash(x: int, y: int, seed: int) -> float:
-    # numba widens uint32 products to 64 bits, so the wrap to 32 is explicit
-    h = (np.uint64(x) & _LOW32) * np.uint64(0x8DA6B343) ^ (np.uint64(y) & _LOW32) * np.uint64(0xD8163841)
-    h = (h ^ np.uint64(seed) * np.uint64(0xCB1AB31F)) & _LOW32
-    h = ((h ^ (h >> np.uint64(15))) * np.uint64(0x2C1B3C6D)) & _LOW32
-    h = ((h ^ (h >> np.uint64(12))) * np.uint64(0x297A2D39)) & _LOW32
-    return np.float64(h ^ (h >> np.uint64(15))) / 4294967296.0
+_ACROSS, _DOWN = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
+_SEED, _MIX = np.uint64(0x165667B19E3779F9), np.uint64(0xD6E8FEB86659FD93)
 
 
-@njit(cache=True)
-def value_noise(x: np.ndarray, y: np.ndarray, seed: int) -> np.ndarray:
-    """Smooth lattice noise in 0..1 at points x, y (n,), one cell per unit."""
-    out = np.empty(len(x))
-    for i in range(len(x)):
-        x0, y0 = np.floor(x[i]), np.floor(y[i])
-        fx, fy = x[i] - x0, y[i] - y0
-        fx, fy = fx * fx * (3 - 2 * fx), fy * fy * (3 - 2 * fy)
-        ix, iy = int(x0), int(y0)
-        a, b = _hash(ix, iy, seed), _hash(ix + 1, iy, seed)
-        c, d = _hash(ix, iy + 1, seed), _hash(ix + 1, iy + 1, seed)
-        out[i] = a + (b - a) * fx + (c - a) * fy + (a - b - c + d) * fx * fy
-    return out
+@njit(cache=True, inline="always")
+def _mixed(h: np.uint64) -> float:
+    """A number in 0..1 by chance."""
+    h = (h ^ (h >> np.uint64(32))) * _MIX
+    return np.float64(np.int64(h >> np.uint64(40))) * (1.0 / 16777216.0)
 
 
-def _mottle(x: np.ndarray, y: np.ndarray, seed: int, scales: tuple[float, ...]) -> np.ndarray:
-    """Noise of several scales (metres) around 0, (n,), in about -1..1."""
-    total = sum((value_noise(x / s, y / s, seed + k) - 0.5 for k, s in enumerate(scales)), np.zeros(len(x)))
-    return 2 * total / len(scales)
+@njit(cache=True, inline="always")
+def _row(y: float, seed: np.uint64) -> np.uint64:
+    """A row of cells, to which columns times _ACROSS are added."""
+    return (np.uint64(np.int64(y)) + seed) * _DOWN
 
 
-def asphalt(points: np.ndarray, aside: np.ndarray, seed: int) -> np.ndarray:
-    """Carriageway: worn asphalt, lighter in the wheel tracks. points (n, 3), aside (n,) metres from the centreline."""
-    noise = _mottle(points[:, 0], points[:, 1], seed, (0.15, 0.6, 4.0))
-    tracks = 5 * np.exp(-(((aside - 1.7) / 0.5) ** 2))
-    return (98 + 13 * noise + tracks)[:, None] * np.array([1.0, 1.0, 1.02])
+@njit(cache=True, inline="always")
+def chance(x: int, seed: int) -> float:
+    """A number in 0..1 by chance for a number."""
+    return _mixed(np.uint64(x) * _ACROSS + np.uint64(seed) * _SEED)
 
 
-def paving(points: np.ndarray, seed: int) -> np.ndarray:
-    """Pavement of slabs, 0.6 x 0.4 m in running bond, with darker joints. points (n, 3)."""
-    row = np.floor(points[:, 1] / 0.4)
-    x = points[:, 0] / 0.6 + 0.5 * (row % 2)
-    joint = (np.abs(x - np.round(x)) * 0.6 < 0.02) | (
-        np.abs(points[:, 1] / 0.4 - np.round(points[:, 1] / 0.4)) * 0.4 < 0.02
-    )
-    slab = value_noise(np.floor(x), row, seed + 11)
-    noise = _mottle(points[:, 0], points[:, 1], seed + 3, (0.2, 1.5, 6.0))
-    return ((148 + 14 * (slab - 0.5) + 10 * noise) * np.where(joint, 0.86, 1.0))[:, None] * np.array(
-        [1.0, 0.985, 0.955]
-    )
+@njit(cache=True, inline="always")
+def _rise(middle: float, length: float) -> float:
+    """The integral of 3 t^2 - 2 t^3 over a piece of 0..1, of which it is exact in middle and length."""
+    return length * (middle * middle * (3 - 2 * middle) + 0.25 * length * length * (1 - 2 * middle))
 
 
-def roofing(points: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
-    """Sheet-metal roof with standing seams every 0.6 m, one colour per building. points (n, 3), building (n,)."""
-    tint = _pick(ROOFS, building, seed + 5)
-    seam = np.abs(points[:, 0] / 0.6 - np.round(points[:, 0] / 0.6)) * 0.6 < 0.04
-    noise = _mottle(points[:, 0], points[:, 1], seed + 7, (0.8, 5.0))
-    return tint * (1 + 0.10 * noise - 0.12 * seam)[:, None]
+@njit(cache=True, inline="always", error_model="numpy")
+def _noise(x: float, y: float, wide: float, high: float, seed: np.uint64) -> float:
+    """Lattice noise around 0, -0.5..0.5, smooth from corner to corner of its cells: its mean over a box about x, y.
+
+    All in cells. A box of more than one cell is taken as one, and fades until two.
+    """
+    fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
+    wide, high = min(wide, 1.0), min(high, 1.0)
+    x0, y0 = np.floor(x - 0.5 * wide), np.floor(y - 0.5 * high)
+    # of the box, what lies in the cell where it begins, and in the next
+    right, below = max(x + 0.5 * wide - x0 - 1, 0.0), max(y + 0.5 * high - y0 - 1, 0.0)
+    left, above = wide - right, high - below
+    rise, fall = _rise(x - 0.5 * wide - x0 + 0.5 * left, left), _rise(0.5 * right, right)
+    u0, u1, u2 = left - rise, rise + right - fall, fall
+    rise, fall = _rise(y - 0.5 * high - y0 + 0.5 * above, above), _rise(0.5 * below, below)
+    v0, v1, v2 = above - rise, rise + below - fall, fall
+    a0, b0 = np.uint64(np.int64(x0)) * _ACROSS, _row(y0, seed)
+    a1, b1 = a0 + _ACROSS, b0 + _DOWN
+    a2, b2 = a1 + _ACROSS, b1 + _DOWN
+    total = v0 * (u0 * _mixed(a0 + b0) + u1 * _mixed(a1 + b0) + u2 * _mixed(a2 + b0))
+    total += v1 * (u0 * _mixed(a0 + b1) + u1 * _mixed(a1 + b1) + u2 * _mixed(a2 + b1))
+    total += v2 * (u0 * _mixed(a0 + b2) + u1 * _mixed(a1 + b2) + u2 * _mixed(a2 + b2))
+    return fade * (total / (wide * high) - 0.5)
 
 
-def tiling(across: np.ndarray, down: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
-    """Tilted roof of clay tiles in rows that overlap down the slope, one colour per building; all arguments (n,), metres."""
-    tint = _pick(TILES, building, seed + 19)
-    row = np.floor(down / TILE_M[1])
-    column = across / TILE_M[0] + 0.5 * (row % 2)
-    share = down / TILE_M[1] - row
-    tile = value_noise(np.floor(column), row, seed + 23) - 0.5
-    crest = np.cos(2 * np.pi * (column - np.floor(column) - 0.5))
-    noise = _mottle(across, down, seed + 29, (0.8, 5.0))
-    return tint * (1 + 0.08 * noise + 0.10 * tile + 0.05 * crest - 0.22 * (share > 0.86))[:, None]
+@njit(cache=True, inline="always", error_model="numpy")
+def _covered(at: float, wide: float, first: float, width: float) -> float:
+    """Of a piece `wide` about a place, the share on marks that begin at `first` and are `width` wide, one a unit."""
+    low, high = at - 0.5 * wide - first, at + 0.5 * wide - first
+    start, end = np.floor(low), np.floor(high)
+    return ((end - start) * width + min(high - end, width) - min(low - start, width)) / wide
 
 
-def plaster(along: np.ndarray, down: np.ndarray, above: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
-    """Bare rendered wall, dirtier near the ground, one colour per building; all arguments (n,), metres."""
-    tint = _pick(PLASTERS, building, seed + 9)
-    noise = _mottle(along, down, seed + 13, (0.25, 1.2, 5.0))
-    streaks = value_noise(along / 0.35, down / 6.0, seed + 17) - 0.5
-    dirt = 0.16 * np.exp(-np.maximum(above, 0) / 0.7)
-    return tint * (1 + 0.06 * noise + 0.05 * streaks - dirt)[:, None]
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_noise(
+    x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
+) -> None:
+    """Add weight times noise around 0, -1..1, with cells of a width and height."""
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * _SEED
+    for k in range(len(x)):
+        out[k] += 2 * weight * _noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, own)
 
 
-def glass(along: np.ndarray, down: np.ndarray, height: np.ndarray, seed: int) -> np.ndarray:
-    """Window pane: dark, with more sky in it towards its top; along, down and the pane's height (n,), metres."""
-    sky = np.clip(1 - down / np.maximum(height, 0.1), 0, 1)
-    noise = _mottle(along, down, seed + 31, (0.7, 2.5))
-    return GLASS + (sky**2 * (1 + 0.3 * noise) + 0.08 * noise)[:, None] * (SKY - GLASS) * 0.55
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_tones(
+    x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
+) -> None:
+    """Add weight times the tones of slabs, tiles or boards of a width and height, -0.5..0.5, odd rows half of one further.
+
+    A footprint of more than one of them is taken as one, and fades until two.
+    """
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * _SEED
+    for k in range(len(x)):
+        wide, high = side[k] * across, side[k] * down
+        fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
+        wide, high = min(wide, 1.0), min(high, 1.0)
+        left, top = x[k] * across - 0.5 * wide, y[k] * down - 0.5 * high
+        y0 = np.floor(top)
+        lower = max(top + high - y0 - 1, 0.0) / high
+        odd = np.float64(np.int64(y0) & 1)
+        x0, x1 = np.floor(left + 0.5 * odd), np.floor(left + 0.5 - 0.5 * odd)
+        beside = max(left + 0.5 * odd + wide - x0 - 1, 0.0) / wide
+        under = max(left + 0.5 - 0.5 * odd + wide - x1 - 1, 0.0) / wide
+        a, b = np.uint64(np.int64(x0)) * _ACROSS + _row(y0, own), np.uint64(np.int64(x1)) * _ACROSS + _row(y0 + 1, own)
+        upper = (1 - beside) * _mixed(a) + beside * _mixed(a + _ACROSS)
+        tone = (1 - lower) * upper + lower * ((1 - under) * _mixed(b) + under * _mixed(b + _ACROSS))
+        out[k] += weight * fade * (tone - 0.5)
 
 
-def wood(along: np.ndarray, down: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
-    """Door of upright boards 0.12 m wide, one colour per building; all arguments (n,), metres."""
-    tint = _pick(WOODS, building, seed + 37)
-    board = along / 0.12
-    joint = np.abs(board - np.round(board)) < 0.06
-    grain = value_noise(along / 0.02, down / 0.6, seed + 41) - 0.5
-    plank = value_noise(np.floor(board + 0.5), np.zeros(len(board)), seed + 43) - 0.5
-    return tint * (1 + 0.16 * grain + 0.10 * plank - 0.35 * joint)[:, None]
+@njit(cache=True, nogil=True, error_model="numpy")
+def asphalt(x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Carriageway: worn asphalt, lighter in the wheel tracks; aside: from the centreline."""
+    for k in range(len(x)):
+        track = (aside[k] - 1.7) / 0.5
+        bump = max(1 - 0.125 * track * track, 0.0)  # to its eighth power: nearly exp(-track^2)
+        bump *= bump
+        bump *= bump
+        out[k] = 98 + 5 * bump * bump
+    for number, cell in enumerate((0.15, 0.6, 4.0)):
+        add_noise(x, y, side, (cell, cell), 13 / 3, seed + number, out)
 
 
-def soffit(across: np.ndarray, down: np.ndarray, seed: int) -> np.ndarray:
-    """Grey plaster of what is seen from below; across and down (n,), metres."""
-    noise = _mottle(across, down, seed + 47, (0.3, 1.5, 5.0))
-    return (172 * (1 + 0.05 * noise))[:, None] * np.array([1.0, 0.99, 0.97])
+@njit(cache=True, nogil=True, error_model="numpy")
+def paving(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Pavement of slabs, 0.6 x 0.4 m in running bond, with darker joints, 4 cm wide."""
+    out[:] = 148
+    for number, cell in enumerate((0.2, 1.5, 6.0)):
+        add_noise(x, y, side, (cell, cell), 10 / 3, seed + 3 + number, out)
+    add_tones(x, y, side, SLAB_M, 14, seed + 11, out)
+    across, down = 1 / SLAB_M[0], 1 / SLAB_M[1]
+    beside, below = 0.02 * across, 0.02 * down
+    for k in range(len(x)):
+        column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
+        # between the joints of rows: even ones and odd ones, which begin half a slab further
+        even = _covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
+        odd = _covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
+        clear = even * _covered(column, wide, beside, 1 - 2 * beside)
+        clear += odd * _covered(column, wide, 0.5 + beside, 1 - 2 * beside)
+        out[k] *= 0.86 + 0.14 * clear
 
 
-def _pick(palette: np.ndarray, building: np.ndarray, seed: int) -> np.ndarray:
-    index = value_noise(building.astype(np.float64), np.full(len(building), 0.0), seed) * len(palette)
-    return palette[np.minimum(index.astype(np.int64), len(palette) - 1)]
+@njit(cache=True, nogil=True, error_model="numpy")
+def roofing(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Sheet-metal roof with standing seams every 0.6 m."""
+    for k in range(len(x)):
+        out[k] = 1 - 0.12 * _covered(x[k] / SHEET_M, side[k] / SHEET_M, -0.04 / SHEET_M, 0.08 / SHEET_M)
+    add_noise(x, y, side, (0.8, 0.8), 0.05, seed + 7, out)
+    add_noise(x, y, side, (5.0, 5.0), 0.05, seed + 8, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def tiling(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Tilted roof of clay tiles in rows that overlap down the slope."""
+    across, down = 1 / TILE_M[0], 1 / TILE_M[1]
+    for k in range(len(x)):
+        column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
+        # highest in a tile's middle, and half a tile further in odd rows: a wave of cubics, nearly a cosine
+        even = _covered(0.5 * row, 0.5 * high, 0.0, 0.5)
+        away = 2 * abs(column - np.floor(column + 0.5))
+        wave = 1 - 2 * away * away * (3 - 2 * away)
+        # of which the mean over a part w of it is sin(pi w) / (pi w) as high, up to the whole
+        square = min(wide * wide, 1.0)
+        wave *= (1 - square) * (1 - 0.6449 * square + 0.19 * square * square)
+        out[k] = 1 + 0.05 * (1 - 2 * even) * wave - 0.22 * _covered(row, high, 0.86, 0.14)
+    add_tones(x, y, side, TILE_M, 0.10, seed + 23, out)
+    add_noise(x, y, side, (0.8, 0.8), 0.04, seed + 29, out)
+    add_noise(x, y, side, (5.0, 5.0), 0.04, seed + 30, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def plaster(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Bare rendered wall, dirtier near the ground; above: its building's foot."""
+    for k in range(len(x)):
+        dirt = max(1 - max(above[k], 0.0) / 11.2, 0.0)  # to its 16th power: nearly exp(-above / 0.7)
+        for _ in range(4):
+            dirt *= dirt
+        out[k] = 1 - 0.16 * dirt
+    for number, cell in enumerate((0.25, 1.2, 5.0)):
+        add_noise(x, y, side, (cell, cell), 0.02, seed + 13 + number, out)
+    add_noise(x, y, side, (0.35, 6.0), 0.025, seed + 17, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def glass(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Window pane: dark, with more sky in it towards its top; height: the pane's, y: down from its top. A share of SKY."""
+    out[:] = 0.0
+    add_noise(x, y, side, (0.7, 0.7), 0.5, seed + 31, out)
+    add_noise(x, y, side, (2.5, 2.5), 0.5, seed + 32, out)
+    for k in range(len(x)):
+        sky = min(max(1 - y[k] / max(height, 0.1), 0.0), 1.0)
+        out[k] = 0.55 * (sky * sky * (1 + 0.3 * out[k]) + 0.08 * out[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def wood(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Door of upright boards 0.12 m wide."""
+    for k in range(len(x)):
+        out[k] = 1 - 0.35 * _covered(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
+    add_noise(x, y, side, (0.02, 0.6), 0.08, seed + 41, out)
+    add_tones(x, y, side, BOARD_M, 0.10, seed + 43, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def soffit(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Grey plaster of what is seen from below."""
+    out[:] = 1.0
+    for number, cell in enumerate((0.3, 1.5, 5.0)):
+        add_noise(x, y, side, (cell, cell), 0.05 / 3, seed + 47 + number, out)

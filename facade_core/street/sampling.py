@@ -57,12 +57,12 @@ class Lights(NamedTuple):
 
 
 @njit(cache=True, inline="always")
-def _lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
-    """Light at the shares x, y of a chart's sides, linear between its cells' middles."""
-    u = min(max(x * columns - 0.5, 0.0), columns - 1.0)
-    v = min(max(y * rows - 0.5, 0.0), rows - 1.0)
-    u0, v0 = int(u), int(v)
-    u1, v1 = min(u0 + 1, columns - 1), min(v0 + 1, rows - 1)
+def lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndarray) -> float:
+    """Light at the shares x, y of a chart's sides, linear between the places where it is known. Called from numba kernels."""
+    u = min(max(x, 0.0), 1.0) * (columns - 1)
+    v = min(max(y, 0.0), 1.0) * (rows - 1)
+    u0, v0 = min(int(u), columns - 2), min(int(v), rows - 2)
+    u1, v1 = u0 + 1, v0 + 1
     top = lights[place + v0 * columns + u0] * (1 - (u - u0)) + lights[place + v0 * columns + u1] * (u - u0)
     bottom = lights[place + v1 * columns + u0] * (1 - (u - u0)) + lights[place + v1 * columns + u1] * (u - u0)
     return top * (1 - (v - v0)) + bottom * (v - v0)
@@ -119,8 +119,8 @@ def shade_pixels(
                 bx += down * axis_u[k, i]
                 by += down * axis_v[k, i]
             x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
-            lit = int(grey[k] * _lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
-            rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = lit
+            bare = int(grey[k] * lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
+            rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = bare
             first = offset[k]
             if first < 0:
                 continue

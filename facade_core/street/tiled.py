@@ -3,9 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
 
 import cv2
 import numpy as np
+from numba import njit
 
 from facade_core.errors import ImageError
 from facade_core.texture.seams import least_path
@@ -13,6 +16,21 @@ from facade_core.texture.seams import least_path
 # Share of a picture's side within which its opposite borders are joined, and pixels over which the join is soft.
 JOINED, SOFT = 0.25, 2
 LEAST_PIXELS = 8
+
+
+class Mips(NamedTuple):
+    """A tile at its own size and at halves of that, each the means of the one before, as kernels read them.
+
+    pixels (p, 3) float32, one tile after the other;
+    first, rows, columns (levels,): where each begins, and its shape;
+    size (2,): width and height of all of them, metres.
+    """
+
+    pixels: np.ndarray
+    first: np.ndarray
+    rows: np.ndarray
+    columns: np.ndarray
+    size: np.ndarray
 
 
 @dataclass(frozen=True)
@@ -40,16 +58,51 @@ class Material:
             tile = cv2.resize(tile, (columns, rows), interpolation=cv2.INTER_AREA).reshape(rows, columns, 3)
         return cls(tile, size)
 
-    def laid(self, across: np.ndarray, down: np.ndarray) -> np.ndarray:
-        """Colour (n, 3) at places of a plane, metres to the right and down, (n,) each."""
-        height, width = self.tile.shape[:2]
-        x, y = across / self.size[0] * width - 0.5, down / self.size[1] * height - 0.5
-        x0, y0 = np.floor(x).astype(np.int64), np.floor(y).astype(np.int64)
-        beside, below = (x - x0)[:, None], (y - y0)[:, None]
-        left, right, top, bottom = x0 % width, (x0 + 1) % width, y0 % height, (y0 + 1) % height
-        upper = self.tile[top, left] * (1 - beside) + self.tile[top, right] * beside
-        lower = self.tile[bottom, left] * (1 - beside) + self.tile[bottom, right] * beside
-        return upper * (1 - below) + lower * below
+    def laid(self, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+        """Colour (n, 3) at places of a plane, metres to the right and down, with footprints, metres, (n,) each."""
+        return _laid(self.mips, across, down, footprint)
+
+    @cached_property
+    def mips(self) -> Mips:
+        levels = [self.tile]
+        while max(levels[-1].shape[:2]) > 1:
+            rows, columns = (max(1, side // 2) for side in levels[-1].shape[:2])
+            smaller = cv2.resize(levels[-1], (columns, rows), interpolation=cv2.INTER_AREA)
+            levels.append(smaller.reshape(rows, columns, 3))
+        shapes = np.array([level.shape[:2] for level in levels])
+        pixels = np.concatenate([level.reshape(-1, 3) for level in levels])
+        area = shapes.prod(axis=1)
+        return Mips(pixels, np.cumsum(area) - area, shapes[:, 0].copy(), shapes[:, 1].copy(), np.array(self.size))
+
+
+@njit(cache=True)
+def _laid(mips: Mips, across: np.ndarray, down: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+    out = np.empty((len(across), 3))
+    for i in range(len(across)):
+        out[i] = laid_at(mips, across[i], down[i], footprint[i])
+    return out
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def laid_at(mips: Mips, across: float, down: float, footprint: float) -> tuple[float, float, float]:
+    """Colour at a place of a plane: bilinear in the tile whose pixels are about as large as the footprint, or the largest tile.
+    Called from numba kernels."""
+    level, side = 0, max(mips.size[0] / mips.columns[0], mips.size[1] / mips.rows[0])
+    while level + 1 < len(mips.first) and footprint > 1.42 * side:
+        level, side = level + 1, 2 * side
+    height, width, first = mips.rows[level], mips.columns[level], mips.first[level]
+    x, y = across / mips.size[0] * width - 0.5, down / mips.size[1] * height - 0.5
+    x0, y0 = int(np.floor(x)), int(np.floor(y))
+    beside, below = x - x0, y - y0
+    left, right, top, bottom = x0 % width, (x0 + 1) % width, y0 % height, (y0 + 1) % height
+    a, b = mips.pixels[first + top * width + left], mips.pixels[first + top * width + right]
+    c, d = mips.pixels[first + bottom * width + left], mips.pixels[first + bottom * width + right]
+    w00, w01, w10, w11 = (1 - beside) * (1 - below), beside * (1 - below), (1 - beside) * below, beside * below
+    return (
+        w00 * a[0] + w01 * b[0] + w10 * c[0] + w11 * d[0],
+        w00 * a[1] + w01 * b[1] + w10 * c[1] + w11 * d[1],
+        w00 * a[2] + w01 * b[2] + w10 * c[2] + w11 * d[2],
+    )
 
 
 def seamless(image: np.ndarray) -> np.ndarray:

@@ -1,0 +1,248 @@
+"""The kernels of the field: tones of materials by chart, lit, as bytes.
+
+Places are worked out in pieces of one chart, a pass for each ingredient; whichever function asks, the passes are the same.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numba import njit
+
+from facade_core.street.centrelines import Lines, distances
+from facade_core.street.daylight import LEAST
+from facade_core.street.materials import (
+    ASPHALT,
+    CARRIAGEWAY_M,
+    GLASS,
+    KERB_M,
+    PAVING,
+    SKY,
+    asphalt,
+    chance,
+    glass,
+    paving,
+    plaster,
+    roofing,
+    soffit,
+    tiling,
+    wood,
+)
+from facade_core.street.sampling import Lights, lit
+from facade_core.street.tiled import Mips, laid_at
+
+# What a chart is made of.
+SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE = range(8)
+# A kerb's own grey, as it adds to what is under it, and the share that it takes from that.
+KERB, KERB_TAKES = 112.5, 0.75
+# Of a colour, this much goes where no sky is seen.
+SHADOW = 0.65
+# Places that are worked out together.
+PIECE = 256
+
+
+class Surfaces(NamedTuple):
+    """All charts, n of them, as the kernel reads them.
+
+    origin, axis_u, axis_v (n, 3), size (n, 2): their frames, as in `Charts`;
+    start (n, 2): what of a place's coordinates in its frame is added to have it in its material's, that of its plane;
+    made (n,) uint8: of what;
+    tint (n, 3): in the colour of its building, shaded;
+    grey (n,): how bright in the soft daylight, of white;
+    foot (n,): where its building's walls begin, metres above zero;
+    open (n,): the light where nothing else stands, 0..1.
+    """
+
+    origin: np.ndarray
+    axis_u: np.ndarray
+    axis_v: np.ndarray
+    size: np.ndarray
+    start: np.ndarray
+    made: np.ndarray
+    tint: np.ndarray
+    grey: np.ndarray
+    foot: np.ndarray
+    open: np.ndarray
+
+
+class Field(NamedTuple):
+    """All that a colour is made of but the light: charts, centrelines, a material for roofs, chance."""
+
+    charts: Surfaces
+    lines: Lines
+    roof: Mips
+    seed: int
+
+
+@njit(cache=True, nogil=True)
+def raster(chart: int, step: float, field: Field, lights: Lights, out: np.ndarray) -> None:
+    """All texels (h, w, 3) of a chart."""
+    width = out.shape[1]
+    flat, rows, columns = out.reshape(-1, 3), np.empty(PIECE, np.int64), np.empty(PIECE, np.int64)
+    row, column = 0, 0
+    for start in range(0, len(flat), PIECE):
+        count = min(PIECE, len(flat) - start)
+        for k in range(count):
+            rows[k], columns[k] = row, column
+            column += 1
+            if column == width:
+                row, column = row + 1, 0
+        texels(chart, rows[:count], columns[:count], step, field, lights, flat[start : start + count])
+
+
+@njit(cache=True, nogil=True)
+def texels(
+    chart: int, rows: np.ndarray, columns: np.ndarray, step: float, field: Field, lights: Lights, out: np.ndarray
+) -> None:
+    """Texels (k, 3) of a chart at rows and columns (k,)."""
+    origin, axis_u, axis_v = field.charts.origin[chart], field.charts.axis_u[chart], field.charts.axis_v[chart]
+    points, side = np.empty((3, PIECE)), np.full(PIECE, step)
+    for start in range(0, len(rows), PIECE):
+        count = min(PIECE, len(rows) - start)
+        for axis in range(3):
+            for k in range(count):
+                x, y = step * (columns[start + k] + 0.5), step * (rows[start + k] + 0.5)
+                points[axis, k] = origin[axis] + x * axis_u[axis] + y * axis_v[axis]
+        _paint(chart, points[:, :count], side[:count], field, lights, out[start : start + count])
+
+
+@njit(cache=True, nogil=True)
+def colour(
+    order: np.ndarray,
+    chart: np.ndarray,
+    places: np.ndarray,
+    footprint: np.ndarray,
+    field: Field,
+    lights: Lights,
+    out: np.ndarray,
+) -> None:
+    """Colours (n, 3) of places (n, 3) on charts (n,); order (n,) has those of one chart behind each other."""
+    points, side, piece = np.empty((3, PIECE)), np.empty(PIECE), np.empty((PIECE, 3), np.uint8)
+    start = 0
+    while start < len(order):
+        own, count = chart[order[start]], 0
+        while count < PIECE and start + count < len(order) and chart[order[start + count]] == own:
+            k = order[start + count]
+            for axis in range(3):
+                points[axis, count] = places[k, axis]
+            side[count] = footprint[k]
+            count += 1
+        _paint(own, points[:, :count], side[:count], field, lights, piece[:count])
+        for k in range(count):
+            for band in range(3):
+                out[order[start + k], band] = piece[k, band]
+        start += count
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: Lights, out: np.ndarray) -> None:
+    """Colours (n, 3) of places (3, n) of one chart: all that asks for any comes here, so that a place has one colour."""
+    charts, seed = field.charts, field.seed
+    n = len(side)
+    work = np.empty((7, n))
+    x, y, tone, light, other, east, north = work[0], work[1], work[2], work[3], work[4], work[5], work[6]
+    origin, axis_u, axis_v, size = charts.origin[c], charts.axis_u[c], charts.axis_v[c], charts.size[c]
+    start = charts.start[c]
+    place, columns, rows, grid, roof = lights.place[c], lights.columns[c], lights.rows[c], lights.light, field.roof
+    for k in range(n):
+        right, down, off = points[0, k] - origin[0], points[1, k] - origin[1], points[2, k] - origin[2]
+        x[k] = right * axis_u[0] + down * axis_u[1] + off * axis_u[2]
+        y[k] = right * axis_v[0] + down * axis_v[1] + off * axis_v[2]
+    for k in range(n):
+        clear = (lit(x[k] / size[0], y[k] / size[1], place, columns, rows, grid) - LEAST) / (1 - LEAST)
+        light[k] = 1 - SHADOW * max(1 - clear / charts.open[c], 0.0)
+    for k in range(n):
+        x[k], y[k] = x[k] + start[0], y[k] + start[1]
+        east[k], north[k] = points[0, k], points[1, k]
+    made, tint, grey = charts.made[c], charts.tint[c], charts.grey[c]
+    if made == SOIL:
+        _soil(east, north, side, field.lines, seed, light, grey, x, y, other, out)
+        return
+    if made == LAID:
+        for k in range(n):
+            laid = laid_at(roof, x[k], y[k], side[k])
+            for band in range(3):
+                out[k, band] = _level(laid[band] * grey * light[k])
+        return
+    if made == PANE:
+        glass(x, y, size[1], side, seed, tone)
+        for k in range(n):
+            for band in range(3):
+                out[k, band] = _level((GLASS[band] + tone[k] * (SKY[band] - GLASS[band])) * grey * light[k])
+        return
+    if made == SHEET:
+        roofing(east, north, side, seed, tone)
+    elif made == TILE:
+        tiling(x, y, side, seed, tone)
+    elif made == PLASTER:
+        for k in range(n):
+            other[k] = points[2, k] - charts.foot[c]
+        plaster(x, y, other, side, seed, tone)
+    elif made == BOARDS:
+        wood(x, y, side, seed, tone)
+    else:
+        soffit(x, y, side, seed, tone)
+    for k in range(n):
+        for band in range(3):
+            out[k, band] = _level(tone[k] * tint[band] * light[k])
+
+
+@njit(cache=True, inline="always")
+def _level(value: float) -> np.uint8:
+    return np.uint8(np.int64(min(max(value, 0.0), 255.0) + 0.5))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _soil(
+    x: np.ndarray,
+    y: np.ndarray,
+    side: np.ndarray,
+    lines: Lines,
+    seed: int,
+    light: np.ndarray,
+    grey: float,
+    road: np.ndarray,
+    slabs: np.ndarray,
+    aside: np.ndarray,
+    out: np.ndarray,
+) -> None:
+    """Ground: carriageway, kerb on its edge, paving beyond, each by its share of the footprint across the street.
+
+    road, slabs, aside (n,): what is known here is written to them.
+    """
+    n = len(x)
+    low, high = np.inf, -np.inf
+    distances(x, y, lines, aside)
+    widest = 2 * (lines.reach - CARRIAGEWAY_M - KERB_M)
+    for k in range(n):
+        reach = 0.5 * min(side[k], widest)
+        low, high = min(low, aside[k] - reach), max(high, aside[k] + reach)
+    if low < CARRIAGEWAY_M:
+        asphalt(x, y, aside, side, seed, road)
+    if high > CARRIAGEWAY_M:
+        paving(x, y, side, seed, slabs)
+    for k in range(n):
+        wide = min(side[k], widest)
+        low, high = aside[k] - 0.5 * wide, aside[k] + 0.5 * wide
+        # shares of the road, of its half of the kerb and of the pavement's
+        left = max(min(high, CARRIAGEWAY_M) - low, 0.0) / wide
+        inner = max(min(high, CARRIAGEWAY_M) - max(low, CARRIAGEWAY_M - KERB_M), 0.0) / wide
+        outer = max(min(high, CARRIAGEWAY_M + KERB_M) - max(low, CARRIAGEWAY_M), 0.0) / wide
+        kerb = KERB * (inner + outer)
+        first = (left - KERB_TAKES * inner) * road[k] if left > 0 else 0.0
+        second = (1 - left - KERB_TAKES * outer) * slabs[k] if left < 1 else 0.0
+        for band in range(3):
+            value = kerb + first * ASPHALT[band] + second * PAVING[band]
+            out[k, band] = _level(value * grey * light[k])
+
+
+@njit(cache=True)
+def picked(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
+    """One colour of a palette (k, 3) for each number (n,), by chance: (n, 3)."""
+    out = np.empty((len(number), 3))
+    for i in range(len(number)):
+        row = int(chance(number[i], seed) * len(palette))
+        for band in range(3):
+            out[i, band] = palette[row, band]
+    return out
