@@ -1,11 +1,11 @@
-"""The flow of one city block: ingest, poses, facades, streets in waves, publish."""
+"""The flow of one city block: ingest, poses, facades, streets, publish."""
 
 from __future__ import annotations
 
 import logging
 import time
 from collections import deque
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
 from datetime import UTC, datetime
@@ -204,32 +204,32 @@ def _process(run: Run, due: Due, compute: Compute, submit: Submit) -> Outcome:
 
 
 def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, submit: Submit) -> Outcome:
+    """Each street once those that it waits for are done, those of earlier waves first. No more are submitted than soon find a
+    worker: what waits for others, or for room, is a number here and no task."""
     chosen = chosen_streets(run, only)
-    waves = [[s for s in wave if chosen is None or s in chosen] for wave in outline.waves]
-    begin_stage("viewpoints", sum(outline.viewpoints[s] for wave in waves for s in wave))
-    outcome = Outcome()
+    order = [street for wave in outline.waves for street in wave if chosen is None or street in chosen]
+    begin_stage("viewpoints", sum(outline.viewpoints[street] for street in order))
     network = run.texture.panorama_width**2 // 2 if run.texture.translator == "neural" else 0
-    for wave in waves:
-        require_room(Path(run.out))
-        futures = []
-        for street in wave:
+    waits = {street: set(outline.after[street]) & set(order) for street in order}
+    outcomes: dict[int, Outcome] = {}
+    ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
+    under_way = 0
+    while waits or under_way:
+        ready = [street for street, others in waits.items() if not others - outcomes.keys()]
+        for street in ready[: max(0, AT_ONCE * max(1, compute.threads) - under_way)]:
+            require_room(Path(run.out))
             memory = street_memory(*outline.windows[street], network=network)
-            futures.append(submit(texture_street, run, street, outline.streets[street], memory, compute))
-        # the next wave reads what this one wrote; what ends one street ends the run, however long the others would go on
-        for future in _as_completed(futures):
-            future.result()
-        outcome = sum((future.result() for future in futures), outcome)
+            future = submit(texture_street, run, street, outline.streets[street], memory, compute)
+            future.add_done_callback(lambda future, street=street: ended.put((street, future)))
+            del waits[street]
+            under_way += 1
+        # what ends one street ends the run, however long the others would go on
+        street, future = ended.get()
+        outcomes[street] = future.result()
+        under_way -= 1
+    outcome = sum((outcomes[street] for street in order), Outcome())
     _log("streets", outcome)
     return outcome
-
-
-def _as_completed(futures: Sequence[Any]) -> Iterator[Any]:
-    """Futures of Prefect or of a pool, as they end."""
-    ended: SimpleQueue[Any] = SimpleQueue()
-    for future in futures:
-        future.add_done_callback(ended.put)
-    for _ in futures:
-        yield ended.get()
 
 
 def _log(stage: str, outcome: Outcome) -> None:

@@ -12,7 +12,7 @@ Definitions, for W workers:
   are in it, and told apart as `io_s`.
 - Lost: W times the window, less what was computed. Every lost second has one cause: `plan` (read by a worker's first
   unit), `state` (a street's texels read by its first viewpoint, with the panoramas of earlier waves put into them),
-  `barrier` (this worker has no more units of a stage or wave, another still has), and else what the coordinator is at
+  `barrier` (this worker has no more units of a stage, another still has), and else what the coordinator is at
   just then: `commit`, `session` (a unit's fork), `orders` (which units are due, which exemplar is chosen), `dispatch`
   (within a task that waits: Dask's scheduling, transfer, imports of workers), and `prefect` (within no task).
 - The orchestration share is lost over computed. Barriers are in it; `without_barriers` is the share less them.

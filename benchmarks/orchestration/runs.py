@@ -98,12 +98,10 @@ def _costs(units: Sequence[Unit], spans: Sequence[Span], workers: int) -> dict[s
     causes = lost(units, spans, workers)
     total = sum(causes.values())
     stages = groups(units)
-    waves = [interval for name, interval in stages.items() if name.startswith("wave")]
     calls = {what: [e - s for w, s, e in spans if w == what] for what in ("task", "session", "commit", "orders")}
     return {
         "window_s": round(end - start, 2),
-        "stages_s": {name: round(e - s, 2) for name, (s, e) in stages.items() if not name.startswith("wave")}
-        | {"streets": round(max(e for _, e in waves) - min(s for s, _ in waves), 2)},
+        "stages_s": {name: round(e - s, 2) for name, (s, e) in stages.items()},
         "units": dict(Counter(u.group for u in units)),
         "computed_s": round(computed, 2),
         "io_s": round(sum(u.io for u in units), 2),
@@ -134,7 +132,7 @@ def _watch(process: subprocess.Popen, looks: list[tuple[float, dict[str, float]]
         for one in family:
             try:
                 times = one.cpu_times()
-                role = held[one.pid][0] if one.pid in held else _role(one, root)
+                role = held[one.pid][0] if one.pid in held else role_of(one, root)
             except psutil.Error:
                 continue
             held[one.pid] = (role, times.user + times.system)
@@ -145,7 +143,7 @@ def _watch(process: subprocess.Popen, looks: list[tuple[float, dict[str, float]]
         time.sleep(LOOK_S)
 
 
-def _role(process: psutil.Process, root: psutil.Process) -> str:
+def role_of(process: psutil.Process, root: psutil.Process) -> str:
     if process.pid == root.pid:
         return "coordinator"
     return "workers" if "multiprocessing" in " ".join(process.cmdline()) else "server"

@@ -22,7 +22,7 @@ IO = ("read", "write", "digest")
 class Unit:
     """One unit: where and when it ran (seconds since the epoch), how much of that was `prepare` and input or output.
 
-    group: units of one group may run at the same time; the next group's wait for all of them.
+    group: units of one group may run at the same time, streets that share nothing; the next group's wait for all of them.
     """
 
     group: str
@@ -34,15 +34,11 @@ class Unit:
 
 
 def units_of(store: Path) -> list[Unit]:
-    """Every unit of a store's journal that was done, in groups exemplars, textures, facades, wave 0, wave 1 ..."""
+    """Every unit of a store's journal that was done, in groups: its stage, streets for viewpoints too."""
     from tasks.store.commits import journal
 
     units = [_unit(stage, r) for stage in ("exemplars", "textures", "facades") for r in _done(journal(store, stage))]
-    wave = {}
-    for record in _done(journal(store, "streets")):
-        wave[record["unit"]] = f"wave {record['wave']}"
-        units.append(_unit(wave[record["unit"]], record))
-    units += [_unit(wave[r["unit"].rsplit("/", 1)[0]], r) for r in _done(journal(store, "viewpoints"))]
+    units += [_unit("streets", r) for stage in ("streets", "viewpoints") for r in _done(journal(store, stage))]
     return units
 
 
@@ -89,7 +85,7 @@ def lost(units: Sequence[Unit], spans: Sequence[Span], workers: int) -> dict[str
 
     seconds = dict.fromkeys(CAUSES, 0.0)
     for unit in units:
-        seconds["state" if unit.group.startswith("wave") else "plan"] += unit.prepare
+        seconds["state" if unit.group == "streets" else "plan"] += unit.prepare
     names = sorted({u.worker for u in units})
     for worker in [*names, *[None] * (workers - len(names))]:  # one that had no unit at all counts too
         own = [u for u in units if u.worker == worker]

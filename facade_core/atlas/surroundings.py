@@ -17,8 +17,9 @@ Reader = Callable[[int, slice, slice], tuple[np.ndarray, np.ndarray]]
 
 def pieces_around(charts: Charts, chart: int, margin: float) -> np.ndarray:
     """The other pieces (k,) of a chart's surface that lie in its plane and come within `margin` metres of it."""
-    others = np.flatnonzero(charts.surface == charts.surface[chart])
-    others = others[others != chart]
+    # in the chart's own frame a piece whose axes are others reaches farther than it does, by its diagonal at most
+    others = charts.near(chart, 2 * margin + charts.longest + APART_M)
+    others = others[(charts.surface[others] == charts.surface[chart]) & (others != chart)]
     if len(others) == 0:
         return others
     normal = charts.normal()

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from facade_core.grouping import Grouped
 
@@ -63,6 +64,28 @@ class Charts:
         """World points (k, 3) in the frames of their charts (k,): (k, 2) metres, x right and y down."""
         offset = points - self.origin[chart]
         return np.stack([np.einsum("ij,ij->i", offset, axis[chart]) for axis in (self.axis_u, self.axis_v)], axis=1)
+
+    def near(self, chart: int, reach: float) -> np.ndarray:
+        """The charts (k,) whose boxes, seen from above, come within `reach` metres of a chart's, it among them; ascending."""
+        low, high = self._low[chart] - reach, self._high[chart] + reach
+        return np.sort(self._boxes.query(shapely.box(*low, *high)))
+
+    @cached_property
+    def longest(self) -> float:
+        """The longest diagonal of a chart, metres."""
+        return float(np.hypot(*self.size.T).max(initial=0.0))
+
+    @cached_property
+    def _low(self) -> np.ndarray:
+        return self.at_shares(np.arange(len(self)), CORNERS)[..., :2].min(axis=1)
+
+    @cached_property
+    def _high(self) -> np.ndarray:
+        return self.at_shares(np.arange(len(self)), CORNERS)[..., :2].max(axis=1)
+
+    @cached_property
+    def _boxes(self) -> shapely.STRtree:
+        return shapely.STRtree(shapely.box(*self._low.T, *self._high.T))
 
     def texels(self, texels_per_metre: float) -> np.ndarray:
         """Raster sizes (n, 2) int64, width and height: the last texel may reach past the edge."""

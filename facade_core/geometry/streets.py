@@ -9,6 +9,8 @@ import numpy as np
 import shapely
 from shapely import LineString, Polygon
 
+from facade_core.grouping import Grouped
+
 SHORTEST = 1.0  # m; a shorter street has no viewpoint
 
 
@@ -85,3 +87,22 @@ def colour_waves(reads: Sequence[set], writes: Sequence[set]) -> np.ndarray:
         taken = {int(wave[other]) for other in conflicts[street]}
         wave[street] = next(w for w in range(n + 1) if w not in taken)
     return wave
+
+
+def predecessors(wave: np.ndarray, reads: np.ndarray, writes: np.ndarray) -> list[np.ndarray]:
+    """For each street those of earlier waves that must have ended before it starts, as they touch a chunk that it writes, or
+    write one that it reads: indices (k,), ascending.
+
+    wave (n,); reads (r, 2) and writes (w, 2): pairs of a street and the number of a chunk, what is written among what is read.
+    """
+    writes, reads = (np.unique(pairs, axis=0) for pairs in (writes, reads))
+    by_chunk = Grouped(reads[:, 1])
+    pairs = [np.zeros((0, 2), np.int64)]
+    for street, chunk in writes.tolist():
+        others = reads[by_chunk.of(chunk), 0]
+        pairs.append(np.column_stack([np.full(len(others), street), others]))
+    both = np.concatenate(pairs)
+    both = np.concatenate([both, both[:, ::-1]])
+    both = np.unique(both[wave[both[:, 0]] < wave[both[:, 1]]], axis=0)
+    after = Grouped(both[:, 1])
+    return [both[after.of(street), 0] for street in range(len(wave))]

@@ -20,6 +20,7 @@ from facade_core.atlas.store import BRANCH, commit, new_root, open_repository, r
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
 from facade_core.geometry.charts import WALL
+from facade_core.geometry.streets import predecessors
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
@@ -38,6 +39,7 @@ class Outline:
 
     streets: their names, or ids.
     waves: the streets of each wave.
+    after: for each street those of earlier waves that it shares chunks with, and has to wait for.
     viewpoints: how many each street has.
     windows: texels that each street sees, and those of them that it writes.
     set_aside: input that cannot be used, as (kind, unit, reason).
@@ -48,6 +50,7 @@ class Outline:
 
     streets: tuple[str, ...]
     waves: tuple[tuple[int, ...], ...]
+    after: tuple[tuple[int, ...], ...]
     viewpoints: tuple[int, ...]
     windows: tuple[tuple[int, int], ...]
     set_aside: tuple[tuple[str, str, str], ...]
@@ -143,12 +146,24 @@ def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:
     return Outline(
         streets=tuple(street.name or street.id for street in plan.streets),
         waves=tuple(map(tuple, waves)),
+        after=_after(plan),
         viewpoints=tuple(per_street),
         windows=tuple((read, written) for read, written in plan.street_texels().tolist()),
         set_aside=tuple(map(tuple, root.attrs["set_aside"])),
         ingested=float(root.attrs["ingested"]),
         skipped=skipped,
     )
+
+
+def _after(plan: Plan) -> tuple[tuple[int, ...], ...]:
+    placement, spec = plan.scene.placement, plan.scene.spec
+    # charts that share a chunk have no other, so the first chunk of each stands for all that it has
+    corner = (placement.y - spec.gutter, placement.x - spec.gutter)
+    first = np.column_stack([placement.page, *(side // spec.chunk for side in corner)])
+    chunk = np.unique(first, axis=0, return_inverse=True)[1].reshape(-1)
+    street, chart = plan.street_charts.T
+    reads = np.column_stack([street, chunk[chart]])
+    return tuple(tuple(found.tolist()) for found in predecessors(plan.wave, reads, reads[plan.writable[chart]]))
 
 
 def stray_photos(photos: Mapping[str, Path], facades: Sequence[str]) -> list[tuple[str, str]]:

@@ -14,9 +14,9 @@ from benchmarks.orchestration.shares import CAUSES, Unit, lost, units_of, window
 UNITS = [
     Unit("facades", "0", 0.0, 8.0, prepare=2.0, io=1.0),
     Unit("facades", "1", 1.0, 5.0),
-    Unit("wave 0", "0", 10.0, 12.0, prepare=0.5),
-    Unit("wave 0", "1", 10.0, 11.0),
-    Unit("wave 0", "1", 11.5, 12.0),
+    Unit("streets", "0", 10.0, 12.0, prepare=0.5),
+    Unit("streets", "1", 10.0, 11.0),
+    Unit("streets", "1", 11.5, 12.0),
 ]
 SPANS = [
     ("task", 0.0, 8.0),
@@ -72,8 +72,8 @@ def test_units_of_a_journal(monkeypatch: pytest.MonkeyPatch) -> None:
     assert units_of(Path("store")) == [
         Unit("exemplars", "0", 1.0, 2.75, 0.5, 0.25),
         Unit("facades", "0", 3.0, 4.75, 0.5, 0.25),
-        Unit("wave 2", "0", 7.0, 8.75, 0.5, 0.25),
-        Unit("wave 2", "0", 5.0, 6.75, 0.5, 0.25),
+        Unit("streets", "0", 7.0, 8.75, 0.5, 0.25),
+        Unit("streets", "0", 5.0, 6.75, 0.5, 0.25),
     ]
 
 

@@ -21,10 +21,12 @@ import zarr
 from catalogs.query import query
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, atlas_digest, open_repository
 from facade_core.atlas.journal import VOLATILE
+from facade_core.atlas.plan_tables import read_plan
 from facade_core.errors import StoreError
 from tasks.kinds.order import STAGES
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
+from tasks.store.redo import street_chunks
 from tests.pipeline import stages
 from tests.pipeline.runs import ALONE, ROOT, command, environment, run
 from tests.pipeline.stages import texture, write_photo
@@ -54,6 +56,25 @@ def test_all_sources_reach_the_atlas(undisturbed: Run) -> None:
     assert colour[provenance > 0].std() > 10
     assert (colour[provenance == 0] == 0).all()
     assert atlas_digest(group) == summary["atlas_digest"]
+
+
+def test_a_street_starts_when_those_before_it_have_ended(undisturbed: Run) -> None:
+    out, _ = undisturbed
+    plan = read_plan(open_repository(out / "store").readonly_session("main"))
+    streets, viewpoints = (journal(out / "store", stage) for stage in ("streets", "viewpoints"))
+    ends = [record["started"] + sum(record["seconds"].values()) for record in streets if record]
+    begins = [min(viewpoints[v.id]["started"] for v in plan.of_street(street)) for street in range(len(streets))]
+    chunks = [street_chunks(plan, street) for street in range(len(streets))]
+    pairs = [
+        (first, then)
+        for first, (_, writes) in enumerate(chunks)
+        for then, (reads, _) in enumerate(chunks)
+        if first != then and writes & reads
+    ]
+    assert pairs
+    for one, other in pairs:
+        first, then = sorted((one, other), key=lambda street: int(plan.wave[street]))
+        assert ends[first] <= begins[then]
 
 
 def test_photo_texels_are_the_photos(undisturbed: Run) -> None:

@@ -1,10 +1,11 @@
-"""Streets of one wave share no chunk that either writes."""
+"""Streets of one wave share no chunk that either writes; a street waits for those of earlier waves that do."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from facade_core.geometry import colour_waves
+from facade_core.geometry.streets import predecessors
 
 
 def test_waves_separate_writers_and_readers() -> None:
@@ -26,3 +27,28 @@ def test_reading_the_same_chunk_is_no_conflict() -> None:
 
 def test_no_streets() -> None:
     assert len(colour_waves([], [])) == 0
+
+
+def _pairs(chunks: list[set[int]]) -> np.ndarray:
+    return np.array([(street, chunk) for street, of in enumerate(chunks) for chunk in of], np.int64).reshape(-1, 2)
+
+
+def test_a_street_waits_for_all_of_earlier_waves_that_it_shares_chunks_with_and_for_no_other() -> None:
+    rng = np.random.default_rng(4)
+    writes = [set(rng.choice(90, 5, replace=False).tolist()) for _ in range(25)]
+    reads = [w | set(rng.choice(90, 3, replace=False).tolist()) for w in writes]
+    wave = colour_waves(reads, writes)
+    found = predecessors(wave, _pairs(reads), _pairs(writes))
+    for street in range(25):
+        share = {o for o in range(25) if o != street and (writes[o] & reads[street] or writes[street] & reads[o])}
+        assert set(found[street].tolist()) == {other for other in share if wave[other] < wave[street]}
+        assert all(wave[other] > wave[street] for other in share - set(found[street].tolist()))
+    assert 0 < sum(map(len, found)) < sum(int((wave < w).sum()) for w in wave)
+
+
+def test_who_waits_for_none() -> None:
+    assert predecessors(np.zeros(0, np.int32), _pairs([]), _pairs([])) == []
+    assert [one.tolist() for one in predecessors(np.array([0, 1]), _pairs([{1}, {2}]), _pairs([{1}, set()]))] == [
+        [],
+        [],
+    ]

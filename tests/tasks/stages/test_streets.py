@@ -3,20 +3,27 @@
 from __future__ import annotations
 
 import threading
+from dataclasses import replace
+from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
 
+from catalogs.block import read_block
 from facade_core.errors import StoreError
 from facade_core.street.blend import blend
 from tasks.compute.connect import Serial
+from tasks.keys.runs import run_of
 from tasks.run import Run
 from tasks.stages import streets
+from tasks.stages.ingest import ingest_block
 from tasks.stages.streets import _claimed, texture_street
 from tasks.store.commits import begin
+from tasks.store.redo import street_chunks
 from tasks.units import streets as viewpoint
+from tasks.units.context import plan_of_run
 from tests.pipeline.stages import STREETS, texture, write_block
 
 HERE: Any = SimpleNamespace(out="/out")
@@ -105,3 +112,17 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     assert all(np.array_equal(a, b) for a, b in zip(alone, kept(), strict=True))
     viewpoint.forget_street(ready, 0, "key")
     assert not viewpoint._streets
+
+
+def test_a_street_waits_for_those_of_earlier_waves_whose_chunks_it_touches(tmp_path: Path) -> None:
+    out = tmp_path / "out"
+    out.mkdir()
+    block = read_block(write_block(tmp_path / "in", streets=STREETS | {"far": [(400.0, 0.0), (430.0, 0.0)]}))
+    run = run_of(block, out)
+    outline = ingest_block.fn(run, block)
+    plan = plan_of_run(replace(run, ingested=outline.ingested))
+    chunks = [street_chunks(plan, street) for street in range(len(plan.streets))]
+    for street, (reads, writes) in enumerate(chunks):
+        share = [other for other, (r, w) in enumerate(chunks) if other != street and (reads & w or writes & r)]
+        assert outline.after[street] == tuple(o for o in share if plan.wave[o] < plan.wave[street])
+    assert any(outline.after)
