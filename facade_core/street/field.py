@@ -40,7 +40,7 @@ class Materials:
         self._scene = scene
         self._step = 1 / scene.spec.texels_per_metre
         grey = Material(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
-        self._field = Field(
+        self.field = Field(
             _surfaces(scene, seed, laid=roof_material is not None),
             Centrelines(streets, BESIDE_M).lines,
             (roof_material or grey).mips,
@@ -51,21 +51,21 @@ class Materials:
         """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
         out = np.empty((len(chart), 3), np.uint8)
         order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64)
-        kernels.colour(order, own, points, footprint, self._field, self._lights(np.unique(chart)), out)
+        kernels.colour(order, own, points, footprint, self.field, self._lights(np.unique(chart)), out)
         return out
 
     def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Texels (k,) of a chart at their middles: (k, 3) uint8."""
         out = np.empty((len(rows), 3), np.uint8)
         places = (rows.astype(np.int64), columns.astype(np.int64))
-        kernels.texels(chart, *places, self._step, self._field, self._lights([chart]), out)
+        kernels.texels(chart, *places, self._step, self.field, self._lights([chart]), out)
         return out
 
     def raster(self, chart: int) -> np.ndarray:
         """A whole chart: (h, w, 3) uint8."""
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
-        kernels.raster(chart, self._step, self._field, self._lights([chart]), out)
+        kernels.raster(chart, self._step, self.field, self._lights([chart]), out)
         return out
 
     def _lights(self, charts: Sequence[int] | np.ndarray) -> Lights:

@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 import shapely
 
+from benchmarks.materials import plain
 from facade_core.atlas import AtlasSpec
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene
+from facade_core.street.render import shade
 from facade_core.types import Building, Roof, Street
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -44,6 +46,76 @@ def test_points_texels_and_rasters_are_one_field(scene: Scene, kind: int) -> Non
     points = scene.charts.points(chart, (columns + 0.5) * (1 / DENSITY), (rows + 0.5) * (1 / DENSITY))
     colour = other.colour(np.full(500, chart), points, np.full(500, 1 / DENSITY))
     np.testing.assert_array_equal(colour, whole[rows, columns])
+
+
+def test_the_order_in_which_charts_are_asked_for_changes_nothing(scene: Scene) -> None:
+    rng = np.random.default_rng(0)
+    chart = rng.integers(0, len(scene.charts), 3000)
+    points = scene.charts.points(chart, *(rng.uniform(0, 1, (2, 3000)) * scene.charts.size[chart].T))
+    footprint = rng.uniform(0.02, 2.0, 3000)
+    found = Materials(scene, [STREET], seed=1).colour(chart, points, footprint)
+    turned = rng.permutation(3000)
+    alone = Scene(scene.mesh, scene.charts, scene.placement, scene.spec)  # its light is computed anew, in another order
+    other = Materials(alone, [STREET], seed=1)
+    for one in rng.permutation(len(scene.charts)).tolist():
+        mine = np.flatnonzero(chart == one)
+        np.testing.assert_array_equal(other.colour(chart[mine], points[mine], footprint[mine]), found[mine])
+    again = other.colour(chart[turned], points[turned], footprint[turned])
+    np.testing.assert_array_equal(again, found[turned])
+
+
+@pytest.mark.parametrize("density", [8.0, 16.0, 32.0])
+def test_ground_does_not_step_at_its_edges(density: float) -> None:
+    """A street at an angle: kerb, carriageway and slabs are their means over each texel, as 12 x 12 points have it."""
+    line = Street("s", None, shapely.LineString([(-30, -11), (50, 9)]))
+    charts, mesh, _ = block_surfaces([], [line], terrain=terrain_of([], None), ground_margin=9, largest=8)
+    placement = pack(charts.texels(density), charts.building, page=2048, chunk=128, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=2048))
+    middle = charts.points(np.arange(len(charts)), charts.size[:, 0] / 2, charts.size[:, 1] / 2)
+    chart = int(np.argmin(shapely.distance(line.line, shapely.points(middle[:, :2]))))
+    rng = np.random.default_rng(0)
+    rows, columns = (rng.integers(0, side[chart], 1500) for side in (placement.height, placement.width))
+    found = Materials(scene, [line], seed=1).texels(chart, rows, columns)
+
+    def points(right: float, down: float) -> np.ndarray:
+        places = charts.points(chart, (columns + 0.5 + right) / density, (rows + 0.5 + down) / density)
+        aside = shapely.distance(line.line, shapely.points(places[:, :2]))
+        return shade(charts.normal()[chart]) * plain.ground(places[:, 0], places[:, 1], aside, 1)
+
+    offset = (np.arange(12) + 0.5) / 12 - 0.5
+    truth = np.mean([points(right, down) for right in offset for down in offset], axis=0)
+    wrong, stepping = (np.sqrt(np.mean((tone - truth) ** 2)) for tone in (found, points(0, 0)))
+    assert wrong < 0.8
+    assert wrong < 0.35 * stepping
+
+
+def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
+    court = shapely.box(0, 0, 30, 30).difference(shapely.box(9, 9, 21, 21))
+    house = Building("court", court, 15.0, "height")
+    charts, mesh, _ = block_surfaces([house], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=32)
+    placement = pack(charts.texels(DENSITY), charts.building, page=1024, chunk=128, gutter=2)
+    materials = Materials(
+        Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024)), [STREET], seed=1
+    )
+    rng = np.random.default_rng(0)
+
+    def brightness(low: tuple[float, float], high: tuple[float, float]) -> float:
+        places = np.column_stack([rng.uniform(low, high, (400, 2)), np.zeros(400)])
+        owner = [
+            next(
+                c
+                for c in np.flatnonzero(charts.kind == GROUND).tolist()
+                if (((at := charts.coordinates(np.array([c]), place[None])[0]) >= 0) & (at <= charts.size[c])).all()
+            )
+            for place in places
+        ]
+        return float(materials.colour(np.array(owner), places, np.full(400, 0.5)).mean())
+
+    square, middle = brightness((48, -4), (54, 2)), brightness((13, 13), (17, 17))
+    corner, outside = brightness((9.2, 9.2), (10.2, 10.2)), brightness((8, -3), (22, -2))
+    assert 0.5 * square < corner < 0.93 * middle
+    assert middle < 0.92 * square
+    assert middle < outside < square  # below the house it is dark, and none of that comes out
 
 
 def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_foot_of_the_walls() -> None:
