@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from facade_core.facades import Facades
 from facade_core.geometry.streets import Viewpoint
@@ -66,6 +67,14 @@ class Plan:
     def things(self) -> Things:
         """What stands in the block."""
         return things_of(self.scene.charts, self.scene.mesh, self.scene.names)
+
+    def lines_within(self, low: np.ndarray, high: np.ndarray) -> list[str]:
+        """The centrelines whose boxes meet the box from low to high (2,), as sorted WKB in hexadecimal."""
+        return sorted(self.streets[i].line.wkb_hex for i in self._lines.query(shapely.box(*low, *high)).tolist())
+
+    @cached_property
+    def _lines(self) -> shapely.STRtree:
+        return shapely.STRtree([street.line for street in self.streets])
 
     def textured_buildings(self) -> tuple[int, ...]:
         """The buildings that have textures of their own besides those on facades."""

@@ -12,7 +12,9 @@ from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.errors import InputError
 from facade_core.plan import Plan
+from facade_core.street.surfaces import paint
 from facade_core.street.window import Window
+from tasks.units.materials import field_of
 from tasks.units.streets import replay
 
 
@@ -59,4 +61,8 @@ def after_viewpoint(out: Path | str, street: str, step: int) -> Moment:
         raise InputError(f"{out}: street {street} has {len(own)} viewpoints; {step} is none of 0 to {len(own) - 1}")
     if not group["journal/viewpoints"][own[step].id].item():
         raise InputError(f"{out}: viewpoint {step} of street {street} is not textured yet; run the block on")
-    return Moment(plan, replay(plan, group, chosen[0], step + 1, threads=os.cpu_count() or 1))
+    field = field_of(group, plan)
+    window = replay(plan, group, chosen[0], step + 1, field=field is not None, threads=os.cpu_count() or 1)
+    if field is not None:
+        paint(window, plan.scene.placement, field)
+    return Moment(plan, window)

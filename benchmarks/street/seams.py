@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 import shapely
+from facade_core.street.levelled import levelled
 
 from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.spec import AtlasSpec
@@ -15,7 +16,6 @@ from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street import Scene, Window, blend, propagate
-from facade_core.street.levelled import levelled
 from facade_core.types import Building, Street
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024

@@ -98,7 +98,7 @@ BBOX = ("xmin", "ymin", "xmax", "ymax")
 # What a row to be written holds: the box follows from the geometry.
 ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
 STATUSES = ("done", "failed")
-KINDS = ("facade", "building", "street", "panorama", "photo", "exemplar")
+KINDS = ("facade", "building", "street", "surface", "panorama", "photo", "exemplar")
 _PYTHON_TYPES: dict[str, type] = {
     "string": str,
     "binary": bytes,

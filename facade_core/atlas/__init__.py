@@ -3,7 +3,16 @@
 from facade_core.atlas.arrays import FORMAT, create_arrays
 from facade_core.atlas.journal import Record, atlas_digest, latest_digests, read_journal, unit_key, write_record
 from facade_core.atlas.opened import Atlas, open_atlas
-from facade_core.atlas.provenance import INPAINTED, PHOTO, PROVENANCE, SYNTHESISED, TRANSLATED, UNSEEN, resolve
+from facade_core.atlas.provenance import (
+    INPAINTED,
+    MATERIAL,
+    PHOTO,
+    PROVENANCE,
+    SYNTHESISED,
+    TRANSLATED,
+    UNSEEN,
+    resolve,
+)
 from facade_core.atlas.rasters import Rasters, chart_digests, chunk_digests, read_rasters, write_rasters
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import commit, expire, open_repository, open_root, open_table, write_table
@@ -11,6 +20,7 @@ from facade_core.atlas.store import commit, expire, open_repository, open_root, 
 __all__ = [
     "FORMAT",
     "INPAINTED",
+    "MATERIAL",
     "PHOTO",
     "PROVENANCE",
     "SYNTHESISED",

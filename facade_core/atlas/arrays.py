@@ -15,30 +15,16 @@ from facade_core.labels import FLAGS
 
 # Of what stores hold, in an attribute of theirs: raised when tables, arrays or records are written in another way. A store of
 # another format begins anew at the next run.
-FORMAT = 2
+FORMAT = 3
 
 PAGE, PAGE_RGB = ("page", "y", "x"), ("page", "y", "x", "band")
 FROM = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}
 
-ARRAYS = (
+# Arrays over the pages of the atlas, by who writes them. The colours of each, and what these are from, come first: records have
+# the digests of these two, chart by chart.
+SEEDS = (
     Array("atlas/seed", PAGE_RGB, "uint8", "colour from the facade stages", {"ancillary_variables": "seed_evidence"}),
     Array("atlas/seed_evidence", PAGE, "uint8", "provenance of seed, 0 where there is none", FROM),
-    Array(
-        "atlas/street",
-        PAGE_RGB,
-        "uint8",
-        "colour from the street stage, Eq. 1",
-        {"ancillary_variables": "street_views"},
-    ),
-    Array("atlas/street_views", PAGE, "uint16", "views blended into street", {"units": "1"}),
-    Array("atlas/colour", PAGE_RGB, "uint8", "resolved colour", {"ancillary_variables": "provenance"}),
-    Array(
-        "atlas/provenance",
-        PAGE,
-        "uint8",
-        "source of colour: " + ", ".join(f"{rank} {source}" for rank, source in enumerate(PROVENANCE)),
-        FROM,
-    ),
     Array("facade_maps/evidence", PAGE_RGB, "uint8", "facade image before completion"),
     Array(
         "facade_maps/labels",
@@ -55,6 +41,33 @@ ARRAYS = (
         "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all",
         {"units": "1"},
     ),
+)
+STREETS = (
+    Array(
+        "atlas/street",
+        PAGE_RGB,
+        "uint8",
+        "colour from the street stage, Eq. 1",
+        {"ancillary_variables": "street_views"},
+    ),
+    Array("atlas/street_views", PAGE, "uint16", "views blended into street", {"units": "1"}),
+)
+SURFACES = (
+    Array("atlas/colour", PAGE_RGB, "uint8", "resolved colour", {"ancillary_variables": "provenance"}),
+    Array(
+        "atlas/provenance",
+        PAGE,
+        "uint8",
+        "source of colour: " + ", ".join(f"{rank} {source}" for rank, source in enumerate(PROVENANCE)),
+        FROM,
+    ),
+)
+OF_STAGE = {"textures": SEEDS, "facades": SEEDS, "streets": STREETS, "surfaces": SURFACES}
+
+ARRAYS = (
+    *SEEDS,
+    *STREETS,
+    *SURFACES,
     Array(
         "panoramas/rgb",
         ("viewpoint", "row", "column", "band"),
@@ -101,9 +114,11 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
     group.attrs.update(format=FORMAT)
 
 
-def clear_rasters(group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int]) -> None:
-    """Make the atlas and the facade maps at some charts as they were before anything was written."""
-    arrays = [group[array.path] for array in ARRAYS if array.dims[:3] == PAGE]
+def clear_rasters(
+    group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int], stage: str | None = None
+) -> None:
+    """Make the atlas and the facade maps at some charts as they were before a stage wrote them; without one, before any did."""
+    arrays = [group[array.path] for array in (OF_STAGE[stage] if stage else (*SEEDS, *STREETS, *SURFACES))]
     for chart in charts:
         one = Rasters.of(placement, [chart])
         for array in arrays:

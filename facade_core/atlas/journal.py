@@ -109,8 +109,8 @@ def unit_key(*parts: Any) -> str:
 
 
 def latest_digests(seeds: list[Record | None], streets: list[Record | None]) -> dict[str, str]:
-    """Digest of every chart, by its id, as its last writer left it: first those who seed (own textures, then facades), then
-    streets in the order of their waves."""
+    """Digest of every chart, by its id, as the last of those who share its arrays left it: those of `seeds` each have charts of
+    their own, streets write in the order of their waves."""
     charts: dict[str, str] = {}
     for record in seeds:
         if record:
@@ -120,14 +120,9 @@ def latest_digests(seeds: list[Record | None], streets: list[Record | None]) -> 
     return charts
 
 
-def seed_records(group: StoreGroup) -> list[Record | None]:
-    """The records of the stages that seed the atlas, in the order in which they write."""
-    return read_journal(group, "textures") + read_journal(group, "facades")
-
-
 def atlas_digest(group: StoreGroup) -> str:
     """One digest of the whole atlas: of the charts' digests in the order of their ids, wherever they lie on the pages."""
-    charts = latest_digests(seed_records(group), read_journal(group, "streets"))
+    charts = latest_digests(read_journal(group, "surfaces"), [])
     digest = hashlib.sha256()
     for name in sorted(charts):
         digest.update(f"{name}:{charts[name]}\n".encode())

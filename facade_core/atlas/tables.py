@@ -77,7 +77,7 @@ def _typed(values: Any, dtype: str) -> np.ndarray:
 
 def text_column(values: Sequence[str]) -> np.ndarray:
     """Strings as a column that zarr keeps with variable length."""
-    return np.array(list(values), dtype=object) if len(values) else np.array([], dtype="U1")
+    return np.array(list(values), dtype=np.dtypes.StringDType())
 
 
 def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = "", **more: Any) -> Column:

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.atlas.levelling import spread
+from facade_core.street.scene import Scene
+
 # Around every piece its border is repeated for this many texels, and pieces start on multiples of it: down to the mip
 # level of an eighth no texel, interpolated or not, shows two pieces; nor does a block of a JPEG's brightness.
 GUTTER = 8
@@ -76,6 +79,21 @@ def _bundles(area: np.ndarray, group: np.ndarray, room: float) -> list[np.ndarra
 def _page_width(box: np.ndarray, largest: int) -> int:
     wanted = max(int(box[:, 0].max()), int(np.sqrt(box.prod(axis=1).sum() / FILLED)))
     return min(largest, -(-wanted // (2 * GUTTER)) * 2 * GUTTER)
+
+
+def between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
+    """An atlas page (h, w, 3) with what lies between its charts and their gutters coloured like them, so that mipmaps do not
+    bleed."""
+    owned = np.zeros(colour.shape[:2], bool)
+    placement, gutter = scene.placement, scene.spec.gutter
+    for chart in np.flatnonzero(placement.page == page).tolist():
+        y, x = int(placement.y[chart]) - gutter, int(placement.x[chart]) - gutter
+        height, width = (int(side[chart]) + 2 * gutter for side in (placement.height, placement.width))
+        owned[y : y + height, x : x + width] = True
+    if owned.any() and not owned.all():
+        between = np.round(spread(colour, owned)).astype(np.uint8)
+        colour = np.where(owned[..., None], colour, between)
+    return colour
 
 
 def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray]) -> np.ndarray:

@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from facade_core.atlas.provenance import TRANSLATED
+from facade_core.atlas.provenance import TRANSLATED, UNSEEN
 from facade_core.errors import GeometryError
 from facade_core.geometry.equirectangular import basis
 from facade_core.geometry.streets import Viewpoint
@@ -67,6 +67,37 @@ def propagate(
             f"the window holds views to 65 m and the scene's reach {scene.visibility_range} m; "
             "give Window.of the scene's visibility_range"
         )
+    facing, surface, camera, marked = _before(scene, atlas, viewpoint, held, seen)
+    view = View(viewpoint.id, round(1000 * (GATE_SPACINGS * scene.spacing)), camera, rgb, surface)
+
+    def walk(first: int) -> None:
+        _propagate(atlas.state, atlas.colour, atlas.provenance, facing, view, marked, first, threads)
+
+    if threads == 1:
+        walk(0)
+        return
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(walk, range(threads)))
+
+
+def see(scene: Scene, atlas: Window, viewpoint: Viewpoint, seen: np.ndarray) -> None:
+    """Count the viewpoint as a view of the bare texels that it is the first to see, of the window's writable charts, in place.
+
+    For translators that answer with a field: what such a texel shows depends on no view, and
+    `facade_core.street.surfaces.paint` gives it. Which texels a viewpoint sees is as `propagate` has it, at any distance along
+    the street; seen (h, w) int32 is the panorama's chart image.
+    """
+    held = np.intersect1d(seen[seen >= 0], atlas.writable)
+    if len(held):
+        facing, surface, camera, marked = _before(scene, atlas, viewpoint, held, seen)
+        _see(atlas.state.views, atlas.provenance, facing, camera, surface, marked)
+
+
+def _before(
+    scene: Scene, atlas: Window, viewpoint: Viewpoint, held: np.ndarray, seen: np.ndarray
+) -> tuple[Facing, np.ndarray, np.ndarray, np.ndarray]:
+    """The charts `held` (k,) before a viewpoint; the surface of each pixel (h, w), -1 nothing; the camera's rotation; and which
+    tiles of the charts its pixels can fall on."""
     charts, placement = scene.charts, scene.placement
     place = np.full(len(charts), -1, np.int64)
     place[held] = np.arange(len(held))
@@ -85,18 +116,8 @@ def propagate(
         charts.surface[held],
         atlas.rasters.offset[held],
     )
-    gate, surface = round(1000 * (GATE_SPACINGS * scene.spacing)), np.where(seen >= 0, charts.surface[seen], -1)
-    view = View(viewpoint.id, gate, basis(viewpoint.forward), rgb, surface)
-    marked = mark_tiles(seen, surface, place, view.camera, facing)
-
-    def walk(first: int) -> None:
-        _propagate(atlas.state, atlas.colour, atlas.provenance, facing, view, marked, first, threads)
-
-    if threads == 1:
-        walk(0)
-        return
-    with ThreadPoolExecutor(threads) as pool:
-        list(pool.map(walk, range(threads)))
+    surface, camera = np.where(seen >= 0, charts.surface[seen], -1), basis(viewpoint.forward)
+    return facing, surface, camera, mark_tiles(seen, surface, place, camera, facing)
 
 
 @njit(cache=True, inline="always", error_model="numpy")
@@ -217,3 +238,51 @@ def _propagate(
                         if provenance[t] <= TRANSLATED:
                             provenance[t] = TRANSLATED
                             blend_texel(state, t, resolved)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _see(
+    views: np.ndarray,
+    provenance: np.ndarray,
+    charts: Facing,
+    camera: np.ndarray,
+    surface: np.ndarray,
+    marked: np.ndarray,
+) -> None:
+    """One view of every bare texel in the marked tiles that has none and is in sight."""
+    rows, columns = surface.shape
+    width, height = charts.width, charts.height
+    columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
+    first = np.empty(3)
+    tile = -1
+    for c in range(len(charts.origin)):
+        o, u, v = camera @ charts.origin[c], camera @ charts.axis_u[c], camera @ charts.axis_v[c]
+        along = charts.step * u
+        for top in range(0, height[c], TILE):
+            for left in range(0, width[c], TILE):
+                tile += 1
+                if not marked[tile]:
+                    continue
+                for j in range(top, min(top + TILE, height[c])):
+                    t = charts.offset[c] + j * width[c] + left
+                    wide = min(TILE, width[c] - left)
+                    bare = False
+                    for k in range(wide):
+                        bare |= provenance[t + k] == UNSEEN and views[t + k] == 0
+                    if not bare:
+                        continue
+                    x, y = (left + 0.5) * charts.step, (j + 0.5) * charts.step
+                    for axis in range(3):
+                        first[axis] = o[axis] + x * u[axis] + y * v[axis]
+                    _aim(first, along, columns, rows, columns_at, rows_at, depths, levels)
+                    for k in range(wide):
+                        if provenance[t + k] != UNSEEN or views[t + k]:
+                            continue
+                        down = first[1] + k * along[1]
+                        if levels[k] + down * down > charts.farthest[c] * charts.farthest[c]:
+                            continue
+                        row, column = min(int(rows_at[k]), rows - 1), int(columns_at[k])
+                        if column >= columns:
+                            column = 0
+                        if surface[row, column] == charts.surface[c]:
+                            views[t + k] = 1

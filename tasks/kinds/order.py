@@ -10,9 +10,10 @@ from tasks.kinds.facades import FACADES
 from tasks.kinds.kind import Kind, Records
 from tasks.kinds.poses import POSES
 from tasks.kinds.streets import STREETS, VIEWPOINTS
+from tasks.kinds.surfaces import SURFACES
 from tasks.kinds.textures import TEXTURES
 
-KINDS: tuple[Kind, ...] = (POSES, EXEMPLARS, TEXTURES, FACADES, VIEWPOINTS, STREETS)
+KINDS: tuple[Kind, ...] = (POSES, EXEMPLARS, TEXTURES, FACADES, VIEWPOINTS, STREETS, SURFACES)
 STAGES = tuple(kind.stage for kind in KINDS)
 # The stages that have code of their own, those before and after the units among them.
 CODED = ("ingest", *(kind.stage for kind in KINDS if kind.part_of is None), "publish")

@@ -122,7 +122,8 @@ def stages_of(facade: StoredFacade) -> Iterator[Stage]:
         Shown("result", "Texture"),
     )
     yield from _variations(facade, record.get("variation_levels") or 0)
-    yield Stage(partial(facade.raster, "atlas/colour"), Shown("street", "In the street: final texture"))
+    if facade.raster("atlas/provenance").any():  # its surface is finished
+        yield Stage(partial(facade.raster, "atlas/colour"), Shown("street", "In the street: final texture"))
 
 
 def _variations(facade: StoredFacade, levels: int) -> Iterator[Stage]:

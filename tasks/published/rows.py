@@ -13,6 +13,7 @@ import numpy as np
 
 from catalogs.published.items import ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
+from facade_core.atlas.provenance import PROVENANCE, TRANSLATED
 from facade_core.facades import Facades
 from tasks.kinds.order import KINDS
 from tasks.published.stored import StoredBlock
@@ -118,7 +119,7 @@ def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source
         "floors": int(facades.floors[index]),
         **{key: record.get(key) for key in _FROM_RECORD},
         "masked": len(record["masked"]) if "masked" in record else None,
-        **dict(zip(_SHARES, (record.get("provenance") or [None] * 5)[1:], strict=True)),
+        **dict(zip(_SHARES, (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARES) :], strict=True)),
         "lattice_rows": len(lattice["rows"]) if lattice else None,
         "lattice_columns": len(lattice["columns"]) if lattice else None,
         "quality": _quality(record, int(facades.floors[index]), height_source) if "elements" in record else None,
@@ -188,7 +189,8 @@ def _set_aside(block: StoredBlock) -> Iterator[tuple[str, str, str]]:
             yield "street", record["unit"], f"{stale}{record['reason']}"
 
 
-_SHARES = ("translated", "synthesised", "inpainted", "photo")
+# Of a facade no texel is left to its material but where it failed.
+_SHARES = PROVENANCE[TRANSLATED:]
 _FROM_RECORD = (
     "columns",
     "windows",

@@ -38,6 +38,10 @@ REASONS = {
     "aerial": "picture from above changed",
     "between": "surroundings changed",
     "above": "surroundings changed",
+    "around": "surroundings changed",
+    "lines": "streets changed",
+    "seeds": "what they are made of is done again",
+    "streets": "what they are made of is done again",
     "geometry": "geometry changed",
     "walls": "block's texture.walls changed",
     "settings": "block's settings changed",
@@ -123,6 +127,7 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
         if kind.seeds:
             seeded += [chart for u in units[kind.stage] if u.index in reasons[kind.stage] for chart in u.charts]
     reasons["streets"], follow = _streets(run, plan, group, seeded)
+    reasons["surfaces"] = _surfaces(reasons, units["surfaces"], seeded, plan)
     totals = {stage: len(of) for stage, of in units.items()} | {"streets": sum(map(len, outline.waves))}
     lines = [_line(totals[k.stage], k.noun, reasons[k.stage]) for k in KINDS if k.stage in reasons]
     parts = [line for line in lines if line]
@@ -220,6 +225,19 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
         if street in due or street in following:
             of_wave.append(charts)
     return due, len(following)
+
+
+def _surfaces(
+    reasons: Mapping[str, Mapping[int, str]], units: Sequence[Unit], seeded: Sequence[int], plan: Plan
+) -> dict[int, str]:
+    """The surfaces that are due, those too that are once what is seeded again and the streets that are due are done."""
+    again = np.zeros(len(plan.ids), bool)
+    again[list(seeded)] = True
+    for street in reasons["streets"]:
+        charts = plan.charts_of_street(street)
+        again[charts[plan.writable[charts]]] = True
+    following = {unit.index: REASONS["seeds"] for unit in units if again[list(unit.arguments[0])].any()}
+    return following | dict(reasons["surfaces"])
 
 
 def _line(total: int, name: str, due: Mapping[int, str]) -> str | None:

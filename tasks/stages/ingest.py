@@ -14,9 +14,9 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.features import file_stem
-from facade_core.atlas.arrays import create_arrays
+from facade_core.atlas.arrays import FORMAT, create_arrays
 from facade_core.atlas.plan_tables import read_plan, write_plan
-from facade_core.atlas.store import BRANCH, commit, new_root, open_repository, root_of_any_format
+from facade_core.atlas.store import BRANCH, commit, format_of, new_root, open_repository, root_of_any_format
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
 from facade_core.geometry.charts import WALL
@@ -69,7 +69,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
     repository = open_repository(run.store, create=True)
     session = repository.writable_session(BRANCH)
     root = root_of_any_format(session)
-    skipped, anew = root.attrs.get("key") == run.key and has_all_stages(root), None
+    skipped, anew = root.attrs.get("key") == run.key and format_of(root) == FORMAT and has_all_stages(root), None
     if skipped:
         plan = read_plan(session)
     else:
@@ -91,6 +91,8 @@ def ingest_block(run: Run, block: Block) -> Outline:
             published_by=stage_code("publish"),
             crs=run.crs,
             seed=run.seed,
+            translator=run.texture.translator,
+            roof_material=run.roof_material and [str(run.roof_material[0]), run.roof_material[1]],
             geoid_separation=block.geoid_separation,
             notes=_notes(block, plan),
             set_aside=set_aside,

@@ -8,7 +8,7 @@ from facade_core.geometry.packing import Places
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
 from tasks.units.images import image_size
-from tasks.units.roofs import under_aerial
+from tasks.units.materials import under_aerial
 
 if TYPE_CHECKING:
     from catalogs.block import Block

@@ -107,7 +107,7 @@ def _write(
     """Everything that is published of a session's snapshot, each file or folder in a step of its own."""
     block = stored_block(session)
     views = aim_views(block)
-    pages = write_pages(snapshot, run, block, views.values())
+    pages = write_pages(snapshot, block, views.values())
     write_glb(snapshot.model, block.plan.scene, pages, block.names)
     images = write_images(snapshot.report / "images", block, views)
     rows = rows_of(run, block)

@@ -131,7 +131,8 @@ def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[
     group = open_root(session)
     for index, charts in units.items():
         forget_record(group, stage, index)
-        clear_rasters(group, plan.scene.spec, plan.scene.placement, charts)
+        if charts:
+            clear_rasters(group, plan.scene.spec, plan.scene.placement, charts, stage)
     commit(session, f"{len(units)} {stage} are due again")
 
 

@@ -8,6 +8,7 @@ from typing import TypeVar
 
 import numpy as np
 
+from facade_core.atlas.arrays import OF_STAGE
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
@@ -24,13 +25,11 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     """
     found: dict[str, set[int]] = defaultdict(set)
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
-    writers = [one for one in _last_writers(group).items() if one[0] in chart_of]
-    for name, (stage, unit, digest) in _spread(sorted(writers), sample):
+    writers = [one for one in _last_writers(group) if one[0] in chart_of]
+    for name, stage, unit, digest in _spread(sorted(writers), sample):
         one = Rasters.of(plan.scene.placement, [chart_of[name]])
-        colour, provenance = (
-            read_rasters(group[f"atlas/{array}"], plan.scene.placement, one) for array in ("colour", "provenance")
-        )
-        if chart_digests(colour, provenance, plan.scene.placement, one, plan.ids)[name] != digest:
+        colour, source = (read_rasters(group[array.path], plan.scene.placement, one) for array in OF_STAGE[stage][:2])
+        if chart_digests(colour, source, plan.scene.placement, one, plan.ids)[name] != digest:
             found[stage].add(unit)
     pictures = [
         (viewpoint, record["panorama"])
@@ -44,18 +43,18 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     return {stage: sorted(units) for stage, units in found.items()}
 
 
-def _last_writers(group: StoreGroup) -> dict[str, tuple[str, int, str]]:
-    """Of every chart, by its id, the stage and unit that wrote it last and the digest that it left; charts are left out whose
-    last writer is due again."""
-    found: dict[str, tuple[str, int, str]] = {}
-    due: set[str] = set()
-    for stage in ("textures", "facades", "streets"):
+def _last_writers(group: StoreGroup) -> list[tuple[str, str, int, str]]:
+    """Of every chart, by its id, the stages that wrote it, of each the unit that did last, and the digest that it left; none
+    where that unit is due again."""
+    found: dict[tuple[str, str], tuple[int, str]] = {}
+    due: set[tuple[str, str]] = set()
+    for stage in OF_STAGE:
         records = [(i, record) for i, record in enumerate(read_journal(group, stage)) if record]
         for unit, record in sorted(records, key=lambda one: (one[1].get("wave", 0), one[1]["unit"])):
             for chart, digest in record.get("digests", {}).items():
-                found[chart] = (stage, unit, digest)
-                (due.discard if record["status"] == "done" else due.add)(chart)
-    return {chart: writer for chart, writer in found.items() if chart not in due}
+                found[chart, stage] = (unit, digest)
+                (due.discard if record["status"] == "done" else due.add)((chart, stage))
+    return [(chart, stage, *writer) for (chart, stage), writer in found.items() if (chart, stage) not in due]
 
 
 def _spread(values: Sequence[T], count: int | None) -> Sequence[T]:

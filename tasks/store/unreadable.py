@@ -7,10 +7,12 @@ from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
+from facade_core.atlas.arrays import OF_STAGE
 from facade_core.atlas.check import Coordinates
 from facade_core.atlas.zarr_types import StoreArray, StoreGroup
 from facade_core.plan import Plan
 from tasks.kinds.order import STAGES
+from tasks.kinds.surfaces import parts_of_block
 
 
 def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinates] | None]) -> dict[str, set[int]]:
@@ -32,14 +34,15 @@ def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinat
         elif folder == "exemplars":
             due["exemplars"].add(int(name.partition("/")[0]))
         else:
+            writers = [stage for stage, arrays in OF_STAGE.items() if path in (array.path for array in arrays)]
             for stage, found in units_of_charts(plan, _charts_at(plan, chunks)).items():
-                due[stage].update(found)
+                due[stage].update(found if stage in writers else ())
         _empty(group, path, array, chunks)
     return {stage: due[stage] for stage in STAGES if due[stage]}
 
 
 def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
-    """Who writes on some charts: textures, facades and streets, by index."""
+    """Who writes on some charts, by stage and index."""
     chosen = set(charts)
     pairs = plan.street_charts
     written = pairs[plan.writable[pairs[:, 1]]]
@@ -49,6 +52,7 @@ def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
         },
         "facades": set(np.flatnonzero(np.isin(plan.facades.chart, sorted(chosen))).tolist()),
         "streets": set(written[np.isin(written[:, 1], sorted(chosen)), 0].tolist()),
+        "surfaces": {unit for unit, (_, own) in enumerate(parts_of_block(plan)) if not chosen.isdisjoint(own)},
     }
 
 

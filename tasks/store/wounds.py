@@ -24,6 +24,7 @@ from facade_core.grouping import Grouped
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
 from tasks.kinds.order import STAGES, read_journals
+from tasks.kinds.surfaces import parts_of_block
 from tasks.outcome import is_done
 from tasks.run import Run
 from tasks.store.digests import differing
@@ -58,6 +59,7 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
         "facades": _without_rasters(session, records["facades"]),
         "viewpoints": viewpoints,
         "streets": _over_other_viewpoints(session, records["streets"], records["viewpoints"], viewpoints),
+        "surfaces": _without_texels(session, records["surfaces"]),
     }
     return {stage: units for stage, units in found.items() if units}
 
@@ -145,7 +147,7 @@ def _forget(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:
     for stage in STAGES:
         for unit in sorted(due.get(stage, ())):
             forget_record(group, stage, unit)
-    clear_rasters(group, plan.scene.spec, plan.scene.placement, sorted(set(charts)))
+    clear_rasters(group, plan.scene.spec, plan.scene.placement, sorted(set(charts)), "facades")
     names = _names(plan)
     told = []
     for stage in STAGES:
@@ -163,6 +165,7 @@ def _names(plan: Plan) -> dict[str, Sequence[str]]:
         "streets": streets,
         "viewpoints": [f"{streets[one.street]}, {one.id}" for one in plan.viewpoints],
         "textures": [plan.scene.names[building] for building in plan.textured_buildings()],
+        "surfaces": [name for name, _ in parts_of_block(plan)],
     }
 
 
@@ -213,6 +216,23 @@ def _without_rasters(session: icechunk.Session, records: Records) -> list[int]:
         if (facade,) not in hierarchies
         or not there.issuperset(map(tuple, placement.chunks(int(chart_of[facade]), chunk, gutter).tolist()))
     ]
+
+
+def _without_texels(session: icechunk.Session, records: Records) -> list[int]:
+    """Finished surfaces of whose charts a chunk is not listed: each of their texels is from somewhere."""
+    if not any(map(_done, records)):
+        return []
+    charts = open_table(session, "charts").load()
+    chunk, gutter = charts.attrs["chunk"], charts.attrs["gutter"]
+    there = chunks_of(session, "atlas/provenance")
+    columns = {name: charts[name].values for name in ("page", "x", "y", "width", "height")}
+    placement = Placement(**columns, pages=0)
+    lost = {
+        f"{number:016x}"
+        for chart, number in enumerate(charts.id.values.tolist())
+        if not there.issuperset(map(tuple, placement.chunks(chart, chunk, gutter).tolist()))
+    }
+    return [i for i, r in enumerate(records) if r and _done(r) and not lost.isdisjoint(r["digests"])]
 
 
 def _over_other_viewpoints(

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.provenance import resolve
+from facade_core.atlas.provenance import PROVENANCE
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
@@ -138,12 +138,9 @@ def _write(group: StoreGroup, plan: Plan, facade: int, result: Facade, confidenc
     rasters = Rasters.of(scene.placement, [chart])
     seed = result.image.reshape(-1, 3)
     evidence = result.provenance.reshape(-1)
-    colour, provenance = resolve(seed, evidence, np.zeros_like(seed), np.zeros(len(seed), np.uint16))
     arrays = {
         "atlas/seed": seed,
         "atlas/seed_evidence": evidence,
-        "atlas/colour": colour,
-        "atlas/provenance": provenance,
         "facade_maps/evidence": result.evidence.reshape(-1, 3),
         "facade_maps/labels": result.labels.reshape(-1),
         "facade_maps/occluded": result.occluded.reshape(-1),
@@ -152,7 +149,7 @@ def _write(group: StoreGroup, plan: Plan, facade: int, result: Facade, confidenc
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
     group["hierarchies/data"][facade] = base64.b64encode(result.hierarchy.to_bytes()).decode()
-    return chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
+    return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
 
 
 def _summary(result: Facade) -> dict[str, Any]:
@@ -173,7 +170,8 @@ def _summary(result: Facade) -> dict[str, Any]:
         "occluded": round(float(result.occluded.mean()), 4),
         "masked": [list(map(int, box)) for box in result.masked],
         "provenance": [
-            round(float(v), 4) for v in np.bincount(result.provenance.reshape(-1), minlength=5) / result.labels.size
+            round(float(share), 4)
+            for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
         ],
         "variation_types": int((result.hierarchy.levels[0].counts > 0).sum()),
         "variation_levels": len(result.hierarchy.levels),

@@ -9,6 +9,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Sequence
 from pathlib import Path
 
+import numpy as np
+
 from facade_core.errors import InputError
 from facade_core.street.neural import NETWORK_PIXELS
 from tasks.units.imagery import Imagery
@@ -31,6 +33,9 @@ NETWORK_PIXEL = 2000
 # The window of a street: seed, colour and provenance of a texel it reads; with the blend state of one it writes, which is then
 # levelled (measured: 61 to 64 in all).
 READ_TEXEL, WRITTEN_TEXEL = 16, 64
+# A finished texel that waits for the others of its unit, with its copy on the way to the store; one that is painted and
+# levelled, with what is around it.
+FINISHED_TEXEL, SURFACE_TEXEL = 10, 90
 
 
 def pose_memory(path: Path) -> int:
@@ -50,6 +55,11 @@ def facade_memory(texels: int, imagery: Imagery) -> int:
 
 def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
     return LEAST + max(texels * TEXTURE_TEXEL, _decoded(pictures)) + _pixels(pictures) * PICTURE_PIXEL
+
+
+def surface_memory(texels: np.ndarray) -> int:
+    """Of a building or piece of ground whose charts have so many texels (k,): all are kept, one at a time is levelled."""
+    return LEAST + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL
 
 
 def street_memory(read: int, written: int, *, network: int = 0) -> int:

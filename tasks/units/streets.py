@@ -14,33 +14,39 @@ from facade_core.atlas.journal import read_records
 from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.geometry.streets import Viewpoint
 from facade_core.plan import Plan
 from facade_core.street import neural
 from facade_core.street.blend import blend
-from facade_core.street.levelled import levelled
-from facade_core.street.propagate import propagate
+from facade_core.street.field import Materials
+from facade_core.street.propagate import propagate, see
 from facade_core.street.render import render
+from facade_core.street.surfaces import paint
 from facade_core.street.translate import Swatches, Translator
 from facade_core.street.window import Window
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
-from tasks.units.roofs import roof_material
+from tasks.units.materials import roof_material
 
 
 @dataclass(frozen=True)
 class Context:
-    """What a worker keeps between the units of a run: its plan and translator, read once per process."""
+    """What a worker keeps between the units of a run: its plan and translator, read once per process; the field that the
+    translator answers with, where that is no picture."""
 
     plan: Plan
     translator: Translator
+    field: Materials | None
 
 
 @lru_cache(maxsize=2)
 def context(run: Run) -> Context:
     plan = plan_of_run(run)
     if run.texture.translator == "neural":
-        return Context(plan, neural.load())
-    return Context(plan, Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=roof_material(run)))
+        return Context(plan, neural.load(), None)
+    laid = roof_material(run.roof_material, run.texture.texels_per_metre)
+    swatches = Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=laid)
+    return Context(plan, swatches, swatches.materials)
 
 
 @dataclass
@@ -82,7 +88,10 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     lap("render")
     rgb = here.translator.translate(panorama)
     lap("translate")
-    propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
+    if here.field is None:
+        propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
+    else:
+        see(here.plan.scene, progress.window, viewpoint, panorama.chart)
     lap("propagate")
     group["panoramas/rgb"][viewpoint.id] = rgb
     _keep(entry, mark, _Progress(progress.window, step + 1))
@@ -91,7 +100,8 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
         "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
         if (panorama.chart >= 0).any()
         else 0.0,
-        "passes": _passes(here.plan, panorama.chart, rgb),
+        # what of a field others see is told by the looks of viewpoints
+        "passes": _passes(here.plan, panorama.chart, rgb) if here.field is None else "",
         "panorama": picture_digest(rgb),
         "worker": worker_name(),
         "started": start,
@@ -100,26 +110,24 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
 
 
 def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -> tuple[Any, dict[str, Any]]:
-    """Write what the street's `steps` viewpoints made of its charts: street colour, views, resolved colour, provenance."""
+    """Write what the street's `steps` viewpoints made of its charts: colour and how many views it is of."""
     start = time.time()
     here = context(run)
     group = open_root(fork)
     window = _take((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
-    colour, views = blend(window.state)
     rasters = Rasters.of(scene.placement, window.writable)
-    resolved = levelled(scene, rasters, window) if run.texture.levelling else window.colour[: rasters.total]
-    provenance = window.provenance[: rasters.total]
+    if here.field is None:
+        colour, views = blend(window.state)
+    else:
+        paint(window, scene.placement, here.field)
+        views = window.state.views
+        colour = np.where((views > 0)[:, None], window.colour[: rasters.total], np.uint8(0))
     written = replace(rasters, charts=rasters.charts[~_held_by_later(here.plan, group, street, rasters.charts)])
-    for name, flat in {
-        "street": colour,
-        "street_views": views,
-        "colour": resolved,
-        "provenance": provenance,
-    }.items():
+    for name, flat in {"street": colour, "street_views": views}.items():
         write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, written, flat)
     return fork, {
-        "digests": chart_digests(resolved, provenance, scene.placement, rasters, here.plan.ids),
+        "digests": chart_digests(colour, views, scene.placement, rasters, here.plan.ids),
         "texels": int((views > 0).sum()),
         "worker": worker_name(),
         "started": start,
@@ -164,7 +172,7 @@ def _take(entry: _Street, here: Context, group: StoreGroup, step: int) -> tuple[
     with _taking:
         held, _streets[entry] = _streets.get(entry), mark
     if not isinstance(held, _Progress) or held.done != step:
-        held = _Progress(replay(here.plan, group, entry[1], step), step)
+        held = _Progress(replay(here.plan, group, entry[1], step, field=here.field is not None), step)
     return held, mark
 
 
@@ -174,9 +182,9 @@ def _keep(entry: _Street, mark: object, progress: _Progress) -> None:
             _streets[entry] = progress
 
 
-def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: int = 1) -> Window:
+def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, threads: int = 1) -> Window:
     """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
-    one of its charts, then the street's own."""
+    one of its charts, then the street's own. field: whether the translator answers with one; its texels are left to `paint`."""
     scene = plan.scene
     viewpoints = plan.of_street(street)
     charts = plan.charts_of_street(street)
@@ -191,5 +199,15 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, threads: in
     records = read_records(group, "viewpoints", shows)
     earlier = [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
     for viewpoint in [*earlier, *viewpoints[:step]]:
-        propagate(scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)
+        add_viewpoint(plan, group, window, viewpoint, field=field, threads=threads)
     return window
+
+
+def add_viewpoint(
+    plan: Plan, group: StoreGroup, window: Window, viewpoint: Viewpoint, *, field: bool, threads: int = 1
+) -> None:
+    """Take a viewpoint that is done into a window: its panorama, or what it sees."""
+    if field:
+        see(plan.scene, window, viewpoint, plan.scene.look(viewpoint, group["panoramas/rgb"].shape[2])[2])
+    else:
+        propagate(plan.scene, window, viewpoint, group["panoramas/rgb"][viewpoint.id], threads=threads)

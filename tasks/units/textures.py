@@ -9,7 +9,7 @@ from typing import Any, cast
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.provenance import PHOTO, UNSEEN, resolve
+from facade_core.atlas.provenance import PHOTO, UNSEEN
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.rectify import own_texture
@@ -18,7 +18,7 @@ from tasks.outcome import refusal
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_textures
-from tasks.units.roofs import sampler
+from tasks.units.materials import sampler
 from tasks.units.unit import Piece
 
 
@@ -42,16 +42,10 @@ def texture_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             rgb, covered = np.where((known & ~covered)[..., None], seen, rgb), covered | known
         seed = rgb.reshape(-1, 3)
         evidence = np.where(covered, PHOTO, UNSEEN).astype(np.uint8).reshape(-1)
-        colour, provenance = resolve(seed, evidence, np.zeros_like(seed), np.zeros(len(seed), np.uint16))
         rasters = Rasters.of(scene.placement, [chart])
-        for array, flat in {
-            "seed": seed,
-            "seed_evidence": evidence,
-            "colour": colour,
-            "provenance": provenance,
-        }.items():
+        for array, flat in {"seed": seed, "seed_evidence": evidence}.items():
             write_rasters(group[f"atlas/{array}"], scene.spec, scene.placement, rasters, flat)
-        digests |= chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
+        digests |= chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
     record: Record = {
         "unit": unit.name,
         "key": unit.key,

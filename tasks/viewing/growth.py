@@ -14,9 +14,11 @@ from facade_core.errors import InputError
 from facade_core.export import Camera
 from facade_core.geometry.raycast import MISS
 from facade_core.plan import Plan
-from facade_core.street.propagate import propagate
+from facade_core.street.field import Materials
+from facade_core.street.surfaces import paint
 from facade_core.street.window import Window
-from tasks.units.streets import replay
+from tasks.units.materials import field_of
+from tasks.units.streets import add_viewpoint, replay
 from tasks.viewing.reading import View
 
 # Height and width of the picture; what no viewpoint has reached yet; what lies beside the street; the sky.
@@ -37,6 +39,7 @@ class _Street:
     street: int
     plan: Plan
     window: Window
+    field: Materials | None
     steps: int
     texel: np.ndarray
 
@@ -61,11 +64,14 @@ class Growth:
                         f"viewpoint {steps - 1} of {view.tables.streets[street]['id']} is not textured yet"
                     )
                 plan = held.plan if held and _same(held, view) else _plan(view)
-                window = replay(plan, view.group, street, steps, threads=_THREADS)
-                held = _Street(view, street, plan, window, steps, _texels(plan, window, street))
-            for step in own[held.steps : steps]:
-                rgb = view.group["panoramas/rgb"][step]
-                propagate(held.plan.scene, held.window, held.plan.viewpoints[step], rgb, threads=_THREADS)
+                field = field_of(view.group, plan)
+                window = replay(plan, view.group, street, steps, field=field is not None, threads=_THREADS)
+                held = _Street(view, street, plan, window, field, steps, _texels(plan, window, street))
+            for step in own[held.steps : steps].tolist():
+                seen = held.plan.viewpoints[step]
+                add_viewpoint(held.plan, view.group, held.window, seen, field=held.field is not None, threads=_THREADS)
+            if held.field is not None:
+                paint(held.window, held.plan.scene.placement, held.field)
             held.steps = steps
             self._street = held
             return _draw(held)

@@ -14,7 +14,7 @@ import zarr
 from PIL import Image
 
 from catalogs.block import read_block
-from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal, seed_records
+from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
@@ -112,16 +112,16 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     outline = ingest_block.fn(run, block)
     run = replace(run, ingested=outline.ingested)
     said, outcome = what_is_due(run, block, outline).said, Outcome()
+    chosen = chosen_streets(run, only)
     for kind in KINDS:
         if kind.units is not None:
             outcome += _do(run, due_of(run, block, kind), compute)
-    chosen = chosen_streets(run, only)
-    for wave in outline.waves:
-        for street in (s for s in wave if chosen is None or s in chosen):
-            if outline.streets[street] == stop_before:
-                return Textured(run, said, outcome.refused)
-            textured = texture_street.fn(run, street, outline.streets[street], 0, compute)
-            assert not textured.failed, textured.failed
+        elif kind.part_of is None:
+            for street in (s for wave in outline.waves for s in wave if chosen is None or s in chosen):
+                if outline.streets[street] == stop_before:
+                    return Textured(run, said, outcome.refused)
+                textured = texture_street.fn(run, street, outline.streets[street], 0, compute)
+                assert not textured.failed, textured.failed
     return Textured(run, said, outcome.refused)
 
 
@@ -153,7 +153,7 @@ def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
 def digests_of(out: Path) -> tuple[str, dict[str, str]]:
     """The digest of the atlas and those of its charts, from the journal."""
     group = _group(out)
-    return atlas_digest(group), latest_digests(seed_records(group), read_journal(group, "streets"))
+    return atlas_digest(group), latest_digests(read_journal(group, "surfaces"), [])
 
 
 def _do(run: Run, due: Due, compute: Serial) -> Outcome:

@@ -13,7 +13,7 @@ import zarr
 
 import catalogs
 from catalogs.block import read_block
-from facade_core.atlas import open_atlas
+from facade_core.atlas import PHOTO, open_atlas
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
@@ -36,7 +36,7 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     assert float(facade.x[-1] + facade.x[0]) == pytest.approx(row["width_m"], abs=0.2)
     assert float(facade.y[-1] + facade.y[0]) == pytest.approx(row["height_m"], abs=0.2)
     assert float(facade.occluded.mean()) == pytest.approx(row["occluded"], abs=1e-3)
-    assert float((facade.provenance == 4).mean()) == pytest.approx(row["photo"], abs=1e-3)
+    assert float((facade.provenance == PHOTO).mean()) == pytest.approx(row["photo"], abs=1e-3)
     assert sum(e[0] == "window" for e in json.loads(facade.attrs["elements"])) == row["windows"]
     seen = ~facade.occluded.values
     assert np.abs(facade.evidence.values[seen].astype(int) - facade.texture.values[seen]).mean() < 1

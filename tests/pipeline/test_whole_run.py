@@ -19,7 +19,17 @@ import xarray as xr
 import zarr
 
 from catalogs.query import query
-from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN, atlas_digest, open_repository
+from facade_core.atlas import (
+    INPAINTED,
+    MATERIAL,
+    PHOTO,
+    SYNTHESISED,
+    TRANSLATED,
+    Rasters,
+    atlas_digest,
+    open_repository,
+    read_rasters,
+)
 from facade_core.atlas.journal import VOLATILE
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.errors import StoreError
@@ -47,14 +57,15 @@ def test_everything_is_done_and_published(undisturbed: Run) -> None:
     assert (out / "current").read_text().strip() in summary["outputs"]["report"]
 
 
-def test_all_sources_reach_the_atlas(undisturbed: Run) -> None:
+def test_all_sources_reach_the_atlas_and_no_texel_is_left(undisturbed: Run) -> None:
     out, summary = undisturbed
-    group = zarr.open_group(open_repository(out / "store").readonly_session("main").store, mode="r")
-    provenance = group["atlas/provenance"][:]
-    assert set(np.unique(provenance)) >= {TRANSLATED, SYNTHESISED, INPAINTED, PHOTO}
-    colour = group["atlas/colour"][:]
-    assert colour[provenance > 0].std() > 10
-    assert (colour[provenance == 0] == 0).all()
+    session = open_repository(out / "store").readonly_session("main")
+    group, placement = zarr.open_group(session.store, mode="r"), read_plan(session).scene.placement
+    charts = Rasters.of(placement, range(len(placement.page)))
+    colour, provenance = (read_rasters(group[f"atlas/{name}"], placement, charts) for name in ("colour", "provenance"))
+    assert set(np.unique(provenance)) == {MATERIAL, TRANSLATED, SYNTHESISED, INPAINTED, PHOTO}
+    for rank in (MATERIAL, TRANSLATED):
+        assert colour[provenance == rank].std() > 10
     assert atlas_digest(group) == summary["atlas_digest"]
 
 
@@ -175,7 +186,7 @@ def test_walls_left_to_the_translator(tmp_path: Path, translator: str) -> None:
     summary = publish_block.fn(made.run, block)
     assert summary["facades_failed"] == 0
     group = zarr.open_group(open_repository(tmp_path / "out" / "store").readonly_session("main").store, mode="r")
-    assert set(np.unique(group["atlas/provenance"][:])) >= {UNSEEN, TRANSLATED, PHOTO}
+    assert set(np.unique(group["atlas/provenance"][:])) >= {MATERIAL, TRANSLATED, PHOTO}
     assert set(query(tmp_path / "out", where="photo is null")["source"]) == {"translator"}
 
 

@@ -12,6 +12,8 @@ from distributed import Client
 
 import catalogs
 from facade_core.atlas import (
+    PHOTO,
+    SYNTHESISED,
     Atlas,
     Rasters,
     chart_digests,
@@ -21,18 +23,18 @@ from facade_core.atlas import (
     open_root,
     read_journal,
 )
-from facade_core.atlas.journal import latest_digests, seed_records
+from facade_core.atlas.journal import latest_digests
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import new_root
 from facade_core.errors import FormatError, InputError, StoreError
-from tests.facade_core.atlas.stores import FORMAT_2, unpack
+from tests.facade_core.atlas.stores import FORMAT_3, unpack
 
 TEXELS_PER_METRE = 3.0
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unpack(FORMAT_2, tmp_path_factory.mktemp("run"))
+    return unpack(FORMAT_3, tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="module")
@@ -65,7 +67,7 @@ def test_charts_are_those_of_the_journal(atlas: Atlas) -> None:
     """Texels by their digests; the texels' centres where the plan has them."""
     plan = read_plan(atlas.session)
     placement, charts = plan.scene.placement, plan.scene.charts
-    digests = latest_digests(seed_records(atlas.group), read_journal(atlas.group, "streets"))
+    digests = latest_digests(read_journal(atlas.group, "surfaces"), [])
     assert len(digests) > 5
     for row, number in enumerate(plan.ids.tolist()):
         id_ = f"{number:016x}"
@@ -73,8 +75,7 @@ def test_charts_are_those_of_the_journal(atlas: Atlas) -> None:
         assert chart.attrs == atlas.chart(row).attrs
         one = Rasters.of(placement, [row])
         colour, provenance = chart.colour.values.reshape(-1, 3), chart.provenance.values.reshape(-1)
-        if id_ in digests:
-            assert chart_digests(colour, provenance, placement, one, plan.ids) == {id_: digests[id_]}
+        assert chart_digests(colour, provenance, placement, one, plan.ids) == {id_: digests[id_]}
         last = chart.isel(y=-1, x=-1)
         world = np.array([last.world_x, last.world_y, last.world_z])
         x, y = (np.array([(extent[row] - 0.5) / TEXELS_PER_METRE]) for extent in (placement.width, placement.height))
@@ -89,7 +90,7 @@ def test_a_facade_says_what_is_known_of_it(atlas: Atlas) -> None:
     assert facade.attrs["width"] == pytest.approx(12, abs=0.01)
     assert '"window"' in facade.attrs["elements"]
     assert float(facade.x[-1] + facade.x[0]) == pytest.approx(12, abs=1 / TEXELS_PER_METRE)
-    assert (facade.provenance == 2).all()  # an exemplar's
+    assert (facade.provenance == SYNTHESISED).all()  # an exemplar's
     assert "grid_mapping" not in atlas["atlas/colour"].attrs  # a page lies nowhere in the world
 
 
@@ -98,7 +99,10 @@ def test_attributes_are_those_of_cf(atlas: Atlas) -> None:
     assert labels.dtype == labels.attrs["_FillValue"].dtype == labels.attrs["flag_values"].dtype == np.uint8
     assert labels.attrs["flag_meanings"].split()[:2] == ["wall", "window"]
     provenance = atlas["atlas/provenance"].attrs
-    assert dict(zip(provenance["flag_values"].tolist(), provenance["flag_meanings"].split(), strict=True))[4] == "photo"
+    assert (
+        dict(zip(provenance["flag_values"].tolist(), provenance["flag_meanings"].split(), strict=True))[PHOTO]
+        == "photo"
+    )
     assert atlas["charts/origin"].attrs["units"] == "m"
     for node in atlas.tree.subtree:
         for name, array in node.data_vars.items():
@@ -123,7 +127,7 @@ def test_a_facade_survives_cf_there_and_back(atlas: Atlas, tmp_path: Path) -> No
 
 
 def test_at_a_tag_or_snapshot(tmp_path: Path) -> None:
-    out = unpack(FORMAT_2, tmp_path)
+    out = unpack(FORMAT_3, tmp_path)
     repository = open_repository(out / "store")
     (tag,) = repository.list_tags()
     before = open_atlas(out / "store")
@@ -158,14 +162,15 @@ def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
         open_atlas(tmp_path)
 
 
-@pytest.mark.parametrize("format_", [1, 3, None])
+@pytest.mark.parametrize("format_", [1, 2, None])
 def test_a_store_of_another_format_says_what_to_do(tmp_path: Path, format_: int | None) -> None:
-    out = unpack(FORMAT_2, tmp_path)
+    out = unpack(FORMAT_3, tmp_path)
     session = open_repository(out / "store").writable_session("main")
     root = open_root(session)
-    root.attrs["made_for"] = {**root.attrs["made_for"], "format": format_}
+    del root.attrs["format"]
+    root.attrs["made_for"] = {**root.attrs["made_for"], "format": format_}  # where those of before said it
     commit(session, "as another version")
-    with pytest.raises(FormatError, match=r"is of format (1|3|unknown), and .* reads 2; `streetloom run") as caught:
+    with pytest.raises(FormatError, match=r"is of format (1|2|unknown), and .* reads 3; `streetloom run") as caught:
         open_atlas(out)
     assert str(out / "store") in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import UNSEEN, AtlasSpec
-from facade_core.export import fill_unseen
+from facade_core.atlas import MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
 from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import GROUND, ROOF
-from facade_core.street import Materials, Scene, Swatches
+from facade_core.street import Materials, Scene
 from facade_core.street.overhead import from_above, raster_points, shown_from_above
+from facade_core.street.surfaces import surface
 from facade_core.street.tiled import Material
 from facade_core.types import Building, Street
 
@@ -67,27 +67,25 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     ground = np.flatnonzero(scene.charts.kind == GROUND)
     # known and unknown places are both on it
     chart = next(c for c in ground.tolist() if 0 < from_above(scene, c, picture)[1][:, 20:].mean() < 1)
-    page = int(scene.placement.page[chart])
-    colour, provenance = np.zeros((1024, 1024, 3), np.uint8), np.zeros((1024, 1024), np.uint8)
-    box = tuple(
-        slice(int(start), int(start + size))
-        for start, size in (
-            (scene.placement.y[chart], scene.placement.height[chart]),
-            (scene.placement.x[chart], scene.placement.width[chart]),
-        )
-    )
-    seen = np.zeros(colour[box].shape[:2], bool)
+    shape = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    seen = np.zeros(shape, bool)
     seen[:, :20] = True
-    colour[box][seen], provenance[box] = [9, 9, 200], np.where(seen, 1, UNSEEN)
-    swatches = Swatches(scene, [STREET], seed=0)
-    filled = fill_unseen(scene, swatches, page, colour, provenance, levelling=False, aerial=picture)[box]
+
+    def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        assert one == chart
+        colour = np.where(seen[..., None], np.array([9, 9, 200], np.uint8), np.uint8(0))
+        return colour[rows, columns], np.where(seen, TRANSLATED, UNSEEN).astype(np.uint8)[rows, columns]
+
+    materials = Materials(scene, [STREET], seed=0)
+    colour, provenance = surface(scene, materials, chart, read, network=False, levelling=False, aerial=picture)
     rgb, known = from_above(scene, chart, picture)
     assert (known & ~seen).sum() > 1000
-    np.testing.assert_array_equal(filled[known & ~seen], rgb[known & ~seen])
-    assert (filled[seen] == [9, 9, 200]).all()
+    np.testing.assert_array_equal(colour[known & ~seen], rgb[known & ~seen])
+    assert (colour[seen] == [9, 9, 200]).all()
     bare = ~known & ~seen
     assert bare.any()
-    assert not (filled[bare] == 7).all(axis=1).any()
+    np.testing.assert_array_equal(colour[bare], materials.raster(chart)[bare])
+    np.testing.assert_array_equal(provenance, np.where(seen, TRANSLATED, np.where(known, PHOTO, MATERIAL)))
 
 
 def test_roofs_take_their_material_and_nothing_else_does(scene: Scene) -> None:

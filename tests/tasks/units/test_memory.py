@@ -59,7 +59,6 @@ def street(height, width):
     from facade_core.geometry import block_surfaces, pack, terrain_of
     from facade_core.street import Scene, Swatches, Viewpoint, Window, propagate, render
     from facade_core.street.blend import blend
-    from facade_core.street.levelled import levelled
     from facade_core.types import Building, Street
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building(str(i), shapely.box(22 * i, 0, 22 * i + 20, 10), 12.0, "height") for i in range(3)]
@@ -73,15 +72,39 @@ def street(height, width):
     def unit():
         rasters, write = Window.layout(placement, chosen, chosen)
         seed, evidence = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
-        for chart in chosen:  # a strip of each is known, and all the rest is levelled to it
-            evidence[rasters.slice(placement, chart)][:2000] = 4
         window = Window.of(placement, rasters, write, seed, evidence)
         for x in (0.0, 5.0, 10.0):
             viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
             panorama = render(scene, window, viewpoint, (width // 2, width))
             propagate(scene, window, viewpoint, translator.translate(panorama), seen=panorama.chart)
-        result = blend(window.state), levelled(scene, rasters, window)
+        result = blend(window.state)
         return rasters.total
+    return unit
+
+def surface(height, width):
+    import shapely
+    from facade_core.atlas import AtlasSpec
+    from facade_core.geometry import block_surfaces, pack, terrain_of
+    from facade_core.street import Materials, Scene
+    from facade_core.street.surfaces import surface
+    from facade_core.types import Building, Street
+    line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
+    houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
+    charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    density = float(height)  # texels per metre
+    placement = pack(charts.texels(density), charts.building, page=4096, chunk=256, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
+    field = Materials(scene, [line], seed=1)
+    chart = int(np.argmax(charts.size.prod(axis=1)))
+    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    rank = np.zeros(shape, np.uint8)
+    rank[:30] = 5  # a strip is known, and all the rest is levelled to it
+    known = np.zeros((*shape, 3), np.uint8)
+    def read(one, rows, columns):
+        return known[rows, columns], rank[rows, columns]
+    def unit():
+        result = surface(scene, field, chart, read, network=True)
+        return shape[0] * shape[1]
     return unit
 
 def network(height, width):
@@ -152,6 +175,11 @@ def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
 def test_the_window_of_a_street_fits_what_it_declares() -> None:
     taken, texels = measured("street", (4, 256), (30, 512))
     assert_fits(memory.street_memory(texels, texels), taken)
+
+
+def test_a_surface_fits_what_it_declares() -> None:
+    taken, texels = measured("surface", (4, 0), (40, 0))
+    assert_fits(memory.surface_memory(np.array([texels])), taken)
 
 
 def test_a_panorama_fits_what_the_network_declares() -> None:

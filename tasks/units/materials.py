@@ -1,14 +1,20 @@
-"""What a block's own imagery says of roofs and ground: a picture from above, or one of the roofs' material."""
+"""What a block's charts are made of, and what its own imagery says of roofs and ground: a picture from above, or one of the
+roofs' material."""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
+from pathlib import Path
+from typing import Any, cast
 
 import numpy as np
 
 from catalogs.readers.pictures.aerial import Aerial
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError
 from facade_core.plan import Plan
+from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial as Sampler
 from facade_core.street.overhead import shown_from_above
 from facade_core.street.tiled import Material
@@ -37,13 +43,27 @@ def sampler(run: Run) -> Sampler | None:
     return None if aerial is None else lambda places: aerial.sample(places, 1 / run.texture.texels_per_metre)
 
 
-def roof_material(run: Run) -> Material | None:
-    """The material that roofs take, None where none is given."""
-    if run.roof_material is None:
+def materials(plan: Plan, seed: int, roofs: tuple[Path, float] | None) -> Materials:
+    """What a block's charts are made of; roofs: the picture of their material and its metres per pixel, where one is given."""
+    laid = roof_material(roofs, plan.scene.spec.texels_per_metre)
+    return Materials(plan.scene, plan.streets, seed=seed, roof_material=laid)
+
+
+def field_of(group: StoreGroup, plan: Plan) -> Materials | None:
+    """What the translator of a stored block answers with, as its ingest noted; None where that is pictures."""
+    if group.attrs["translator"] == "neural":
         return None
-    path, metres_per_pixel = run.roof_material
+    roofs = cast(Sequence[Any] | None, group.attrs["roof_material"])
+    return materials(plan, cast(int, group.attrs["seed"]), None if roofs is None else (Path(roofs[0]), float(roofs[1])))
+
+
+def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> Material | None:
+    """The material that roofs take, None where none is given."""
+    if roofs is None:
+        return None
+    path, metres_per_pixel = roofs
     try:
         picture = read_whole(path)
-        return Material.of(picture.rgb, metres_per_pixel / picture.scale, run.texture.texels_per_metre)
+        return Material.of(picture.rgb, metres_per_pixel / picture.scale, texels_per_metre)
     except InputError as error:
         raise InputError(f"texture.roof_material: {path}: {error}") from error

@@ -1,0 +1,93 @@
+"""Charts finished at their texels: what facades and streets know of them, and what they are made of where nobody saw them."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level
+from facade_core.atlas.provenance import MATERIAL, PHOTO, TRANSLATED, UNSEEN
+from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
+from facade_core.geometry.charts import GROUND
+from facade_core.geometry.packing import Placement
+from facade_core.street.field import Materials
+from facade_core.street.overhead import Aerial, from_above
+from facade_core.street.scene import Scene
+from facade_core.street.window import Window
+
+# Metres around a chart that its levelling depends on.
+BESIDE_M = LEVELLED_M * LEVELLED_REACHES
+
+
+def paint(window: Window, placement: Placement, materials: Materials) -> None:
+    """Give the bare texels of a window that a view saw what they are made of, in place, each once (street paper, 3 Texture
+    propagation, of a translator that answers with a field)."""
+    for chart in window.writable.tolist():
+        texels = window.rasters.slice(placement, chart)
+        bare = np.flatnonzero((window.state.views[texels] > 0) & (window.provenance[texels] == UNSEEN))
+        if len(bare):
+            rows, columns = np.divmod(bare, int(placement.width[chart]))
+            window.colour[texels][bare] = materials.texels(chart, rows, columns)
+            window.provenance[texels][bare] = TRANSLATED
+
+
+def surface(
+    scene: Scene,
+    materials: Materials,
+    chart: int,
+    read: Reader,
+    *,
+    network: bool,
+    levelling: bool = True,
+    aerial: Aerial | None = None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """A whole chart: colour (h, w, 3) uint8 and provenance (h, w) uint8, of which none is UNSEEN.
+
+    read: what facades and streets know of any chart, UNSEEN elsewhere. Bare texels take their material, bare ground under the
+    free sky the `aerial` picture. With `levelling` what is painted is levelled to what was seen of the same surface, on its own
+    chart or beside it, and both together to what pictures show. network: whether streets were translated by the network, whose
+    colours are not those of the materials.
+    """
+    height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    colour, provenance = (values.copy() for values in read(chart, slice(0, height), slice(0, width)))
+    bare = provenance == UNSEEN
+    known = ~bare
+    if bare.any():
+        whole = bare.all()
+        painted = materials.raster(chart) if whole else materials.texels(chart, *np.nonzero(bare))
+        colour[bare] = painted.reshape(-1, 3)
+        provenance[bare] = MATERIAL
+        if aerial is not None and scene.charts.kind[chart] == GROUND:
+            rgb, shown = from_above(scene, chart, aerial)
+            shown &= bare
+            colour[shown], provenance[shown] = rgb[shown], PHOTO
+    if not levelling:
+        return colour, provenance
+    foreign = bare & (provenance == PHOTO) if not network else bare
+    if foreign.any():
+        colour = _levelled(scene, chart, colour, known, foreign, read, UNSEEN)
+    guessed = bare | (provenance <= TRANSLATED)
+    return _levelled(scene, chart, colour, ~guessed, guessed, read, TRANSLATED), provenance
+
+
+def _levelled(
+    scene: Scene, chart: int, colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, read: Reader, above: int
+) -> np.ndarray:
+    """A chart's colour (h, w, 3) with its texels `free` (h, w) levelled to those `fixed`, and to what is known beside it in a
+    rank over `above`."""
+    density, size = scene.spec.texels_per_metre, (fixed.shape[0], fixed.shape[1])
+    reach = LEVELLED_M * density
+    if not free.any():
+        return colour
+    if len(pieces_around(scene.charts, chart, BESIDE_M)) == 0:
+        return level(colour, fixed, free, reach=reach)
+    margin = round(BESIDE_M * density)
+    own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
+    unranked = np.zeros(size, np.uint8)  # `fixed` and `free` say of the chart itself what counts
+
+    def with_own(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        return (colour[rows, columns], unranked[rows, columns]) if one == chart else read(one, rows, columns)
+
+    wide, rank = surrounded(scene.charts, density, chart, size, margin, with_own)
+    pinned, loose = rank > above, np.zeros(rank.shape, bool)
+    pinned[own], loose[own] = fixed, free
+    return level(wide, pinned, loose, reach=reach)[own]

@@ -1,0 +1,53 @@
+"""The keys of finished surfaces: what they are made of, what is known of them and beside them, and what takes their light."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+import numpy as np
+
+from catalogs.file_digest import file_digest
+from facade_core.geometry.charts import CORNERS, GROUND
+from facade_core.plan import Plan
+from facade_core.street.daylight import REACH_M
+from facade_core.street.field import BESIDE_M
+from tasks.keys.stage_code import stage_code
+from tasks.keys.units import parts_key
+from tasks.run import Run
+
+
+def surface_key(
+    run: Run,
+    plan: Plan,
+    charts: Sequence[int],
+    beside: Sequence[int],
+    seeds: Mapping[str, str],
+    streets: Mapping[str, str],
+) -> str:
+    """Of the charts of a unit, with those beside them that they are levelled to; seeds, streets: the digests of what facade
+    stages and streets made of charts, by their ids."""
+    known = [f"{number:016x}" for number in plan.ids[[*charts, *beside]].tolist()]
+    corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
+    low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    parts: dict[str, Any] = {
+        "settings": _settings(run),
+        "geometry": [known[: len(charts)], sorted(known[len(charts) :])],
+        "around": plan.things.within(low - REACH_M, high + REACH_M),
+        "seeds": [seeds.get(name) for name in known],
+        "streets": [streets.get(name) for name in known],
+    }
+    if (plan.scene.charts.kind[list(charts)] == GROUND).any():
+        parts["lines"] = plan.lines_within(low[:2] - BESIDE_M, high[:2] + BESIDE_M)
+        if run.aerial is not None:
+            parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
+    return parts_key(stage_code("surfaces"), **parts)
+
+
+def _settings(run: Run) -> list[Any]:
+    texture = run.texture
+    settings: list[Any] = [run.seed, texture.texels_per_metre, texture.levelling, texture.translator]
+    if run.roof_material is not None:
+        path, metres_per_pixel = run.roof_material
+        settings += [file_digest(path), metres_per_pixel]
+    return settings

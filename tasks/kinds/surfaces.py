@@ -1,0 +1,71 @@
+"""Everything that is no panorama: the charts of each building and each piece of ground, finished once all streets are."""
+
+from __future__ import annotations
+
+from catalogs.block import Block
+from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.surroundings import pieces_around
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.grouping import Grouped
+from facade_core.plan import Plan
+from facade_core.street.surfaces import BESIDE_M
+from tasks.keys.surfaces import surface_key
+from tasks.kinds.kind import Change, Kind
+from tasks.run import Run
+from tasks.units.memory import surface_memory
+from tasks.units.surfaces import surface_unit
+from tasks.units.unit import Unit
+
+
+def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
+    """The units: name and charts of each building that has some, then of each piece of ground."""
+    owner = Grouped(plan.scene.charts.building)
+    buildings = [(name, owner.of(building).tolist()) for building, name in enumerate(plan.scene.names)]
+    ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.of(-1).tolist()]
+    return [(name, charts) for name, charts in [*buildings, *ground] if charts]
+
+
+def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: what facades, textures and streets made."""
+    seeds = latest_digests(read_journal(group, "textures") + read_journal(group, "facades"), [])
+    streets = latest_digests([], read_journal(group, "streets"))
+    texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
+    units = []
+    for index, (name, charts) in enumerate(parts_of_block(plan)):
+        beside = sorted(
+            {int(one) for chart in charts for one in pieces_around(plan.scene.charts, chart, BESIDE_M)} - set(charts)
+        )
+        reads = [*charts, *beside]
+        seeded, written = (frozenset(c for c in reads if ids[c] in digests) for digests in (seeds, streets))
+        units.append(
+            Unit(
+                index,
+                name,
+                (surface_key(run, plan, charts, beside, seeds, streets),),
+                (tuple(charts), seeded, written),
+                surface_memory(texels[charts]),
+            )
+        )
+    return units
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Buildings and ground of which every chart stays: the charts of others are cleared."""
+    before = {name: (unit, charts) for unit, (name, charts) in enumerate(parts_of_block(change.before))}
+    return {
+        unit: before[name][0]
+        for unit, (name, charts) in enumerate(parts_of_block(change.after))
+        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]
+    }
+
+
+SURFACES = Kind(
+    "surfaces",
+    "surface",
+    count=lambda block, plan: len(parts_of_block(plan)),
+    again=_again,
+    units=surface_units,
+    function=surface_unit,
+    reads=("textures", "facades", "streets"),
+    always=True,
+)

@@ -1,0 +1,94 @@
+"""The charts of a building, or a piece of ground, finished into the atlas: material where nobody saw them, seams levelled."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Collection
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.atlas.provenance import resolve
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.store import open_root
+from facade_core.atlas.surroundings import Reader
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.geometry.packing import Placement
+from facade_core.street.field import Materials
+from facade_core.street.surfaces import surface
+from tasks.run import Run
+from tasks.units.context import plan_of_run, worker_name
+from tasks.units.materials import materials, sampler
+from tasks.units.unit import Piece
+
+
+@lru_cache(maxsize=2)
+def _field(run: Run) -> Materials:
+    return materials(plan_of_run(run), run.seed, run.roof_material)
+
+
+def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write colour and provenance of the charts of one building, or of one piece of ground, through the fork. Arguments: these
+    charts; those that facades or textures seeded, and those that streets wrote, among them and beside them."""
+    start = time.time()
+    (unit,) = units
+    charts, seeded, written = unit.arguments
+    plan = plan_of_run(run)
+    scene, group = plan.scene, open_root(fork)
+    field = _field(run)
+    prepared = time.time()
+    read, above = _known(group, scene.placement, seeded, written), sampler(run)
+    rasters = Rasters.of(scene.placement, charts)
+    colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
+    for chart in charts:
+        rgb, rank = surface(
+            scene,
+            field,
+            chart,
+            read,
+            network=run.texture.translator == "neural",
+            levelling=run.texture.levelling,
+            aerial=above,
+        )
+        texels = rasters.slice(scene.placement, chart)
+        colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
+    painted = time.time()
+    for name, flat in {"colour": colour, "provenance": provenance}.items():
+        write_rasters(group[f"atlas/{name}"], scene.spec, scene.placement, rasters, flat)
+    digests = chart_digests(colour, provenance, scene.placement, rasters, plan.ids)
+    seconds = {"prepare": prepared - start, "paint": painted - prepared, "write": time.time() - painted}
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "digests": digests,
+        "texels": rasters.total,
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {step: round(s, 4) for step, s in seconds.items()},
+    }
+    return fork, {unit.index: record}
+
+
+def _known(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> Reader:
+    """What facades, textures and streets know of charts; of others nothing is read, whatever lies there."""
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        part = (
+            int(placement.page[chart]),
+            slice(y + rows.start, y + rows.stop),
+            slice(x + columns.start, x + columns.stop),
+        )
+        shape = (rows.stop - rows.start, columns.stop - columns.start)
+        seed, evidence = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
+        street, views = seed, np.zeros(shape, np.uint16)
+        if chart in seeded:
+            seed, evidence = np.asarray(group["atlas/seed"][part]), np.asarray(group["atlas/seed_evidence"][part])
+        if chart in written:
+            street, views = np.asarray(group["atlas/street"][part]), np.asarray(group["atlas/street_views"][part])
+        return resolve(seed, evidence, street, views)
+
+    return read
