@@ -174,11 +174,13 @@ def _texture(
         require_room(Path(run.out))
         published = submit(publish_block, run, entry.source).result()
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
+    unpublished = published.pop("unpublished", [])
     return published | {
         "out": run.out,
         "units_skipped": outcome.skipped + (1 if outline.skipped else 0),
         "units_done": outcome.done + (0 if outline.skipped else 1),
-        "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed + outcome.refused],
+        "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed + outcome.refused]
+        + unpublished,
     }
 
 

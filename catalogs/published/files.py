@@ -5,24 +5,39 @@ from __future__ import annotations
 import hashlib
 import json
 import os
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 FILES = "files.json"
 # What queries and summaries are read from is compared by content each time, all else by size.
 READ = ("items.parquet", "summary.json")
 
+# A file's size in bytes, and its digest.
+Listed: TypeAlias = tuple[int, str]
 
-def write_files(folder: Path, predecessor: str | None, tags: Iterable[str]) -> None:
+
+def write_files(
+    folder: Path,
+    predecessor: str | None,
+    tags: Iterable[str],
+    *,
+    made: Mapping[str, str] | None = None,
+    known: Mapping[str, Listed] | None = None,
+    failed: Mapping[str, str] | None = None,
+) -> None:
     """Write the list of all files in the folder of a snapshot that is complete, which snapshot was published before it, and
-    which tags the store has of the streets in it."""
+    which tags the store has of the streets in it.
+
+    made: of some files, what they are made of, so that a later snapshot may link them; known: size and digest of some, which
+    are not read. failed: what could not be published, and why.
+    """
+    paths = {path.relative_to(folder).as_posix(): path for path in sorted(folder.rglob("*")) if path.is_file()}
     listed = {
-        path.relative_to(folder).as_posix(): [path.stat().st_size, _digest(path)]
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
+        name: list((known or {}).get(name) or (path.stat().st_size, digest_of(path))) for name, path in paths.items()
     }
-    _write(folder, {"predecessor": predecessor, "tags": sorted(tags), "files": listed})
+    held: dict[str, Any] = {"predecessor": predecessor, "tags": sorted(tags), "files": listed}
+    _write(folder, held | {"made": dict(made or {}), "failed": dict(failed or {})})
 
 
 def amiss(folder: Path, *, thorough: bool = False) -> str | None:
@@ -30,15 +45,17 @@ def amiss(folder: Path, *, thorough: bool = False) -> str | None:
 
     thorough: every file is read. Only the snapshot that is current is as it was written: older ones are marked as such.
     """
-    held = _listed(folder)
+    held = listed_in(folder)
     if held is None:
         return f"{FILES} is missing or cannot be read"
+    for what, why in held["failed"].items():
+        return f"{what} could not be published: {why}"
     for name, (size, digest) in held["files"].items():
         path = folder / name
         try:
             if path.stat().st_size != size:
                 return f"{name} has {path.stat().st_size} bytes of {size}"
-            if (thorough or name in READ) and _digest(path) != digest:
+            if (thorough or name in READ) and digest_of(path) != digest:
                 return f"{name} is not as it was written"
         except OSError as error:
             return f"{name} is missing" if isinstance(error, FileNotFoundError) else f"{name}: {error.strerror}"
@@ -47,33 +64,36 @@ def amiss(folder: Path, *, thorough: bool = False) -> str | None:
 
 def note_changed(folder: Path, paths: Iterable[Path]) -> None:
     """Note of files in a published folder that they were changed since; the others are as they were."""
-    held = _listed(folder)
+    held = listed_in(folder)
     if held is None:
         return
     for path in paths:
-        held["files"][path.relative_to(folder).as_posix()] = [path.stat().st_size, _digest(path)]
+        held["files"][path.relative_to(folder).as_posix()] = [path.stat().st_size, digest_of(path)]
     _write(folder, held)
 
 
 def tags_of(folder: Path) -> list[str]:
     """The tags of the streets in a published snapshot, as its folder says."""
-    held = _listed(folder)
+    held = listed_in(folder)
     return held["tags"] if held else []
 
 
 def predecessor_of(folder: Path) -> str | None:
     """The snapshot that was published before that of a folder; None where there was none, or the folder does not say."""
-    held = _listed(folder)
+    held = listed_in(folder)
     return held["predecessor"] if held else None
 
 
-def _listed(folder: Path) -> dict[str, Any] | None:
+def listed_in(folder: Path) -> dict[str, Any] | None:
+    """What the list in a published folder says, None where it cannot be read: `files` (path -> Listed) among it."""
     try:
         held = json.loads((folder / FILES).read_text())
         return {
             "predecessor": held["predecessor"],
             "tags": list(map(str, held["tags"])),
             "files": {str(name): (int(size), str(digest)) for name, (size, digest) in held["files"].items()},
+            # snapshots from before parts of them could fail have neither
+            **{name: {str(k): str(v) for k, v in held.get(name, {}).items()} for name in ("made", "failed")},
         }
     except (OSError, ValueError, KeyError, TypeError, AttributeError):
         return None
@@ -85,6 +105,7 @@ def _write(folder: Path, held: dict[str, Any]) -> None:
     os.replace(temporary, folder / FILES)
 
 
-def _digest(path: Path) -> str:
+def digest_of(path: Path) -> str:
+    """Digest of a file, hexadecimal."""
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=8)).hexdigest()

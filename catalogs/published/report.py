@@ -1,18 +1,38 @@
-"""The static report of a published snapshot: the block, its streets and every facade stage by stage. Plain HTML, no network."""
+"""The static report of a published snapshot: an index, and pages for each street with its facades stage by stage. Plain HTML,
+no network."""
 
 from __future__ import annotations
 
 import statistics
 from base64 import b64encode
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 from urllib.parse import quote
 
 from markupsafe import Markup
 
+from catalogs.features import file_stem, natural_order
 from catalogs.visible import visible
+
+if TYPE_CHECKING:
+    from jinja2 import Environment
+
+# Facades on a page at most.
+ON_PAGE = 40
+
+
+class StreetPages(NamedTuple):
+    """The facades of a street on pages: its name, the rows of each page, and where each page lies in the report's folder."""
+
+    name: str
+    rows: tuple[Sequence[Mapping[str, Any]], ...]
+    paths: tuple[str, ...]
+
+    @property
+    def every(self) -> list[Mapping[str, Any]]:
+        return [row for rows in self.rows for row in rows]
 
 
 def write_report(
@@ -27,34 +47,72 @@ def write_report(
     views: Sequence[str],
     panoramas: Sequence[tuple[str, str]],
     sheets: Mapping[str, Sequence[tuple[str, str]]],
+    textures_only: frozenset[str],
     poses: Sequence[Mapping[str, Any]],
     heights: Mapping[str, int],
+    models: Sequence[str],
 ) -> None:
-    """Write index.html into `folder`, beside its images/, which are there already.
+    """Write index.html and streets/ into `folder`, beside its images/, which are there already.
 
-    Those are given by their names: views along streets, panoramas (name, title), and by facade its sheets (name, title).
+    Those are given by their names: views along streets, panoramas (name, title), and by facade its sheets (name, title);
+    textures_only: the facades of which no other stage is shown. models: files of the snapshot, from its folder.
     """
-    from jinja2 import Environment, FileSystemLoader, StrictUndefined
-
-    environment = Environment(
-        loader=FileSystemLoader(Path(__file__).parent), autoescape=True, finalize=_shown, undefined=StrictUndefined
-    )
-    facades = [_facade(row, records.get(row["id"], {}), sheets.get(row["id"], ())) for row in rows]
-    style = (Path(__file__).parent / "report.css").read_text(encoding="utf-8")
+    environment = _environment()
+    pages = street_pages(rows)
+    for street in pages:
+        for number, (path, shown) in enumerate(zip(street.paths, street.rows, strict=True), 1):
+            page = environment.get_template("report_street.html.j2").render(
+                summary=summary,
+                street=street.name,
+                number=number,
+                pages=[Path(one).name for one in street.paths],
+                facades=[_facade(row, records.get(row["id"], {}), sheets.get(row["id"], ())) for row in shown],
+                textures_only=sum(row["id"] in textures_only for row in shown),
+            )
+            (folder / path).parent.mkdir(parents=True, exist_ok=True)
+            (folder / path).write_text(page, encoding="utf-8")
     page = environment.get_template("report.html.j2").render(
-        style=Markup(style),
-        style_digest=b64encode(sha256(style.encode()).digest()).decode(),
         summary=summary,
-        facades=facades,
-        set_aside=set_aside,
+        index=[_line(street) for street in pages],
+        set_aside=[*set_aside, *(row for row in rows if row["status"] == "failed")],
         streets=streets,
+        above=(folder / "images" / "above.jpg").is_file(),
         panoramas=[(title, f"images/{name}") for name, title in panoramas],
         poses=poses,
         heights=heights,
+        models=models,
         views=[f"images/{name}" for name in views],
         timings=[*_timings("facade", records.values()), *_timings("viewpoint", viewpoints)],
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
+
+
+def street_pages(rows: Sequence[Mapping[str, Any]]) -> list[StreetPages]:
+    """The facades by the streets that see them, in their natural order, ON_PAGE to a page."""
+    by_street: dict[str, list[Mapping[str, Any]]] = {}
+    for row in rows:
+        by_street.setdefault(row["street"], []).append(row)
+    found = []
+    for name in sorted(by_street, key=natural_order):
+        own = by_street[name]
+        parts = tuple(own[start : start + ON_PAGE] for start in range(0, len(own), ON_PAGE))
+        stem = file_stem(name)
+        found.append(StreetPages(name, parts, tuple(f"streets/{stem}/{n}.html" for n in range(1, len(parts) + 1))))
+    return found
+
+
+def _environment() -> Environment:
+    """The templates, with the style that all pages have."""
+    from jinja2 import Environment, FileSystemLoader, StrictUndefined
+
+    here = Path(__file__).parent
+    environment = Environment(
+        loader=FileSystemLoader(here), autoescape=True, finalize=_shown, undefined=StrictUndefined
+    )
+    style = (here / "report.css").read_text(encoding="utf-8")
+    environment.globals["style"] = Markup(style)
+    environment.globals["style_digest"] = b64encode(sha256(style.encode()).digest()).decode()
+    return environment
 
 
 def _shown(value: Any) -> Any:
@@ -62,18 +120,34 @@ def _shown(value: Any) -> Any:
     return visible(value) if isinstance(value, str) and not isinstance(value, Markup) else value
 
 
+def _line(street: StreetPages) -> dict[str, Any]:
+    """A street in the index."""
+    every = street.every
+    return {
+        "name": street.name,
+        "links": [quote(path) for path in street.paths],
+        "facades": len(every),
+        "photos": sum(bool(row["photo"]) for row in every),
+        "failed": sum(row["status"] == "failed" for row in every),
+    }
+
+
 def _facade(row: Mapping[str, Any], record: Mapping[str, Any], sheets: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    pictures = [{"path": f"images/{quote(name)}", "title": title} for name, title in sheets]
+    pictures = [{"path": f"../../images/{quote(name)}", "title": title} for name, title in sheets]
     return {"row": row, "pictures": pictures, "seconds": record.get("seconds", {})}
 
 
-def _timings(kind: str, records: Any) -> list[dict[str, Any]]:
+def _timings(kind: str, records: Any) -> Iterator[dict[str, Any]]:
     """Median and total seconds of every stage over the records of one kind of unit."""
     by_stage: dict[str, list[float]] = {}
     for record in records:
         for stage, seconds in record.get("seconds", {}).items():
             by_stage.setdefault(stage, []).append(seconds)
-    return [
-        {"kind": kind, "stage": stage, "count": len(values), "median": statistics.median(values), "total": sum(values)}
-        for stage, values in by_stage.items()
-    ]
+    for stage, values in by_stage.items():
+        yield {
+            "kind": kind,
+            "stage": stage,
+            "count": len(values),
+            "median": statistics.median(values),
+            "total": sum(values),
+        }

@@ -44,6 +44,20 @@ class Snapshot(Generic[F]):
         return self._file("block.glb")
 
     @property
+    def overview(self) -> F:
+        """The small model of the block."""
+        return self._file("overview.glb")
+
+    @property
+    def tiles(self) -> F:
+        """The list of the block's tiles."""
+        return cast(F, self._file("tiles") / "index.json")
+
+    def tile(self, path: str) -> F:
+        """The model of a tile, by the path of its cell."""
+        return cast(F, self._file("tiles") / f"{path}.glb")
+
+    @property
     def report(self) -> F:
         """The report's folder, in which index.html and images/ are."""
         return self._file("report")
@@ -129,10 +143,11 @@ class Snapshot(Generic[F]):
         return publishes(self.out, "publishes again")
 
     def outcome(self) -> dict[str, Any]:
-        """The summary, with the paths of the outputs."""
+        """The summary, with the paths of the outputs: of models the whole one where there is one, else the small one."""
+        model = self.overview if self.overview.is_file() and not self.model.is_file() else self.model
         return json.loads(self.summary.read_text()) | {
             "outputs": {
-                "glb": [str(self.model)],
+                "glb": [str(model)],
                 "report": str(self.report / "index.html"),
                 "items": str(self.items),
             },

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -17,17 +18,38 @@ _MEDIA_TYPES = {".webp": "image/webp", ".jpg": "image/jpeg", ".png": "image/png"
 _FILES = (
     ("items.parquet", "items", "one row per facade and per unit set aside", "application/vnd.apache.parquet", ["data"]),
     ("block.glb", "model", "textured model of the block", "model/gltf-binary", ["data", "visual"]),
+    ("overview.glb", "overview", "small model of the block", "model/gltf-binary", ["overview", "visual"]),
+    ("tiles/index.json", "tiles", "list of the block's tiles", "application/json", ["data"]),
     ("report/index.html", "report", "report", "text/html", ["overview"]),
 )
 _IMAGES = "report/images"
 
 
 def block_assets(folder: Path, up: str) -> dict[str, Asset]:
-    """Table, model and report of the block published in `folder`, as far as they exist; `up` leads there from the STAC file."""
+    """Table, models, list of tiles and report of the block published in `folder`, as far as they exist; `up` leads there from
+    the STAC file."""
     return {
         key: _file(folder, path, up, title=title, media_type=media_type, roles=roles)
         for path, key, title, media_type, roles in _FILES
         if (folder / path).is_file()
+    }
+
+
+def tile_assets(folder: Path, up: str) -> dict[str, Asset]:
+    """The models of the tiles that the list of the block published in `folder` has, none where there is no list."""
+    listed = folder / "tiles" / "index.json"
+    if not listed.is_file():
+        return {}
+    return {
+        f"tile-{tile['path']}": _asset(
+            f"{up}tiles/{tile['file']}",
+            tile["bytes"],
+            tile["sha256"],
+            title=f"tile {tile['path']}",
+            media_type="model/gltf-binary",
+            roles=["data", "visual"],
+        )
+        for tile in json.loads(listed.read_text(encoding="utf-8"))["tiles"]
     }
 
 
@@ -81,11 +103,15 @@ def mirror_asset(folder: Path, name: str) -> Asset:
 
 
 def _file(folder: Path, path: str, up: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
-    from pystac import Asset
-
     with (folder / path).open("rb") as file:
         digest = hashlib.file_digest(file, "sha256")
         size = file.tell()
+    return _asset(up + path, size, digest.hexdigest(), title=title, media_type=media_type, roles=roles)
+
+
+def _asset(href: str, size: int, sha256: str, *, title: str, media_type: str, roles: list[str]) -> Asset:
+    from pystac import Asset
+
     # a multihash: the code of sha2-256, the length in bytes, the digest
-    fields = {"file:size": size, "file:checksum": f"1220{digest.hexdigest()}"}
-    return Asset(up + path, title, media_type=media_type, roles=roles, extra_fields=fields)
+    fields = {"file:size": size, "file:checksum": f"1220{sha256}"}
+    return Asset(href, title, media_type=media_type, roles=roles, extra_fields=fields)

@@ -15,7 +15,15 @@ import shapely
 from catalogs.features import file_stem, natural_order
 from catalogs.frames import LONLAT
 from catalogs.published.items import feet_in
-from catalogs.stac.assets import block_assets, card_asset, mirror_asset, picture_assets, pictures_by_unit, store_asset
+from catalogs.stac.assets import (
+    block_assets,
+    card_asset,
+    mirror_asset,
+    picture_assets,
+    pictures_by_unit,
+    store_asset,
+    tile_assets,
+)
 from catalogs.stac.collections import KINDS, collection_of, counted
 from catalogs.stac.facts import STATES, BlockFacts, ModelFacts, RunFacts, StreetFacts
 from catalogs.stac.items import (
@@ -91,7 +99,7 @@ def write_stac(
 
     shared = block_assets(folder, "../../")
     item = block_item(block, place)
-    item.assets = shared | picture_assets(folder, pictures.get(None, ()), "../../")
+    item.assets = shared | tile_assets(folder, "../../") | picture_assets(folder, pictures.get(None, ()), "../../")
     item.assets["store"] = store_asset("../../", _ZARR)
     writer.add("blocks", hrefs[f"block/{block.name}"], item)
     if run is not None:

@@ -6,6 +6,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
+from facade_core.atlas.encoded import FOLDERS
 from facade_core.atlas.provenance import PROVENANCE
 from facade_core.atlas.rasters import Rasters, write_rasters
 from facade_core.atlas.spec import TEXT, Array, AtlasSpec, Axis
@@ -98,6 +99,8 @@ def create_arrays(
     group.require_group("panoramas").attrs.update(crs=crs)
     for exemplar in range(units["exemplars"]):  # units that run side by side must not create the same group
         group.create_group(f"exemplars/{exemplar}", overwrite=True)
+    for folder in FOLDERS:
+        group.create_group(folder, overwrite=True)
     group.attrs.update(format=FORMAT)
 
 
@@ -111,6 +114,8 @@ def resize_arrays(group: StoreGroup, spec: AtlasSpec, units: Mapping[str, int], 
         array.fit(group, axes)
     for exemplar in range(units["exemplars"]):
         group.require_group(f"exemplars/{exemplar}")
+    for folder in FOLDERS:
+        group.require_group(folder)
     group.attrs.update(format=FORMAT)
 
 
@@ -128,13 +133,13 @@ def clear_rasters(
 def _axes(spec: AtlasSpec, units: Mapping[str, int], panorama_width: int) -> dict[str, Axis]:
     """Every dimension of ARRAYS and of the journal: a chunk is a square of a page, a panorama, or what one unit writes."""
     return {
+        **{_unit(stage): Axis(count, 1) for stage, count in units.items()},
         "page": Axis(spec.pages, 1),
         "y": Axis(spec.page, spec.chunk),
         "x": Axis(spec.page, spec.chunk),
         "band": Axis(3, 3),
         "row": Axis(panorama_width // 2, panorama_width // 2),
         "column": Axis(panorama_width, panorama_width),
-        **{_unit(stage): Axis(count, 1) for stage, count in units.items()},
     }
 
 

@@ -71,6 +71,11 @@ class Record(TypedDict, total=False):
     passes: str
     textured: float
     texels: int
+    # pages and tiles: the file's length and digest; of a tile its box and that of its coarse rasters
+    bytes: int
+    digest: str
+    box: list[list[float]]
+    coarse: str
     # streets: their wave, what they are made of, and seconds of each viewpoint's commit
     wave: int
     chain: str

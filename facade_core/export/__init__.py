@@ -1,7 +1,6 @@
 """Out of the atlas into what people open: textured models and pictures."""
 
 from facade_core.export.camera import Camera, aerial, street_level
-from facade_core.export.gltf import write_glb
 from facade_core.export.picture import Picture, aim, draw_facade, draw_layout, overlay_hidden
 
 __all__ = [
@@ -13,5 +12,4 @@ __all__ = [
     "draw_layout",
     "overlay_hidden",
     "street_level",
-    "write_glb",
 ]

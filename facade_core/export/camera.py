@@ -30,16 +30,31 @@ class Camera:
     def rays(self) -> np.ndarray:
         """World unit directions through the pixel centres, (h, w, 3)."""
         height, width = self.size
-        forward = self.target - self.position
-        forward = forward / np.linalg.norm(forward)
-        right = np.cross(forward, [0.0, 0.0, 1.0])
-        right = right / np.linalg.norm(right)
-        down = np.cross(forward, right)
-        focal = width / 2 / np.tan(np.radians(self.field_of_view) / 2)
+        forward, right, down, focal = self._frame()
         x = (np.arange(width) + 0.5 - width / 2) / focal
         y = (np.arange(height) + 0.5 - height / 2) / focal
         rays = forward + x[None, :, None] * right + y[:, None, None] * down
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
+
+    def may_show(self, corners: np.ndarray) -> np.ndarray:
+        """Which polygons, by their corners (n, k, 3), are not wholly beside the picture or behind the camera, (n,) bool: none
+        that the picture shows is missed."""
+        height, width = self.size
+        forward, right, down, focal = self._frame()
+        ahead, across, along = ((corners - self.position) @ axis for axis in (forward, right, down))
+        outside = (ahead <= 0).all(axis=1)
+        for beside, half in ((across, width / 2 / focal), (along, height / 2 / focal)):
+            outside |= (beside > ahead * half).all(axis=1) | (-beside > ahead * half).all(axis=1)
+        return ~outside
+
+    def _frame(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+        """Unit vectors ahead, to the right and down, (3,) each, and the focal length in pixels."""
+        forward = self.target - self.position
+        forward = forward / np.linalg.norm(forward)
+        right = np.cross(forward, [0.0, 0.0, 1.0])
+        right = right / np.linalg.norm(right)
+        focal = self.size[1] / 2 / np.tan(np.radians(self.field_of_view) / 2)
+        return forward, right, np.cross(forward, right), float(focal)
 
 
 def aerial(scene: Scene, size: tuple[int, int], worth: np.ndarray | None = None) -> Camera:

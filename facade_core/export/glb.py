@@ -6,7 +6,7 @@ import json
 import struct
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, BinaryIO
 
 import numpy as np
 
@@ -14,6 +14,18 @@ import numpy as np
 UNSIGNED_INT, FLOAT = 5125, 5126
 VERTICES, INDICES = 34962, 34963
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
+# GLB's: the names of its chunks, and the length of its header in bytes.
+JSON, BINARY, HEADER_BYTES = 0x4E4F534A, 0x004E4942, 12
+# Of every model: how its pictures are looked up, and the extension by which its surfaces are unlit.
+SAMPLERS = [
+    {
+        "magFilter": LINEAR,
+        "minFilter": LINEAR_MIPMAP_LINEAR,
+        "wrapS": CLAMP_TO_EDGE,
+        "wrapT": CLAMP_TO_EDGE,
+    }
+]
+UNLIT = {"extensionsUsed": ["KHR_materials_unlit"]}
 
 
 @dataclass(frozen=True)
@@ -124,30 +136,33 @@ def glb_bytes(
     }
     if nodes:
         document |= {
-            "extensionsUsed": ["KHR_materials_unlit"],
+            **UNLIT,
             "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
             "meshes": meshes,
             "materials": [_material(i) for i in range(len(jpegs))],
             "textures": [{"source": i, "sampler": 0} for i in range(len(jpegs))],
             "images": [{"bufferView": pictures + i, "mimeType": "image/jpeg"} for i in range(len(jpegs))],
-            "samplers": [
-                {
-                    "magFilter": LINEAR,
-                    "minFilter": LINEAR_MIPMAP_LINEAR,
-                    "wrapS": CLAMP_TO_EDGE,
-                    "wrapT": CLAMP_TO_EDGE,
-                }
-            ],
+            "samplers": SAMPLERS,
             "accessors": accessors,
             "bufferViews": views,
             "buffers": [{"byteLength": offset}],
         }
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
     text += b" " * (-len(text) % 4)
-    body = [struct.pack("<II", len(text), 0x4E4F534A), text]
+    body = [struct.pack("<II", len(text), JSON), text]
     if offset:
-        body += [struct.pack("<II", offset, 0x004E4942), *chunks]
-    return b"".join([struct.pack("<4sII", b"glTF", 2, 12 + sum(map(len, body))), *body])
+        body += [struct.pack("<II", offset, BINARY), *chunks]
+    return b"".join([struct.pack("<4sII", b"glTF", 2, HEADER_BYTES + sum(map(len, body))), *body])
+
+
+def header_of(file: BinaryIO) -> tuple[dict[str, Any], int]:
+    """What the JSON chunk of a GLB file says, and where the data of its binary chunk begin. Raises ValueError for any other
+    file."""
+    head = file.read(HEADER_BYTES + 8)
+    magic, _, _, length, name = struct.unpack("<4sIIII", head) if len(head) == HEADER_BYTES + 8 else (b"", 0, 0, 0, 0)
+    if magic != b"glTF" or name != JSON:
+        raise ValueError("it is no GLB file")
+    return json.loads(file.read(length)), HEADER_BYTES + 8 + length + 8
 
 
 def _material(picture: int) -> dict[str, Any]:

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from facade_core.export.camera import Camera
 from facade_core.geometry.raycast import MISS
+from facade_core.grouping import Grouped
 from facade_core.labels import CLASSES, COLOURS, colourise
 from facade_core.street.scene import Scene
 from facade_core.types import Lattice
@@ -25,21 +27,35 @@ SKY_HIGH, SKY_LOW = np.array([126, 168, 214]), np.array([226, 234, 240])
 
 @dataclass(frozen=True)
 class Picture:
-    """A picture under way: rgb (h, w, 3) uint8 with the sky drawn; pixels of the block wait for their atlas page.
+    """A picture under way: rgb (h, w, 3) uint8 with the sky drawn; pixels of the block wait for the rasters of their charts.
 
-    pixel (k,) flat index; page, y, x (k,) the texel each shows; distance (k,) metres.
+    pixel (k,) flat index; chart (k,); row, column (k,) the texel that each shows on its chart.
     """
 
     rgb: np.ndarray
     pixel: np.ndarray
-    page: np.ndarray
-    y: np.ndarray
-    x: np.ndarray
+    chart: np.ndarray
+    row: np.ndarray
+    column: np.ndarray
 
-    def paint(self, page: int, colour: np.ndarray) -> None:
-        """Draw, in place, the pixels that show an atlas page (h, w, 3)."""
-        here = self.page == page
-        self.rgb.reshape(-1, 3)[self.pixel[here]] = colour[self.y[here], self.x[here]]
+    @cached_property
+    def seen(self) -> np.ndarray:
+        """The charts (c,) that it shows, ascending."""
+        return np.unique(self.chart)
+
+    def paint(self, texels: np.ndarray, rasters: Mapping[int, np.ndarray]) -> None:
+        """Draw, in place, the pixels that show some charts, by their rasters (h, w, 3), which may be coarser than the atlas:
+        texels (charts, 2), width and height of every chart there."""
+        for chart, raster in rasters.items():
+            here = self._by_chart.of(chart)
+            width, height = texels[chart].tolist()
+            rows = self.row[here].astype(np.int64) * raster.shape[0] // height
+            columns = self.column[here].astype(np.int64) * raster.shape[1] // width
+            self.rgb.reshape(-1, 3)[self.pixel[here]] = raster[rows, columns]
+
+    @cached_property
+    def _by_chart(self) -> Grouped:
+        return Grouped(self.chart)
 
 
 def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
@@ -54,9 +70,7 @@ def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
     hit = chart.reshape(-1)[pixel]
     points = camera.position + rays.reshape(-1, 3)[pixel] * depth.reshape(-1)[pixel, None]
-    row, column = scene.locate(points, hit)
-    placement = scene.placement
-    return Picture(rgb, pixel, placement.page[hit], placement.y[hit] + row, placement.x[hit] + column)
+    return Picture(rgb, pixel, hit, *scene.locate(points, hit))
 
 
 def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:

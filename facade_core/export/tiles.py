@@ -10,7 +10,8 @@ import numpy as np
 
 from facade_core.export.earth import EarthFrame
 from facade_core.export.glb import glb_bytes
-from facade_core.export.models import Drawn, Textured, grouped, jpegs, layout_of, nodes_of
+from facade_core.export.models import Drawn, Textured, jpegs, layout_of, nodes_of
+from facade_core.export.quadtree import members_of, quadrant_corner, quadrants
 from facade_core.export.shells import Shells
 
 # Texels of a tile: a page of 2048 square. A cell with more is divided, a coarse tile has so much fewer per metre.
@@ -38,33 +39,22 @@ class Cell:
 
 def quadtree(source: Textured) -> Cell:
     """The block's cells, divided until a cell's texels fit a tile or it holds one building."""
-    charts = source.charts
-    drawn = np.unique(source.mesh.chart)
-    texels = source.texels.prod(axis=1)
-    centres = source.centres[:, :2]
-    buildings = grouped(charts.building[drawn])
-    ground = drawn[buildings.pop(-1, np.zeros(0, np.int64))]
-    owner = np.array(sorted(buildings), np.int64)
-    middle = np.array([centres[drawn[buildings[b]]].mean(axis=0) for b in owner.tolist()]).reshape(-1, 2)
-    size = np.array([texels[drawn[buildings[b]]].sum() for b in owner.tolist()], np.int64)
-    points = np.concatenate([middle, centres[ground]])
-    weight = np.concatenate([size, texels[ground]])
+    members = members_of(source.charts, source.texels.prod(axis=1), np.unique(source.mesh.chart))
+    points = members.points
     low, high = points.min(axis=0), points.max(axis=0)
 
     def divide(path: str, inside: np.ndarray, corner: np.ndarray, side: float) -> Cell:
-        total = int(weight[inside].sum())
+        total = int(members.weight[inside].sum())
         # the coarse tile's texels per metre are halved until it fits
         steps = np.ceil(np.log2(max(1.0, total * COARSE**2 / TILE_TEXELS)) / 2)
         scale = COARSE * 0.5 ** float(steps)
         children: tuple[Cell, ...] = ()
         if total > TILE_TEXELS and len(inside) > 1 and len(path) < DEEPEST:
-            quadrant = (points[inside] >= corner + side / 2) @ [1, 2]
             children = tuple(
-                divide(path + str(q), inside[mine], corner + side / 2 * np.array([q & 1, q >> 1]), side / 2)
-                for q, mine in grouped(quadrant).items()
+                divide(path + str(q), inside[mine], quadrant_corner(q, corner, side), side / 2)
+                for q, mine in quadrants(points[inside], corner, side).items()
             )
-        n = len(owner)
-        return Cell(path, owner[inside[inside < n]], ground[inside[inside >= n] - n], total, scale, children)
+        return Cell(path, *members.split(inside), total, scale, children)
 
     return divide("", np.arange(len(points)), low, float((high - low).max()) + 1e-6)
 

@@ -40,7 +40,9 @@ class Model:
                 self._server = _server(self._host, self._guard)
             if self._shown != snapshot.id:
                 with snapshot.being_read():
-                    data = snapshot.model.read_bytes()
+                    # a block that is too large for one model has a small one
+                    shown = snapshot.model if snapshot.model.is_file() else snapshot.overview
+                    data = shown.read_bytes()
                 self._server.scene.add_glb("/block", data)
                 _look_at(self._server, data)
                 self._shown = snapshot.id
@@ -111,12 +113,13 @@ def _look_at(server: ViserServer, data: bytes) -> None:
 
 
 def _bounds(data: bytes) -> tuple[list[float], list[float]]:
-    """Corners of a GLB's box, from the limits that its header states of all positions."""
+    """Corners of a GLB's box, from the limits that its header states of all positions, and where its nodes stand."""
     length = struct.unpack_from("<I", data, 12)[0]
     header = json.loads(data[20 : 20 + length])
-    positions = {p["attributes"]["POSITION"] for mesh in header["meshes"] for p in mesh["primitives"]}
-    limits = [(header["accessors"][i]["min"], header["accessors"][i]["max"]) for i in positions]
-    return (
-        [min(low[axis] for low, _ in limits) for axis in range(3)],
-        [max(high[axis] for _, high in limits) for axis in range(3)],
-    )
+    corners: list[list[float]] = []
+    for node in header["nodes"]:
+        moved = node.get("translation", (0.0, 0.0, 0.0))
+        for primitive in header["meshes"][node["mesh"]]["primitives"]:
+            limits = header["accessors"][primitive["attributes"]["POSITION"]]
+            corners += [[a + b for a, b in zip(limits[end], moved, strict=True)] for end in ("min", "max")]
+    return [min(axis) for axis in zip(*corners, strict=True)], [max(axis) for axis in zip(*corners, strict=True)]

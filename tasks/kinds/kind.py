@@ -53,6 +53,8 @@ class Kind:
     always: whether every block has some.
     moved: takes the records of units that are still there, at their new places, and returns them as they read there; moves what
         else the store holds by unit. The arrays have their new size by then.
+    follows: whether its units follow from what earlier stages write and from nothing else of the block: what is told of those
+        before a run says enough.
     part_of: the stage whose code does these units, and with whose units they count, where that is another.
     """
 
@@ -66,12 +68,19 @@ class Kind:
     seeds: bool = False
     always: bool = False
     moved: Callable[[Change, Mapping[int, int], Records], Records] | None = None
+    follows: bool = False
     part_of: str | None = None
 
     @property
     def thing(self) -> str:
         """What the catalogue calls what a unit is of: "building" for one of the textured buildings."""
         return self.noun.rpartition(" ")[2]
+
+
+def same_name(records: Sequence[Record | None], names: Sequence[str]) -> dict[int, int]:
+    """Units, by the names that they have in their order, with the name of a record, new -> old."""
+    at = {record["unit"]: i for i, record in enumerate(records) if record}
+    return {index: at[name] for index, name in enumerate(names) if name in at}
 
 
 def same_key_or_name(records: Sequence[Record | None], units: Sequence[Unit]) -> dict[int, int]:

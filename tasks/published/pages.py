@@ -1,48 +1,50 @@
-"""Every page of the atlas as a picture."""
+"""The pages of the atlas as their units encoded them."""
 
 from __future__ import annotations
 
-import io
-from collections.abc import Collection
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Collection, Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from catalogs.published.made import Made
 from catalogs.published.snapshot import Snapshot
-from facade_core.export import Picture
-from facade_core.export.pages import between_charts
+from facade_core.atlas.encoded import page_path, read_encoded
+from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 
-# Pages that are in memory at once, and threads that fill them.
-AT_ONCE, THREADS = 4, 2
+
+def write_pages(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside) -> None:
+    """Write pages/; one that cannot be read is set aside."""
+    for number, record in enumerate(block.journals["pages"]):
+        if record is None or record["status"] != "done":  # the journal says why
+            continue
+        path, digest = page_path(number), record["digest"]
+        with aside.trying(f"page {record['unit']}"):
+            made.put(
+                snapshot.page(number).relative_to(snapshot.folder).as_posix(),
+                digest,
+                partial(read_encoded, block.group, path, digest),
+            )
 
 
-def write_pages(snapshot: Snapshot[Path], block: StoredBlock, views: Collection[Picture]) -> dict[int, bytes]:
-    """Write pages/; returns them as the model has them, as JPEG, and paints each on the views while it is in memory."""
-    group, scene = block.group, block.plan.scene
-    snapshot.page(0).parent.mkdir()
-
-    def page_of(page: int) -> tuple[int, np.ndarray, bytes]:
-        filled = between_charts(scene, page, np.asarray(group["atlas/colour"][page]))
-        # exports cut their pictures from these pages: as little as can be is lost to being encoded twice
-        snapshot.page(page).write_bytes(jpeg(filled, 95, subsampling=0))
-        return page, filled, jpeg(filled, 90)
-
-    pages: dict[int, bytes] = {}
-    with ThreadPoolExecutor(THREADS) as threads:
-        for start in range(0, scene.spec.pages, AT_ONCE):
-            for page, filled, data in threads.map(page_of, range(start, min(start + AT_ONCE, scene.spec.pages))):
-                pages[page] = data
-                for view in views:
-                    view.paint(page, filled)
-    return pages
-
-
-def jpeg(rgb: np.ndarray, quality: int, **options: int) -> bytes:
-    """A picture (h, w, 3) uint8 as a JPEG file."""
+def rasters_on(
+    snapshot: Snapshot[Path], block: StoredBlock, charts: Collection[int]
+) -> Iterator[dict[int, np.ndarray]]:
+    """The rasters (h, w, 3) of some charts as the published pages show them, by chart, a page at a time; none of pages that
+    were set aside."""
     from PIL import Image
 
-    buffer = io.BytesIO()
-    Image.fromarray(rgb).save(buffer, "JPEG", quality=quality, **options)
-    return buffer.getvalue()
+    place = block.plan.scene.placement
+    chosen = np.array(sorted(charts), np.int64)
+    for page in np.unique(place.page[chosen]).tolist():
+        path = snapshot.page(page)
+        if not path.is_file():
+            continue
+        with Image.open(path) as image:
+            colour = np.asarray(image.convert("RGB"))
+        yield {
+            c: colour[place.y[c] : place.y[c] + place.height[c], place.x[c] : place.x[c] + place.width[c]]
+            for c in chosen[place.page[chosen] == page].tolist()
+        }

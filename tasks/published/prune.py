@@ -89,7 +89,9 @@ def _newest_first(published: Path, current: str) -> list[str]:
 
 
 def _size(out: Path) -> int:
-    return sum(entry.stat().st_size for folder in ("store", "published") for entry in _files(out / folder))
+    """What a run's folder takes; a file that several snapshots have is there once."""
+    found = (entry.stat() for folder in ("store", "published") for entry in _files(out / folder))
+    return sum({(one.st_dev, one.st_ino): one.st_size for one in found}.values())
 
 
 def _files(folder: Path) -> Iterator[os.DirEntry[str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,15 @@ from tasks.run import Run
 
 
 def write_block_report(
-    folder: Path, run: Run, block: StoredBlock, rows: Rows, summary: Mapping[str, Any], images: Images
+    folder: Path,
+    run: Run,
+    block: StoredBlock,
+    rows: Rows,
+    summary: Mapping[str, Any],
+    images: Images,
+    models: Sequence[str],
 ) -> None:
-    """Write the report into its folder, in which its images are already."""
+    """Write the report into its folder, in which its images are already. models: files of the snapshot, from its folder."""
     journals = {stage: [record for record in journal if record] for stage, journal in block.journals.items()}
     notes = block.group.attrs.get("notes", [])
     write_report(
@@ -33,4 +39,6 @@ def write_block_report(
         views=images.views,
         panoramas=images.panoramas,
         sheets=images.sheets,
+        textures_only=images.textures_only,
+        models=models,
     )

@@ -7,12 +7,12 @@ from datetime import UTC, datetime
 from functools import cached_property
 from typing import TYPE_CHECKING, cast
 
-from facade_core.atlas.journal import Record
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.plan_tables import Values, read_plan, read_table
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
-from tasks.kinds.order import read_journals
+from tasks.kinds.order import STAGES
 from tasks.store.standing import made_by
 
 if TYPE_CHECKING:
@@ -30,12 +30,12 @@ class StoredBlock:
     @cached_property
     def journals(self) -> dict[str, list[Record | None]]:
         """Stage -> the record of every unit, None where there is none."""
-        return read_journals(self.group)
+        return {stage: self.records if stage == "facades" else read_journal(self.group, stage) for stage in STAGES}
 
-    @property
+    @cached_property
     def records(self) -> list[Record | None]:
         """Those of the facades."""
-        return self.journals["facades"]
+        return read_journal(self.group, "facades")
 
     @cached_property
     def names(self) -> dict[int, str]:

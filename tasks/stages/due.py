@@ -117,7 +117,7 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
     reasons: dict[str, dict[int, str]] = {}
     seeded: list[int] = []
     for kind in KINDS:
-        if kind.units is None:
+        if kind.units is None or kind.follows:
             continue
         records = read_journal(group, kind.stage)
         units[kind.stage] = kind.units(run, block, plan, group)

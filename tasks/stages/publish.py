@@ -1,4 +1,4 @@
-"""Publish a snapshot: model, pictures, report and items, then point `current` at it."""
+"""Publish a snapshot: tables, pages, tiles, models, report and catalogue, then point `current` at it."""
 
 from __future__ import annotations
 
@@ -15,24 +15,30 @@ from prefect.cache_policies import NO_CACHE
 
 from catalogs.published.files import amiss, predecessor_of, write_files
 from catalogs.published.items import write_items
+from catalogs.published.made import Made
 from catalogs.published.snapshot import Snapshot, current_if_any, make_current, snapshot_in
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.snapshot import write_stac
 from facade_core.atlas.store import BRANCH, commit, expire, open_repository, open_root
-from facade_core.export import write_glb
 from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
+from tasks.published.aside import Aside
 from tasks.published.catalogue_facts import block_facts, models_used, run_facts, street_facts
-from tasks.published.images import aim_views, write_images
+from tasks.published.images import Images, write_images
 from tasks.published.limit import over_limit
 from tasks.published.pages import write_pages
 from tasks.published.report import write_block_report
 from tasks.published.rows import rows_of, write_masked, write_summary
 from tasks.published.stored import stored_block
+from tasks.published.tiles import WrittenTile, write_model, write_overview, write_tiles
 from tasks.run import Run
 from tasks.store.commits import standing_tags
+from tasks.store.wounds import suspect
 
 log = logging.getLogger(__name__)
+
+# Tables, pages, tiles, models, pictures, report, catalogue, list of files.
+STEPS = 8
 
 
 @task(name="publish", task_run_name="publish", cache_policy=NO_CACHE)
@@ -42,27 +48,37 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     Where too many units failed, `current` stays, and so does the snapshot that it names; the summary says so as `withheld`.
 
     block_file: what the block was read from: the catalogue names its sources. The snapshot published before is linked as the
-    earlier version.
+    earlier version, and files that it has of the same are linked. What could not be published, each with its reason, is in the
+    summary as `unpublished`; the rest is, and the next run tries again.
     """
     _stand_by_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
     out = Path(run.out)
     final, last = snapshot_in(out, session.snapshot_id), current_if_any(out)
-    begin_stage("publish", 1)
+    begin_stage("publish", STEPS)
+    aside = Aside()
     if last != final or amiss(final.folder):
         predecessor = predecessor_of(final.folder) if last == final else last.id if last else None
-        temporary = Snapshot(_hidden(final, "tmp"))
-        temporary.folder.mkdir(parents=True)
-        _write(run, session, temporary, block_file, predecessor)
-        _put_in_place(temporary, final)
+        temporary = _hidden(final, "tmp")
+        temporary.mkdir(parents=True)
+        # what is damaged is made again, and what is whole of it is not; there sizes are not trusted
+        made = Made(temporary, last.folder if last else None, doubted=last == final)
+        aside = _write(run, session, made, block_file, predecessor)
+        if aside.suspect:
+            suspect(out)
+        _put_in_place(Snapshot(temporary), final)
         if withheld := over_limit(run, open_root(session)):
             advance("publish", 1)
             return final.outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
         make_current(final)
         _forget_history(run, last)
-    write_catalog(out)  # also where a run ended between the two
-    advance("publish", 1)
-    return final.outcome()
+        advance("publish", 1)
+    else:
+        advance("publish", STEPS)
+    with aside.trying("catalog.json"):
+        write_catalog(out)  # also where a run ended between the two
+    told = [{"unit": what, "reason": why} for what, why in aside.failed.items()]
+    return final.outcome() | ({"unpublished": told} if told else {})
 
 
 def _put_in_place(written: Snapshot[Path], final: Snapshot[Path]) -> None:
@@ -101,28 +117,54 @@ def _forget_history(run: Run, last: Snapshot[Path] | None) -> None:
         log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
 
 
-def _write(
-    run: Run, session: icechunk.Session, snapshot: Snapshot[Path], block_file: Path | None, predecessor: str | None
-) -> None:
-    """Everything that is published of a session's snapshot, each file or folder in a step of its own."""
+def _write(run: Run, session: icechunk.Session, made: Made, block_file: Path | None, predecessor: str | None) -> Aside:
+    """Everything that is published of a session's snapshot; what is set aside of it.
+
+    Tables come first, as a snapshot is nothing without them. All else may fail by itself; whatever is written at once is one
+    file, so that the memory that this takes does not grow with the pictures of a block.
+    """
+    snapshot, aside = Snapshot(made.folder), Aside()
     block = stored_block(session)
-    views = aim_views(block)
-    pages = write_pages(snapshot, block, views.values())
-    write_glb(snapshot.model, block.plan.scene, pages, block.names)
-    images = write_images(snapshot.report / "images", block, views)
     rows = rows_of(run, block)
     write_items(snapshot.items, rows.every, run.crs)
     write_masked(snapshot.masked, block.records)
     summary = write_summary(snapshot.summary, block, rows)
-    write_block_report(snapshot.report, run, block, rows, summary, images)
-    work = run_facts(block.journals, block.ingested)
-    write_stac(
-        snapshot.folder,
-        rows=rows.every,
-        block=block_facts(run, block, session.snapshot_id, rows, work.ended, block_file),
-        streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
-        run=work,
-        models=models_used(run, block.records, block.journals["viewpoints"]),
-        predecessor=predecessor,
-    )
-    write_files(snapshot.folder, predecessor, standing_tags(block.group))
+    advance("publish", 1)
+    with aside.trying("pages"):
+        write_pages(snapshot, block, made, aside)
+    advance("publish", 1)
+    tiles: list[WrittenTile] = []
+    with aside.trying("tiles"):
+        tiles = write_tiles(snapshot, block, made, aside)
+    advance("publish", 1)
+    with aside.trying("block.glb"):
+        if not write_model(snapshot, block, tiles, made):
+            log.info("block.glb would be too large: the block is in tiles/ and overview.glb")
+    with aside.trying("overview.glb"):
+        write_overview(snapshot, block, tiles, made, aside)
+    advance("publish", 1)
+    snapshot.report.mkdir(exist_ok=True)
+    images = Images((), (), {}, frozenset())
+    with aside.trying("pictures"):
+        images = write_images(snapshot, block, tiles, made, aside)
+    advance("publish", 1)
+    with aside.trying("report"):
+        models = [path for path in (snapshot.model, snapshot.overview, snapshot.tiles) if path.is_file()]
+        names = [path.relative_to(snapshot.folder).as_posix() for path in models]
+        write_block_report(snapshot.report, run, block, rows, summary, images, names)
+    advance("publish", 1)
+    with aside.trying("stac"):
+        work = run_facts(block.journals, block.ingested)
+        write_stac(
+            snapshot.folder,
+            rows=rows.every,
+            block=block_facts(run, block, session.snapshot_id, rows, work.ended, block_file),
+            streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
+            run=work,
+            models=models_used(run, block.records, block.journals["viewpoints"]),
+            predecessor=predecessor,
+        )
+    advance("publish", 1)
+    tags = standing_tags(block.group)
+    write_files(snapshot.folder, predecessor, tags, made=made.of, known=made.linked, failed=aside.failed)
+    return aside

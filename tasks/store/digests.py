@@ -9,6 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from facade_core.atlas.arrays import OF_STAGE
+from facade_core.atlas.encoded import encoded_digest, page_path, tile_paths
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
@@ -21,7 +22,7 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     """The units, by stage, of which a chart's or a panorama's digest is not that of their record; every chunk must be readable.
 
     sample: so many charts and panoramas at most, evenly spread; None for all. Units that are not done are not looked at, nor
-    those from before records had digests.
+    those from before records had digests. Encoded pages and tiles are among them, so many of each.
     """
     found: dict[str, set[int]] = defaultdict(set)
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
@@ -40,6 +41,12 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
         if picture_digest(group["panoramas/rgb"][viewpoint]) != digest:
             found["viewpoints"].add(viewpoint)
             found["streets"].add(plan.viewpoints[viewpoint].street)
+    for stage in ("pages", "tiles"):
+        done = [(i, r) for i, r in enumerate(read_journal(group, stage)) if r and r["status"] == "done"]
+        for unit, record in _spread(done, sample):
+            path = page_path(unit) if stage == "pages" else tile_paths(record["unit"])[0]
+            if path in group and encoded_digest(np.asarray(group[path][:]).tobytes()) != record["digest"]:
+                found[stage].add(unit)
     return {stage: sorted(units) for stage, units in found.items()}
 
 

@@ -9,6 +9,8 @@ import numpy as np
 
 from facade_core.atlas.arrays import OF_STAGE
 from facade_core.atlas.check import Coordinates
+from facade_core.atlas.encoded import COARSE, PAGES, TILES
+from facade_core.atlas.journal import read_journal
 from facade_core.atlas.zarr_types import StoreArray, StoreGroup
 from facade_core.plan import Plan
 from tasks.kinds.order import STAGES
@@ -31,6 +33,10 @@ def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinat
             due["viewpoints"].update(units)
         elif folder == "hierarchies":
             due["facades"].update(units)
+        elif folder == PAGES:
+            due["pages"].add(int(name))
+        elif folder in (TILES, COARSE):
+            due["tiles"].update(i for i, r in enumerate(read_journal(group, "tiles")) if r and r["unit"] == name)
         elif folder == "exemplars":
             due["exemplars"].add(int(name.partition("/")[0]))
         else:

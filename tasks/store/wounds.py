@@ -13,6 +13,7 @@ import numpy as np
 
 from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.check import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
+from facade_core.atlas.encoded import FOLDERS, page_path, tile_paths
 from facade_core.atlas.journal import Record, forget_record, read_journal, unit_key
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import picture_digest
@@ -35,7 +36,7 @@ Records = Sequence[Record | None]
 Units = Mapping[str, Iterable[int]]
 
 # What may be lost of a store and made again, unit by unit; all else is the plan.
-MADE = ("atlas", "facade_maps", "panoramas", "hierarchies", "exemplars", "journal")
+MADE = ("atlas", "facade_maps", "panoramas", "hierarchies", "exemplars", "journal", *FOLDERS)
 # Lies in a run's folder where everything in its store is to be read.
 SUSPECT = ".suspect"
 # Units of a stage that are named in a line at most.
@@ -60,6 +61,12 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
         "viewpoints": viewpoints,
         "streets": _over_other_viewpoints(session, records["streets"], records["viewpoints"], viewpoints),
         "surfaces": _without_texels(session, records["surfaces"]),
+        "pages": [i for i, r in enumerate(records["pages"]) if _done(r) and page_path(i) not in group],
+        "tiles": [
+            i
+            for i, record in enumerate(records["tiles"])
+            if record and _done(record) and not all(path in group for path in tile_paths(record["unit"]))
+        ],
     }
     return {stage: units for stage, units in found.items() if units}
 
@@ -177,7 +184,7 @@ def _read_plan_tables(session: icechunk.Session) -> None:
             for _, array in table.arrays():
                 array[...]
     for name in MADE:
-        if name != "exemplars" or name in group:  # a block may have none
+        if name not in ("exemplars", *FOLDERS) or name in group:  # a block may have none, a store of before none of the others
             dict(group[name].attrs)
 
 

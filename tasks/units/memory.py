@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from facade_core.errors import InputError
+from facade_core.export.pages import LARGEST_PAGE
 from facade_core.street.neural import NETWORK_PIXELS
 from tasks.units.imagery import Imagery
 from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS, image_size
@@ -37,6 +38,10 @@ READ_TEXEL, WRITTEN_TEXEL = 16, 64
 # levelled, with what is around it.
 FINISHED_TEXEL, SURFACE_TEXEL = 10, 90
 
+# A page that is coloured between its charts: means of ever larger squares of it, as floats. A picture of a tile: the rasters of
+# its charts, the picture, and what of it is free; and the tile's encoded bytes, as pictures and as a model.
+PAGE_TEXEL, PICTURE_TEXEL, TILE_TEXEL = 90, 16, 1
+
 
 def pose_memory(path: Path) -> int:
     return LEAST + _decoded([path]) + _pixels([path]) * POSE_PIXEL
@@ -60,6 +65,14 @@ def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
 def surface_memory(texels: np.ndarray) -> int:
     """Of a building or piece of ground whose charts have so many texels (k,): all are kept, one at a time is levelled."""
     return LEAST + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL
+
+
+def page_memory(texels: int) -> int:
+    return LEAST + texels * PAGE_TEXEL
+
+
+def tile_memory(texels: int) -> int:
+    return LEAST + LARGEST_PAGE**2 * PICTURE_TEXEL + texels * TILE_TEXEL
 
 
 def street_memory(read: int, written: int, *, network: int = 0) -> int:

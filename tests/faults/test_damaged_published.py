@@ -26,6 +26,8 @@ DAMAGES: list[tuple[str, Callable[[Path], None]]] = [
     ("report", shutil.rmtree),
     ("report/index.html", cut),
     ("pages", shutil.rmtree),
+    ("tiles", shutil.rmtree),
+    ("overview.glb", cut),
     ("stac", shutil.rmtree),
     ("items.parquet", Path.unlink),
     ("items.parquet", cut),

@@ -145,13 +145,14 @@ def test_items_answer_queries(undisturbed: Run) -> None:
 def test_the_report_shows_every_facade_and_no_outside_address(undisturbed: Run) -> None:
     _, summary = undisturbed
     report = Path(summary["outputs"]["report"])
-    page = report.read_text()
+    pages = {path: path.read_text() for path in report.parent.rglob("*.html")}
     for name in query(Path(summary["out"]))["id"]:
-        assert f'id="{name}"' in page
-    for part in page.split('src="')[1:]:
-        assert (report.parent / part.split('"')[0]).is_file()
-    assert "http:" not in page
-    assert "https:" not in page
+        assert sum(f'id="{name}"' in page for page in pages.values()) == 1
+    for path, page in pages.items():
+        for part in page.split('src="')[1:]:
+            assert (path.parent / part.split('"')[0]).is_file()
+        assert "http:" not in page
+        assert "https:" not in page
 
 
 def test_again_does_no_unit_twice(block: Path, undisturbed: Run) -> None:

@@ -2,19 +2,15 @@
 
 from __future__ import annotations
 
-import io
-from pathlib import Path
-
 import numpy as np
 import pytest
 import shapely
-import trimesh
-from PIL import Image
 
 from facade_core.atlas import AtlasSpec
-from facade_core.export import Camera, aerial, aim, draw_facade, overlay_hidden, write_glb
+from facade_core.export import Camera, aerial, aim, draw_facade, overlay_hidden
 from facade_core.export.pages import between_charts
 from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
+from facade_core.geometry.charts import CORNERS
 from facade_core.labels import WINDOW
 from facade_core.street import Scene
 from facade_core.types import Building, Lattice, Street
@@ -40,41 +36,6 @@ def page_of_kinds(scene: Scene, page: int) -> np.ndarray:
     return colour
 
 
-def jpeg(image: np.ndarray) -> bytes:
-    buffer = io.BytesIO()
-    Image.fromarray(image).save(buffer, "JPEG", quality=95)
-    return buffer.getvalue()
-
-
-def test_every_triangle_of_the_model_shows_its_own_chart(scene: Scene, tmp_path: Path) -> None:
-    path = tmp_path / "block.glb"
-    write_glb(path, scene, {p: jpeg(page_of_kinds(scene, p)) for p in range(scene.placement.pages)})
-    model = trimesh.load(path)
-    checked = 0
-    for part in model.geometry.values():
-        image = np.asarray(part.visual.material.baseColorTexture.convert("RGB")).astype(int)
-        middle = part.visual.uv[part.faces].mean(axis=1)
-        pixels = image[((1 - middle[:, 1]) * 1024).astype(int), (middle[:, 0] * 1024).astype(int)]
-        for face, pixel in zip(part.faces, pixels, strict=True):
-            up = part.vertices[face].mean(axis=0)[1]
-            chart = round((pixel[0] - 20) / 7)
-            kind, origin = scene.charts.kind[chart], scene.charts.origin[chart]
-            if kind == WALL:
-                assert abs(up - scene.charts.size[chart, 1] / 2) < 6
-            else:
-                assert up == pytest.approx(origin[2], abs=1e-4)
-            checked += 1
-    assert checked == len(scene.mesh.triangles)
-
-
-def test_model_frame_is_y_up_and_east_is_x(scene: Scene, tmp_path: Path) -> None:
-    path = tmp_path / "block.glb"
-    write_glb(path, scene, {p: jpeg(page_of_kinds(scene, p)) for p in range(scene.placement.pages)})
-    low, high = trimesh.load(path).bounds
-    extent = scene.mesh.vertices.max(axis=0) - scene.mesh.vertices.min(axis=0)
-    np.testing.assert_allclose(high - low, extent[[0, 2, 1]], atol=1e-3)
-
-
 def test_mipmaps_of_a_page_do_not_bleed(scene: Scene) -> None:
     """No level of a mipmap that touches a chart is darker than the chart's darkest: nothing between charts is black."""
     page = page_of_kinds(scene, 0)
@@ -93,10 +54,22 @@ def test_mipmaps_of_a_page_do_not_bleed(scene: Scene) -> None:
 
 def test_the_picture_shows_walls_upright_and_sky_above(scene: Scene) -> None:
     picture = aim(scene, Camera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1)
-    for page in range(scene.placement.pages):
-        picture.paint(page, np.full((1024, 1024, 3), 9, np.uint8))
+    texels = np.column_stack([scene.placement.width, scene.placement.height])
+    picture.paint(texels, {chart: np.full((3, 5, 3), 9, np.uint8) for chart in picture.seen.tolist()})
     assert (picture.rgb[30, 40] == 9).all()
     assert (picture.rgb[0] > 100).all()
+
+
+def test_nothing_that_a_picture_shows_is_said_to_be_out_of_sight(scene: Scene) -> None:
+    corners = scene.charts.at_shares(np.arange(len(scene.charts)), CORNERS)
+    fewest = len(corners)
+    for place in ([10.0, -30, 3], [25.0, 5, 6], [10.0, 5, 40], [-8.0, -8, 2]):
+        for target in ([10.0, 0, 3], [30.0, 20, 3], [-20.0, -9, 1]):
+            camera = Camera(np.array(place), np.array(target), 60.0, (60, 80))
+            may = camera.may_show(corners)
+            assert may[aim(scene, camera, samples=1).seen].all()
+            fewest = min(fewest, int(may.sum()))
+    assert fewest < len(corners)
 
 
 def test_the_aerial_camera_sees_the_whole_building(scene: Scene) -> None:

@@ -38,11 +38,15 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
     facades = {"exemplars", "facades"}
     streets = {"streets", "swatches"}
     for path, reached in {
-        "facade_core/export/fill.py": {"publish"},
+        "facade_core/export/tile_model.py": {"tiles", "publish"},
+        "facade_core/export/block_tiles.py": {"publish"},
+        "facade_core/export/pages.py": {"pages", "tiles", "publish"},
+        "facade_core/street/surfaces.py": {"surfaces"} | streets,
+        "facade_core/export/joined.py": {"publish"},
         "facade_core/export/tiles.py": set(),  # only `streetloom export` takes it
         "catalogs/published/report.html.j2": {"publish"},
         "catalogs/readers/meshes/obj.py": set(),  # what is read is in the block's digest
-        "catalogs/readers/pictures/aerial.py": {"ingest", "textures", "publish"} | streets,
+        "catalogs/readers/pictures/aerial.py": {"ingest", "textures", "surfaces", "publish"} | streets,
         "tasks/progress.py": set(),
         "facade_core/errors.py": set(),
         "facade_core/parse/segmenter.py": facades,
@@ -55,7 +59,7 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/rectify/refinement.py": {"poses"},
         "facade_core/geometry/facets.py": {"ingest"},
         "facade_core/texture/genetic.py": facades,
-        "tasks/units/images.py": {"ingest", "poses", "textures", "publish"} | facades | streets,
+        "tasks/units/images.py": {"ingest", "poses", "textures", "surfaces"} | facades | streets,
         "tasks/units/streets.py": streets,
     }.items():
         content = (tmp_path / path).read_bytes()

@@ -26,14 +26,14 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
     view: View, undisturbed: tuple[Path, dict[str, Any]]
 ) -> None:
     report = Path(undisturbed[1]["outputs"]["report"])
-    page = lxml.html.document_fromstring(report.read_text("utf-8"))
-    shown = {one.get("id"): one.findall(".//figure") for one in page.iter("details")}
+    pages = [lxml.html.document_fromstring(path.read_text("utf-8")) for path in report.parent.rglob("streets/*/*.html")]
+    shown = {one.get("id"): one.findall(".//figure") for page in pages for one in page.iter("details")}
     files = set()
     for index, facade in enumerate(view.tables.facades.id):
         declared = [stage.report for stage in stages_of(view.facade(index)) if stage.report]
         assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
         names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
-        assert [figure.find("img").get("src") for figure in shown[facade]] == [f"images/{name}" for name in names]
+        assert [figure.find("img").get("src") for figure in shown[facade]] == [f"../../images/{name}" for name in names]
         files |= set(names)
         building = view.tables.buildings[int(view.tables.facades.building[index])]
         item = report.parents[1] / "stac" / "facades" / file_stem(building) / f"{file_stem(facade)}.json"

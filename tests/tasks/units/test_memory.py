@@ -107,6 +107,41 @@ def surface(height, width):
         return shape[0] * shape[1]
     return unit
 
+def walls(height, width):
+    from facade_core.atlas import AtlasSpec
+    from facade_core.geometry import block_surfaces, pack, terrain_of
+    from facade_core.street import Scene
+    from facade_core.types import Building
+    import shapely
+    houses = [Building(str(i), shapely.box(40 * i, 0, 40 * i + 39, 30), 30.0, "height") for i in range(width)]
+    charts, mesh, _ = block_surfaces(houses, [], terrain=terrain_of([], None), ground_margin=5, largest=60)
+    placement = pack(charts.texels(height), charts.building, page=2048, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, float(height)))
+
+def page(height, width):
+    import io
+    from PIL import Image
+    from facade_core.export.pages import between_charts
+    scene = walls(height, width)
+    noise = np.random.default_rng(1).integers(0, 255, (2048, 2048, 3), np.uint8)
+    def unit():
+        Image.fromarray(between_charts(scene, 0, noise)).save(io.BytesIO(), "JPEG", quality=95, subsampling=0)
+        return noise.size // 3
+    return unit
+
+def tile(height, width):
+    from facade_core.export.models import textured_scene
+    from facade_core.export.tile_model import tile_model
+    scene = walls(height, width)
+    source = textured_scene(scene, lambda page: None)
+    charts = source.chosen(np.arange(-1, width))
+    def rasters(chosen):
+        return {c: np.full((*source.texels[c][::-1], 3), 90, np.uint8) for c in chosen.tolist()}
+    def unit():
+        tile_model(source, charts, {}, rasters, {"origin": [0.0, 0.0, 0.0]})
+        return int(source.texels[charts].prod(axis=1).sum())
+    return unit
+
 def network(height, width):
     from facade_core.street import neural
     translator, image = neural.load(), np.zeros((height, width, 3), np.uint8)
@@ -175,6 +210,17 @@ def test_an_exemplar_fits_what_it_declares(tmp_path: Path) -> None:
 def test_the_window_of_a_street_fits_what_it_declares() -> None:
     taken, texels = measured("street", (4, 256), (30, 512))
     assert_fits(memory.street_memory(texels, texels), taken)
+
+
+def test_a_page_fits_what_it_declares() -> None:
+    taken, texels = measured("page", (4, 1), (30, 2))
+    assert_fits(memory.page_memory(texels), taken)
+
+
+def test_a_tile_of_several_pictures_fits_what_it_declares() -> None:
+    taken, texels = measured("tile", (4, 1), (30, 12))
+    assert texels > 1.5 * memory.LARGEST_PAGE**2
+    assert_fits(memory.tile_memory(texels), taken)
 
 
 def test_a_surface_fits_what_it_declares() -> None:

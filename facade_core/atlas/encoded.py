@@ -1,0 +1,68 @@
+"""Files in a store, such as the picture of a page: bytes as they are published, in one chunk that no codec touches."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+
+import numpy as np
+
+from facade_core.atlas.zarr_types import StoreGroup, group_at
+from facade_core.errors import StoreError
+
+# Folders of encoded files, made by ingest: units that run side by side must not create the same group.
+# pages: every page of the atlas as JPEG; tiles: models of the cells of a quadtree as GLB; coarse: the rasters of a tile's
+# charts made smaller, one after the other.
+PAGES, TILES, COARSE = "pages", "tiles", "coarse"
+FOLDERS = (PAGES, TILES, COARSE)
+
+
+def page_path(page: int) -> str:
+    """Where a store has the picture of a page."""
+    return f"{PAGES}/{page}"
+
+
+def tile_paths(name: str) -> tuple[str, str]:
+    """Where a store has the model of a tile, and its coarse rasters."""
+    return f"{TILES}/{name}", f"{COARSE}/{name}"
+
+
+def write_encoded(group: StoreGroup, path: str, data: bytes, long_name: str) -> None:
+    """Put a file in the store, in place of what was there."""
+    group.create_array(
+        path,
+        data=np.frombuffer(data, np.uint8),
+        chunks=(max(1, len(data)),),
+        compressors=None,
+        # of this file alone: xarray opens a folder as one dataset, and files differ in length
+        dimension_names=(re.sub(r"\W", "_", f"byte_of_{path}"),),
+        attributes={"long_name": long_name},
+        overwrite=True,
+    )
+
+
+def read_encoded(group: StoreGroup, path: str, digest: str) -> bytes:
+    """A file of the store. Raises StoreError where there is none, or it has another digest."""
+    if path not in group:
+        raise StoreError(f"{path} is not in the store; the next run makes it again")
+    data = np.asarray(group[path][:]).tobytes()
+    check_digest(data, digest, path)
+    return data
+
+
+def check_digest(data: bytes, digest: str, path: str) -> None:
+    """Raises StoreError where what was read of the store has another digest than what was written."""
+    if encoded_digest(data) != digest:
+        raise StoreError(f"{path} is not as it was written; the next run makes it again")
+
+
+def encoded_digest(data: bytes) -> str:
+    """SHA-256 of a file's bytes, hexadecimal."""
+    return hashlib.sha256(data).hexdigest()
+
+
+def forget_encoded(group: StoreGroup, folder: str, kept: set[str]) -> None:
+    """Remove the files of a folder but for those of some names."""
+    for name, _ in list(group_at(group, folder).arrays()):
+        if name not in kept:
+            del group[f"{folder}/{name}"]

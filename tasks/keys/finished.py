@@ -1,0 +1,48 @@
+"""The keys of what is finished for publishing: pages and tiles stand on the charts that they show, as those who wrote last left
+them, and on nothing else of the block."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+
+from facade_core.plan import Plan
+from tasks.keys.stage_code import stage_code
+from tasks.keys.units import parts_key
+from tasks.run import Run
+
+
+def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
+    """The key of every page. digests: those of charts, by their ids."""
+    placement, spec = plan.scene.placement, plan.scene.spec
+    by_page: list[list[int]] = [[] for _ in range(spec.pages)]
+    for chart, page in enumerate(placement.page.tolist()):
+        by_page[page].append(chart)
+    code, names = stage_code("pages"), _names(plan)
+    place = np.column_stack([placement.x, placement.y, placement.width, placement.height]).tolist()
+    return [parts_key(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page]
+
+
+def tile_key(
+    run: Run,
+    plan: Plan,
+    charts: np.ndarray,
+    buildings: np.ndarray,
+    origin: tuple[float, ...],
+    digests: Mapping[str, str],
+) -> str:
+    """The key of the tile with some charts (k,) of some buildings (b,), around a place in the world."""
+    things = np.unique(plan.things.of_chart[charts])
+    ids = [f"{number:016x}" for number in plan.ids[charts].tolist()]
+    return parts_key(
+        stage_code("tiles"),
+        settings=[run.crs, run.texture.texels_per_metre, list(origin)],
+        geometry=[f"{digest:016x}" for digest in plan.things.digest[things].tolist()],
+        names=[plan.scene.names[building] for building in buildings.tolist()],
+        charts=[[name, digests.get(name)] for name in ids],
+    )
+
+
+def _names(plan: Plan) -> list[str]:
+    return [f"{number:016x}" for number in plan.ids.tolist()]

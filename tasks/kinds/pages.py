@@ -1,0 +1,49 @@
+"""The pages of the atlas, each encoded once all charts on it are whole."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from catalogs.block import Block
+from facade_core.atlas.encoded import PAGES as FOLDER
+from facade_core.atlas.encoded import forget_encoded
+from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.plan import Plan
+from tasks.keys.finished import page_keys
+from tasks.kinds.kind import Change, Kind, Records, same_name
+from tasks.run import Run
+from tasks.units.memory import page_memory
+from tasks.units.pages import page_unit
+from tasks.units.unit import Unit
+
+
+def page_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    digests = latest_digests(read_journal(group, "surfaces"), [])
+    memory = page_memory(plan.scene.spec.page**2)
+    names = _names(plan)
+    return [Unit(i, names[i], (key,), memory=memory) for i, key in enumerate(page_keys(plan, digests))]
+
+
+def _names(plan: Plan) -> list[str]:
+    return [f"{page:04}" for page in range(plan.scene.spec.pages)]
+
+
+def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Pages stay where they are; those that are gone take their pictures along."""
+    forget_encoded(change.group, FOLDER, {str(page) for page in range(change.after.scene.spec.pages)})
+    return records
+
+
+PAGES = Kind(
+    "pages",
+    "page",
+    count=lambda block, plan: plan.scene.spec.pages,
+    again=lambda change: same_name(change.records["pages"], _names(change.after)),
+    units=page_units,
+    function=page_unit,
+    reads=("surfaces",),
+    always=True,
+    moved=_moved,
+    follows=True,
+)

@@ -1,0 +1,56 @@
+"""The tiles of a block: the leaves of a quadtree over its buildings and pieces of ground, by texels."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from catalogs.block import Block
+from facade_core.atlas.encoded import COARSE, forget_encoded
+from facade_core.atlas.encoded import TILES as FOLDER
+from facade_core.atlas.journal import latest_digests, read_journal
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.export.block_tiles import tiles_of
+from facade_core.plan import Plan
+from tasks.keys.finished import tile_key
+from tasks.kinds.kind import Change, Kind, Records, same_name
+from tasks.run import Run
+from tasks.units.memory import tile_memory
+from tasks.units.tiles import tile_unit
+from tasks.units.unit import Unit
+
+
+def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    digests = latest_digests(read_journal(group, "surfaces"), [])
+    texels = plan.texels()
+    return [
+        Unit(
+            index,
+            tile.path,
+            (tile_key(run, plan, tile.charts, tile.buildings, tile.origin, digests),),
+            (tile.charts, tile.origin),
+            tile_memory(int(texels[tile.charts].sum())),
+        )
+        for index, tile in enumerate(tiles_of(plan))
+    ]
+
+
+def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Files are named by the paths of their tiles, and stay where they are; those of tiles that are gone do not."""
+    kept = {tile.path for tile in tiles_of(change.after)}
+    for folder in (FOLDER, COARSE):
+        forget_encoded(change.group, folder, kept)
+    return records
+
+
+TILES = Kind(
+    "tiles",
+    "tile",
+    count=lambda block, plan: len(tiles_of(plan)),
+    again=lambda change: same_name(change.records["tiles"], [tile.path for tile in tiles_of(change.after)]),
+    units=tile_units,
+    function=tile_unit,
+    reads=("surfaces",),
+    always=True,
+    moved=_moved,
+    follows=True,
+)

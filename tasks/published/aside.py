@@ -1,0 +1,33 @@
+"""What could not be published, while the rest is."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+from tasks.outcome import machine_error, machine_fault, reason_of, store_fault
+
+log = logging.getLogger(__name__)
+
+
+@dataclass
+class Aside:
+    """What was tried and could not be published, with the reason; suspect: whether the store was at fault."""
+
+    failed: dict[str, str] = field(default_factory=dict)
+    suspect: bool = False
+
+    @contextmanager
+    def trying(self, what: str) -> Iterator[None]:
+        """Set aside what fails within. Raises MachineError where neither the block nor its store is at fault: a full disk fails
+        whatever is tried next."""
+        try:
+            yield
+        except Exception as error:
+            if machine_fault(error) and not store_fault(error):
+                raise machine_error(f"publish {what}", error) from error
+            self.suspect = self.suspect or store_fault(error)
+            self.failed[what] = reason_of(error)
+            log.warning("%s is not published: %s", what, self.failed[what], exc_info=error)

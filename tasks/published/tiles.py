@@ -1,0 +1,136 @@
+"""Tiles as their units made them, and the models of the whole block that are put together of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from dataclasses import replace as replaced
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.published.made import Made, link_or_copy
+from catalogs.published.snapshot import Snapshot
+from facade_core.atlas.encoded import check_digest, read_encoded, tile_paths
+from facade_core.atlas.journal import Record, unit_key
+from facade_core.export.block_tiles import Tile, tiles_of
+from facade_core.export.joined import join_glbs, part_of_file
+from facade_core.export.models import local_frame, textured_scene
+from facade_core.export.overview import overview_glb, scale_afar, shown_afar
+from facade_core.export.pages import scaled
+from facade_core.export.tile_model import coarse_rasters, coarse_size
+from tasks.published.aside import Aside
+from tasks.published.stored import StoredBlock
+
+# The model of the whole block is written where it has no more bytes than this: viewers and glTF's own counts end not far above.
+MODEL_BYTES = 512_000_000
+
+
+@dataclass(frozen=True)
+class WrittenTile:
+    """A tile that is published: what it is of, its record, and its file."""
+
+    tile: Tile
+    record: Record
+    file: Path
+
+
+def write_tiles(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside) -> list[WrittenTile]:
+    """Write the models of tiles and tiles/index.json, which lists them; one that cannot be read is set aside."""
+    written = []
+    for tile, record in zip(tiles_of(block.plan), block.journals["tiles"], strict=True):
+        if record is None or record["status"] != "done":  # the journal says why
+            continue
+        path, digest = tile_paths(tile.path)[0], record["digest"]
+        with aside.trying(f"tile {tile.path}"):
+            file = made.put(
+                snapshot.tile(tile.path).relative_to(snapshot.folder).as_posix(),
+                digest,
+                partial(read_encoded, block.group, path, digest),
+            )
+            written.append(WrittenTile(tile, record, file))
+    snapshot.tiles.parent.mkdir(exist_ok=True)
+    snapshot.tiles.write_text(json.dumps(_index(block, written), indent=1, ensure_ascii=False) + "\n", "utf-8")
+    return written
+
+
+def _index(block: StoredBlock, written: Sequence[WrittenTile]) -> dict[str, Any]:
+    return {
+        "crs": str(block.group.attrs["crs"]),
+        "axes": "box: east, north, up in metres of crs; models: x east, y up, z south, around origin",
+        "tiles": [
+            {
+                "path": one.tile.path,
+                "file": one.file.name,
+                "box": one.record["box"],
+                "origin": list(one.tile.origin),
+                "bytes": one.record["bytes"],
+                "sha256": one.record["digest"],
+                "buildings": [block.names[building] for building in one.tile.buildings.tolist()],
+            }
+            for one in written
+        ],
+    }
+
+
+def write_model(snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: Made) -> bool:
+    """Write block.glb, the tiles joined: where it is one tile, that tile. Returns whether it fits MODEL_BYTES."""
+    if sum(one.record["bytes"] for one in tiles) > MODEL_BYTES:
+        return False
+    extras = _extras(block)
+    of = unit_key(extras, [one.record["digest"] for one in tiles])
+
+    def write(file: Path) -> None:
+        if len(tiles) == 1:
+            link_or_copy(tiles[0].file, file)
+        else:
+            join_glbs(file, [part_of_file(one.file) for one in tiles], extras["origin"], extras={"crs": extras["crs"]})
+
+    made.put_written(snapshot.model.name, of, write)
+    return True
+
+
+def _extras(block: StoredBlock) -> dict[str, Any]:
+    return {"origin": local_frame(block.plan.scene.mesh).origin.tolist(), "crs": str(block.group.attrs["crs"])}
+
+
+def write_overview(
+    snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: Made, aside: Aside
+) -> None:
+    """Write overview.glb, of the coarse rasters of tiles; the charts of one that cannot be read are left out."""
+    extras = _extras(block)
+
+    def make() -> bytes:
+        scene = block.plan.scene
+        # what is shown of a chart may be coarser than what its tile has: it is made so as it is read
+        source = textured_scene(scene, lambda page: np.empty((0, 0, 3), np.uint8))
+        texels = coarse_size(source.texels)
+        charts = shown_afar(source)
+        scale = scale_afar(texels[charts])
+        size = np.maximum(1, np.ceil(texels * scale)).astype(np.int64)
+        held: dict[int, np.ndarray] = {}
+        wanted = set(charts.tolist())
+        for rasters in coarse_of(block, tiles, aside):
+            held |= {c: scaled(raster, tuple(size[c].tolist())) for c, raster in rasters.items() if c in wanted}
+        charts = np.array(sorted(held), np.int64)
+        return overview_glb(replaced(source, texels=size, raster=held.__getitem__), charts, extras)
+
+    made.put(snapshot.overview.name, unit_key(extras, [one.record["coarse"] for one in tiles]), make)
+    if any(tile_paths(one.tile.path)[1] in aside.failed for one in tiles):
+        del made.of[snapshot.overview.name]  # it is not to be linked for a whole one
+
+
+def coarse_of(block: StoredBlock, tiles: Sequence[WrittenTile], aside: Aside) -> Iterator[dict[int, np.ndarray]]:
+    """The coarse rasters of each tile, by chart."""
+    texels = np.column_stack([block.plan.scene.placement.width, block.plan.scene.placement.height]).astype(np.int64)
+    for one in tiles:
+        path = tile_paths(one.tile.path)[1]
+        if path in aside.failed:
+            continue
+        with aside.trying(path):
+            coarse = block.group[path][:]
+            check_digest(coarse.tobytes(), one.record["coarse"], path)
+            yield coarse_rasters(texels, one.tile.charts, coarse)

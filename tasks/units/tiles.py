@@ -1,0 +1,77 @@
+"""A tile of the block: some buildings and pieces of ground as one model, and coarse rasters of it for views from afar."""
+
+from __future__ import annotations
+
+import time
+from functools import lru_cache
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.encoded import encoded_digest, tile_paths, write_encoded
+from facade_core.atlas.journal import Record
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.store import open_root
+from facade_core.errors import StoreError
+from facade_core.export.models import Textured, textured_scene
+from facade_core.export.tile_model import tile_model
+from tasks.run import Run
+from tasks.units.context import plan_of_run, worker_name
+from tasks.units.unit import Piece
+
+
+def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
+    """Write the model of one tile and its coarse rasters through the fork; returns the fork and the journal record."""
+    start = time.time()
+    (unit,) = units
+    charts, origin = unit.arguments
+    plan = plan_of_run(run)
+    placement = plan.scene.placement
+    group = open_root(fork)
+
+    def rasters(chosen: np.ndarray) -> dict[int, np.ndarray]:
+        held = Rasters.of(placement, chosen)
+        flat = read_rasters(group["atlas/colour"], placement, held)
+        return {
+            chart: flat[held.slice(placement, chart)].reshape(
+                int(placement.height[chart]), int(placement.width[chart]), 3
+            )
+            for chart in chosen.tolist()
+        }
+
+    names = dict(enumerate(plan.scene.names))
+    tile = tile_model(_shown(run), charts, names, rasters, {"origin": list(origin), "crs": run.crs})
+    model, coarse = tile_paths(unit.name)
+    write_encoded(group, model, tile.glb, f"tile {unit.name}, GLB")
+    group.create_array(
+        coarse,
+        data=tile.coarse,
+        chunks=tile.coarse.shape,
+        dimension_names=(f"texel_of_{unit.name}", "band"),
+        attributes={"long_name": f"charts of tile {unit.name} made smaller, one after the other"},
+        overwrite=True,
+    )
+    record: Record = {
+        "unit": unit.name,
+        "key": unit.key,
+        "status": "done",
+        "charts": len(charts),
+        "bytes": len(tile.glb),
+        "digest": encoded_digest(tile.glb),
+        "box": tile.box.round(3).tolist(),
+        "coarse": encoded_digest(tile.coarse.tobytes()),
+        "worker": worker_name(),
+        "started": start,
+        "seconds": {"tile": round(time.time() - start, 4)},
+    }
+    return fork, {unit.index: record}
+
+
+@lru_cache(maxsize=1)
+def _shown(run: Run) -> Textured:
+    """The block as models have it, whose charts are read elsewhere."""
+
+    def nothing(page: int) -> np.ndarray:
+        raise StoreError(f"page {page} is not read as a whole")
+
+    return textured_scene(plan_of_run(run).scene, nothing)

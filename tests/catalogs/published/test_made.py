@@ -1,0 +1,74 @@
+"""What an earlier snapshot has of the same is linked, whatever else is written."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from catalogs.published.files import amiss, write_files
+from catalogs.published.made import Made
+
+
+def never() -> bytes:
+    raise AssertionError("it is made again")
+
+
+def published(
+    folder: Path, earlier: Path | None, *, doubted: bool = False, **files: tuple[str, Callable[[], bytes]]
+) -> Made:
+    folder.mkdir()
+    made = Made(folder, earlier, doubted)
+    for name, (of, data) in files.items():
+        made.put(f"pages/{name}", of, data)
+    write_files(folder, None, (), made=made.of, known=made.linked)
+    return made
+
+
+def is_linked(name: str, *folders: Path) -> bool:
+    return len({(folder / "pages" / name).stat().st_ino for folder in folders}) == 1
+
+
+def test_what_is_made_of_the_same_is_linked(tmp_path: Path) -> None:
+    first, second, third = (tmp_path / name for name in ("1", "2", "3"))
+    published(first, None, a=("x", lambda: b"old"), b=("y", lambda: b"same"))
+    made = published(second, first, a=("x2", lambda: b"new"), b=("y", never))
+    assert (second / "pages" / "a").read_bytes() == b"new"
+    assert (first / "pages" / "a").read_bytes() == b"old"
+    assert is_linked("b", first, second)
+    assert list(made.linked) == ["pages/b"]
+    published(third, second, a=("x2", never), b=("y", never))
+    assert is_linked("b", first, second, third)
+    assert amiss(third, thorough=True) is None
+
+
+@pytest.mark.parametrize("doubted", [False, True])
+def test_what_is_lost_or_cut_is_made_again_and_what_is_garbled_where_it_is_doubted(
+    tmp_path: Path, doubted: bool
+) -> None:
+    first, second = tmp_path / "1", tmp_path / "2"
+    published(first, None, **{name: (name, lambda: b"whole") for name in ("kept", "lost", "cut", "garbled")})
+    (first / "pages" / "lost").unlink()
+    (first / "pages" / "cut").write_bytes(b"who")
+    (first / "pages" / "garbled").write_bytes(b"\0" * 5)
+    made = published(
+        second,
+        first,
+        doubted=doubted,
+        **{name: (name, lambda: b"whole") for name in ("kept", "lost", "cut", "garbled")},
+    )
+    assert set(made.linked) == {"pages/kept"} | (set() if doubted else {"pages/garbled"})
+    assert {path.name for path in (second / "pages").iterdir() if path.read_bytes() == b"whole"} >= {
+        "kept",
+        "lost",
+        "cut",
+    }
+    assert ((second / "pages" / "garbled").read_bytes() == b"whole") == doubted
+
+
+def test_what_could_not_be_published_is_amiss(tmp_path: Path) -> None:
+    write_files(tmp_path, None, ())
+    assert amiss(tmp_path) is None
+    write_files(tmp_path, None, (), failed={"report": "no room"})
+    assert amiss(tmp_path) == "report could not be published: no room"

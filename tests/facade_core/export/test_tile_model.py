@@ -1,0 +1,142 @@
+"""Tiles show what the atlas shows, stand where the block does, and are joined without a byte of their pictures changed."""
+
+from __future__ import annotations
+
+import io
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from facade_core.export import overview, pages
+from facade_core.export.joined import join_glbs, part_of_file
+from facade_core.export.models import Textured, local_frame
+from facade_core.export.overview import overview_glb, scale_afar, shown_afar
+from facade_core.export.tile_model import COARSER, TileModel, coarse_rasters, coarse_size, tile_model
+from facade_core.geometry import WALL
+from tests.facade_core.export.conftest import colour_of
+
+NAMES = {0: "a", 1: "b"}
+
+
+def tile(source: Textured, building: int, origin: list[float]) -> tuple[np.ndarray, TileModel]:
+    charts = source.chosen(np.array([building]))
+    read: list[int] = []
+
+    def rasters(chosen: np.ndarray) -> dict[int, np.ndarray]:
+        read.extend(chosen.tolist())
+        return {chart: source.raster(chart) for chart in chosen.tolist()}
+
+    made = tile_model(source, charts, NAMES, rasters, {"origin": origin, "crs": "EPSG:32635"})
+    assert sorted(read) == charts.tolist(), "each chart is read once"
+    return charts, made
+
+
+def document(data: bytes) -> dict[str, Any]:
+    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+
+
+def pictures(data: bytes) -> list[bytes]:
+    said = document(data)
+    start = 20 + struct.unpack_from("<I", data, 12)[0] + 8
+    views = [said["bufferViews"][image["bufferView"]] for image in said["images"]]
+    return [data[start + view["byteOffset"] :][: view["byteLength"]] for view in views]
+
+
+def test_every_triangle_of_a_tile_shows_its_own_chart(coloured: Textured) -> None:
+    origin = [385024.0, 6671360.0, 0.0]
+    charts, made = tile(coloured, 0, origin)
+    model = trimesh.load(io.BytesIO(made.glb), file_type="glb")
+    checked = 0
+    for part in model.geometry.values():
+        image = np.asarray(part.visual.material.baseColorTexture.convert("RGB")).astype(int)
+        middle = part.visual.uv[part.faces].mean(axis=1)
+        shape = np.array(image.shape[:2])
+        pixels = image[tuple((np.column_stack([1 - middle[:, 1], middle[:, 0]]) * shape).astype(int).T)]
+        for face, pixel in zip(part.faces, pixels, strict=True):
+            x, y, z = part.vertices[face].mean(axis=0)
+            point = np.array([x, -z, y]) + origin
+            on = [c for c in charts.tolist() if np.abs(colour_of(c).astype(int) - pixel).max() <= 4]
+            normal = coloured.charts.normal()
+            assert any(abs((point - coloured.charts.origin[c]) @ normal[c]) < 0.01 for c in on)
+            checked += 1
+    assert checked == np.isin(coloured.mesh.chart, charts).sum()
+    walls = charts[coloured.charts.kind[charts] == WALL]
+    assert made.box[0] == pytest.approx([386000, 6671990, 0], abs=0.01)
+    assert made.box[1] == pytest.approx([386020, 6672000, coloured.charts.size[walls, 1].max()], abs=0.01)
+
+
+def test_coarse_rasters_are_those_of_the_charts(coloured: Textured) -> None:
+    charts, made = tile(coloured, 1, [0.0, 0.0, 0.0])
+    found = coarse_rasters(coloured.texels, charts, made.coarse)
+    assert list(found) == charts.tolist()
+    for chart, raster in found.items():
+        width, height = coloured.texels[chart].tolist()
+        assert raster.shape[:2] == (-(-height // COARSER), -(-width // COARSER))
+        assert np.abs(raster.astype(int) - colour_of(chart)).max() <= 1
+
+
+def test_joined_tiles_are_the_block(
+    coloured: Textured, tmp_path: Path, gltf_issues: Callable[..., list[dict[str, Any]]]
+) -> None:
+    parts = []
+    for building, origin in ((0, [385024.0, 6671360.0, 0.0]), (1, [386048.0, 6671360.0, -3.0]), (-1, [0.0, 0.0, 0.0])):
+        (tmp_path / f"{building}.glb").write_bytes(tile(coloured, building, origin)[1].glb)
+        parts.append(tmp_path / f"{building}.glb")
+    origin = local_frame(coloured.mesh).origin.tolist()
+    whole = tmp_path / "block.glb"
+    size = join_glbs(whole, list(map(part_of_file, parts)), origin, extras={"crs": "EPSG:32635"})
+    assert size == whole.stat().st_size == struct.unpack_from("<I", whole.read_bytes(), 8)[0]
+    assert pictures(whole.read_bytes()) == [one for part in parts for one in pictures(part.read_bytes())]
+    said = document(whole.read_bytes())
+    assert [node["name"] for node in said["nodes"]] == ["a", "b", "ground"]
+    assert said["scenes"][0]["extras"] == {"origin": origin, "crs": "EPSG:32635"}
+    low, high = trimesh.load(whole).bounds
+    points = coloured.mesh.vertices[coloured.mesh.triangles.reshape(-1)] - origin
+    # the ground's own origin is so far away that its coordinates are rounded to half a metre
+    np.testing.assert_allclose([low[0], -high[2]], [points[:, 0].min(), points[:, 1].min()], atol=0.6)
+    only = tmp_path / "walls.glb"
+    join_glbs(only, list(map(part_of_file, parts[:2])), origin, extras={})
+    low, high = trimesh.load(only).bounds
+    built = coloured.mesh.vertices[coloured.charts.building[coloured.mesh.vertex_chart] >= 0] - origin
+    np.testing.assert_allclose(low, [built[:, 0].min(), built[:, 2].min(), -built[:, 1].max()], atol=1e-3)
+    np.testing.assert_allclose(high, [built[:, 0].max(), built[:, 2].max(), -built[:, 1].min()], atol=1e-3)
+    empty = tmp_path / "empty.glb"
+    join_glbs(empty, [], origin, extras={})
+    for path, issues in zip([whole, *parts, empty], gltf_issues(whole, *parts, empty), strict=True):
+        assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), (path.name, issues["messages"][:3])
+
+
+def test_what_is_no_model_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "cut.glb").write_bytes(b"glTF")
+    with pytest.raises(ValueError, match="no GLB file"):
+        part_of_file(tmp_path / "cut.glb")
+
+
+@pytest.mark.parametrize("most", [8_000_000, 40_000, 12_000, 5_000])
+def test_an_overview_is_as_small_as_it_must_be(coloured: Textured, most: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    overview_bytes = overview.OVERVIEW_BYTES
+    monkeypatch.setattr(overview, "OVERVIEW_BYTES", most)
+    charts = shown_afar(coloured)
+    size = np.maximum(1, np.ceil(coarse_size(coloured.texels) * scale_afar(coarse_size(coloured.texels)[charts])))
+    size = size.astype(np.int64)
+
+    def raster(chart: int) -> np.ndarray:
+        return pages.scaled(coloured.raster(chart), tuple(size[chart].tolist()))
+
+    data = overview_glb(replace(coloured, texels=size, raster=raster), charts, {"origin": [386000.0, 6671990.0, 0.0]})
+    assert len(data) <= most
+    model = trimesh.load(io.BytesIO(data), file_type="glb")
+    shown = sum(len(part.faces) for part in model.geometry.values())
+    assert 0 < shown <= len(coloured.mesh.triangles)
+    if most == overview_bytes:
+        assert shown == len(coloured.mesh.triangles)
+    area = coloured.charts.size.prod(axis=1)
+    left_out = np.setdiff1d(np.unique(coloured.mesh.chart), charts)
+    assert not len(left_out) or area[left_out].max() <= area[charts].min()

@@ -1,0 +1,208 @@
+"""What is published is put together of what units finished: a change makes its own page and tile again, a loss is set aside."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from hashlib import sha256
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlparse
+
+import lxml.html
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from catalogs.published.files import amiss
+from catalogs.published.snapshot import Snapshot, current
+from catalogs.query import query
+from facade_core.atlas.store import BRANCH, open_repository
+from tasks.published import images
+from tasks.published.stored import stored_block
+from tasks.stages.publish import publish_block
+from tasks.store.standing import nothing_due, unpublished
+from tasks.store.wounds import is_suspect, mend
+from tests.pipeline.stages import Textured, redone, started, texture, write_block, write_photo
+
+NAMES = {"a", "b", "c", "d", "e"}
+
+
+@pytest.fixture(scope="module")
+def seeded(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The block with a photo of the facade beyond the crossing, published."""
+    folder = tmp_path_factory.mktemp("published")
+    write_photo(folder / "in", "c-0", 1)
+    write_block(folder / "in")
+    again(folder)
+    return folder
+
+
+def again(folder: Path) -> tuple[Textured, dict[str, Any], Snapshot[Path]]:
+    made = texture(folder / "in" / "block.yaml", folder / "out")
+    summary = publish_block.fn(made.run, folder / "in" / "block.yaml")
+    return made, summary, current(folder / "out")
+
+
+def copied(folder: Path, to: Path) -> Path:
+    shutil.copytree(folder, to / "copy", copy_function=shutil.copy2)
+    return to / "copy"
+
+
+def listed(snapshot: Snapshot[Path]) -> dict[str, dict[str, Any]]:
+    return {tile["path"]: tile for tile in json.loads(snapshot.tiles.read_text())["tiles"]}
+
+
+def test_tiles_are_the_block(seeded: Path) -> None:
+    snapshot = current(seeded / "out")
+    tiles = listed(snapshot)
+    assert sorted(name for tile in tiles.values() for name in tile["buildings"]) == sorted(NAMES)
+    whole = trimesh.load(snapshot.model)
+    origin = _origin(snapshot.model)
+    triangles = 0
+    for path, tile in tiles.items():
+        data = snapshot.tile(path).read_bytes()
+        assert (len(data), sha256(data).hexdigest()) == (tile["bytes"], tile["sha256"])
+        model = trimesh.load(snapshot.tile(path))
+        triangles += sum(len(part.faces) for part in model.geometry.values())
+        assert {name for name in model.graph.nodes_geometry if name != "ground"} == set(tile["buildings"])
+        low, high = np.array(tile["box"]) - tile["origin"]
+        np.testing.assert_allclose(model.bounds, [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]], atol=0.01)
+    assert triangles == sum(len(part.faces) for part in whole.geometry.values())
+    boxes = np.array([tile["box"] for tile in tiles.values()]) - origin
+    low, high = boxes[:, 0].min(axis=0), boxes[:, 1].max(axis=0)
+    np.testing.assert_allclose(whole.bounds, [[low[0], low[2], -high[1]], [high[0], high[2], -low[1]]], atol=0.01)
+    overview = trimesh.load(snapshot.overview)
+    np.testing.assert_allclose(overview.bounds, whole.bounds, atol=0.01)
+    item = json.loads((snapshot.stac / "blocks" / "small.json").read_text())
+    for path, tile in tiles.items():
+        asset = item["assets"][f"tile-{path}"]
+        assert (snapshot.stac / "blocks" / asset["href"]).resolve() == snapshot.tile(path)
+        assert (asset["file:size"], asset["file:checksum"]) == (tile["bytes"], f"1220{tile['sha256']}")
+    assert {"overview", "tiles", "model"} <= item["assets"].keys()
+
+
+def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    before, first = started(folder / "out"), current(folder / "out")
+    write_photo(folder / "in", "c-0", 2)
+    made, _, second = again(folder)
+    done = {(stage, unit) for stage, unit in redone(before, folder / "out") if stage in ("pages", "tiles")}
+    group = stored_block(open_repository(made.run.store).readonly_session(BRANCH))
+    chart = group.plan.facades.chart[group.plan.facades.id.index("c-0")]
+    [tile] = [path for path, one in listed(second).items() if "c" in one["buildings"]]
+    assert done == {("pages", f"{group.plan.scene.placement.page[chart]:04}"), ("tiles", tile)}
+    linked = {
+        path.relative_to(second.folder).as_posix()
+        for path in second.folder.rglob("*")
+        if path.is_file() and path.stat().st_nlink > 1
+    }
+    assert {f"tiles/{path}.glb" for path in listed(second)} - linked == {f"tiles/{tile}.glb"}
+    sheets = {path.name for path in (second.report / "images").glob("*.webp")}
+    assert {name for name in sheets if f"report/images/{name}" not in linked} == {
+        name for name in sheets if name.startswith("c-0-")
+    }
+    assert amiss(second.folder, thorough=True) is None
+    fresh = tmp_path / "fresh"
+    shutil.copytree(folder / "in", fresh / "in")
+    third = again(fresh)[2]
+    for pattern in ("pages/*", "tiles/*", "*.glb", "report/images/*"):
+        ours, theirs = ({p.name: p.read_bytes() for p in s.folder.glob(pattern)} for s in (second, third))
+        assert ours == theirs
+    assert first.folder.is_dir()
+
+
+def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    shutil.rmtree(folder / "out" / "published")
+    whole = current(seeded / "out")
+    for lost in (whole.tile("375_6514"), whole.page(0)):
+        [chunk] = [
+            path for path in (folder / "out" / "store" / "chunks").iterdir() if path.read_bytes() == lost.read_bytes()
+        ]
+        chunk.write_bytes(b"\0" * chunk.stat().st_size)  # as a disk may, with nothing amiss in sizes
+    made, summary, snapshot = again(folder)
+    told = {one["unit"]: one["reason"] for one in summary["unpublished"]}
+    assert told.keys() == {"page 0000", "tile 375_6514"}
+    assert all("not as it was written" in reason for reason in told.values())
+    assert listed(snapshot).keys() == listed(whole).keys() - {"375_6514"}
+    assert snapshot.items.is_file()
+    assert len(query(folder / "out")) == 6
+    assert (snapshot.stac / "blocks" / "small.json").is_file()
+    assert "a" not in trimesh.load(snapshot.model).graph.nodes_geometry
+    assert (snapshot.report / "index.html").is_file()
+    assert unpublished(folder / "out", snapshot.id) is not None
+    assert nothing_due(made.run) is None
+    assert is_suspect(folder / "out")
+    assert mend(made.run)
+    made, summary, snapshot = again(folder)
+    assert "unpublished" not in summary
+    assert listed(snapshot) == listed(whole)
+    for name in ("block.glb", "overview.glb", "pages/0000.jpg"):
+        assert (snapshot.folder / name).read_bytes() == (whole.folder / name).read_bytes(), name
+
+
+def test_a_step_that_fails_leaves_the_others(
+    seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    folder = copied(seeded, tmp_path)
+    shutil.rmtree(folder / "out" / "published")
+
+    def no_view(*_: Any) -> None:
+        raise ValueError("no camera sees it")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(images, "aim", no_view)
+        _, summary, snapshot = again(folder)
+    assert {one["unit"] for one in summary["unpublished"]} == {
+        "view above",
+        "view street-0",
+        "view street-1",
+        "view street-2",
+    }
+    assert "view above is not published: ValueError: no camera sees it" in caplog.messages
+    assert len(list((snapshot.report / "images").glob("c-0-*.webp"))) > 3
+    assert snapshot.model.is_file()
+    _, summary, repaired = again(folder)
+    assert "unpublished" not in summary
+    assert repaired == snapshot
+    assert (repaired.report / "images" / "above.jpg").is_file()
+    assert amiss(repaired.folder, thorough=True) is None
+
+
+def test_the_report_is_an_index_with_pages_for_each_street(
+    seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copied(seeded, tmp_path)
+    shutil.rmtree(folder / "out" / "published")
+    monkeypatch.setattr(images, "STAGED", 1)
+    monkeypatch.setattr("catalogs.published.report.ON_PAGE", 1)
+    report = again(folder)[2].report
+    pages = sorted(report.rglob("*.html"))
+    facades = query(folder / "out")
+    shown: dict[str, Path] = {}
+    pictures: list[Path] = []
+    for path in pages:
+        page = lxml.html.document_fromstring(path.read_text("utf-8"))
+        for element in page.iter("a", "img"):
+            target = path.parent / unquote(urlparse(element.get("href") or element.get("src")).path)
+            assert target.is_file(), target
+            if element.tag == "img":
+                pictures.append(target.resolve())
+                with Image.open(target) as image:
+                    image.verify()
+        shown |= {one.get("id"): path for one in page.iter("details")}
+    assert set(shown) == set(facades["id"])
+    assert len(set(shown.values())) == len(facades), "one to a page"
+    assert sorted(pictures) == sorted((report / "images").iterdir()), "each is shown once"
+    for street, own in facades.groupby("street"):
+        page = shown[own["id"].iloc[-1]].read_text()
+        others = [id for id, photo in zip(own["id"], own["photo"], strict=True) if not photo > 0]
+        assert ("streetloom view" in page) == (own["id"].iloc[-1] in others[1:]), street
+    assert len(list((report / "images").glob("c-0-*"))) > 3, "it is from a photo"
+
+
+def _origin(path: Path) -> np.ndarray:
+    data = path.read_bytes()
+    return np.array(json.loads(data[20 : 20 + int.from_bytes(data[12:16], "little")])["scenes"][0]["extras"]["origin"])
