@@ -50,16 +50,25 @@ class Materials:
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
         """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
         out = np.empty((len(chart), 3), np.uint8)
-        order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64)
+        order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
         kernels.colour(order, own, points, footprint, self.field, self._lights(np.unique(chart)), out)
         return out
 
     def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Texels (k,) of a chart at their middles: (k, 3) uint8."""
         out = np.empty((len(rows), 3), np.uint8)
-        places = (rows.astype(np.int64), columns.astype(np.int64))
+        places = (rows.astype(np.int64, copy=False), columns.astype(np.int64, copy=False))
         kernels.texels(chart, *places, self._step, self.field, self._lights([chart]), out)
         return out
+
+    def detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
+        """What texels (k,) of a chart show beyond their means over footprints (k,), metres: (k, 3) int16, around 0.
+
+        Added to the tone of a picture whose pixels cover so much there, it gives back what they cannot show.
+        """
+        points = self._scene.charts.points(chart, self._step * (columns + 0.5), self._step * (rows + 0.5))
+        mean = self.colour(np.full(len(rows), chart), points, np.maximum(footprint, self._step))
+        return self.texels(chart, rows, columns).astype(np.int16) - mean
 
     def raster(self, chart: int) -> np.ndarray:
         """A whole chart: (h, w, 3) uint8."""

@@ -9,7 +9,8 @@ import numpy as np
 from facade_core.errors import GeometryError
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
-from facade_core.street.sampling import Lights, Pixels, Sheets, shade_pixels
+from facade_core.street.propagate import GATE_SPACINGS
+from facade_core.street.sampling import Gate, Lights, Pixels, Sheets, shade_pixels
 from facade_core.street.scene import Scene
 from facade_core.street.window import Window
 
@@ -49,7 +50,8 @@ def shade(normals: np.ndarray) -> np.ndarray:
 def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, int]) -> Panorama:
     """Render a viewpoint with the texels that the window `atlas` holds; size = (height, width) pixels, width = 2 height.
 
-    A texel of provenance 0, and every chart that the window does not hold, counts as untextured. Raises GeometryError for
+    A texel of provenance 0, and every chart that the window does not hold, counts as untextured; so does what only a stand-in
+    shows (ADR 0010), where this viewpoint's view is a proper one. Raises GeometryError for
     another shape of panorama.
     """
     height, width = size
@@ -78,6 +80,8 @@ def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, i
     )
     lights = Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
     pixels = Pixels(rays, depth, chart)
-    shade_pixels(pixels, viewpoint.position, sheets, lights, atlas.colour, atlas.provenance, rgb, textured)
+    gate = Gate(viewpoint.forward, GATE_SPACINGS * scene.spacing)
+    texels = (atlas.colour, atlas.provenance, atlas.state.views)
+    shade_pixels(pixels, viewpoint.position, sheets, lights, *texels, gate, rgb, textured)
     points = viewpoint.position + rays * np.where(np.isfinite(depth), depth, 0)[..., None]
     return Panorama(viewpoint, rgb, textured, depth, chart, points)

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from facade_core.atlas.provenance import UNSEEN
+from facade_core.atlas.provenance import TRANSLATED, UNSEEN
 
 # Samples of a footprint along either of its sides, at most: a longer one belongs to a pixel near the horizon.
 MOST_SAMPLES = 16
@@ -47,6 +47,13 @@ class Sheets(NamedTuple):
     grey: np.ndarray
 
 
+class Gate(NamedTuple):
+    """Which views of texels are proper for a viewpoint: forward (2,), its street's direction; metres along it."""
+
+    forward: np.ndarray
+    metres: float
+
+
 class Lights(NamedTuple):
     """`Daylight` that has every chart in view: place, columns, rows (n,) and light (k,)."""
 
@@ -68,6 +75,14 @@ def lit(x: float, y: float, place: int, columns: int, rows: int, lights: np.ndar
     return top * (1 - (v - v0)) + bottom * (v - v0)
 
 
+@njit(cache=True, inline="always")
+def _known(provenance: np.ndarray, views: np.ndarray, texel: int, near: bool) -> bool:
+    """Whether a texel shows what it is; where the view is near, not by a stand-in."""
+    if near and provenance[texel] == TRANSLATED and texel < len(views) and views[texel] == 0:
+        return False
+    return provenance[texel] > UNSEEN
+
+
 @njit(cache=True, nogil=True)
 def shade_pixels(
     pixels: Pixels,
@@ -76,13 +91,17 @@ def shade_pixels(
     lights: Lights,
     atlas: np.ndarray,
     provenance: np.ndarray,
+    views: np.ndarray,
+    gate: Gate,
     rgb: np.ndarray,
     textured: np.ndarray,
 ) -> None:
     """Colour the Pixels that show a chart, into rgb (h, w, 3) and textured (h, w); others are left alone.
 
-    camera (3,); charts: Sheets; atlas (t, 3) and provenance (t,): the texels that are held. A pixel is textured when at least
-    half of the texels under it are known; its colour is the mean of those, bilinear where it is smaller than a texel.
+    camera (3,); charts: Sheets; atlas (t, 3) and provenance (t,): the texels that are held; views (w,): how many proper ones
+    the first of them have. A pixel is textured when at least half of the texels under it are known; its colour is the mean of
+    those, bilinear where it is smaller than a texel. Where the viewpoint's own view is proper, a texel that has none yet is not
+    known: what was made from far would be copied from view to view.
     """
     rays, depth, chart = pixels
     rows, columns = chart.shape
@@ -119,6 +138,8 @@ def shade_pixels(
                 bx += down * axis_u[k, i]
                 by += down * axis_v[k, i]
             x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
+            onward = t * (rays[r, c, 0] * gate.forward[0] + rays[r, c, 1] * gate.forward[1])
+            near = abs(onward) <= gate.metres
             bare = int(grey[k] * lit(x / width[k], y / height[k], place[k], cells_wide[k], cells_high[k], light) + 0.5)
             rgb[r, c, 0] = rgb[r, c, 1] = rgb[r, c, 2] = bare
             first = offset[k]
@@ -136,7 +157,7 @@ def shade_pixels(
                     row = min(max(v0 + dv, 0), h - 1)
                     for du in range(2):
                         texel = first + row * w + min(max(u0 + du, 0), w - 1)
-                        if provenance[texel] > UNSEEN:
+                        if _known(provenance, views, texel, near):
                             weight = (1.0 - abs(u - u0 - du)) * (1.0 - abs(v - v0 - dv))
                             known += weight
                             red += weight * atlas[texel, 0]
@@ -151,7 +172,7 @@ def shade_pixels(
                         column = int(np.floor(x + share_right * ax + share_down * bx))
                         row = int(np.floor(y + share_right * ay + share_down * by))
                         texel = first + min(max(row, 0), h - 1) * w + min(max(column, 0), w - 1)
-                        if provenance[texel] > UNSEEN:
+                        if _known(provenance, views, texel, near):
                             known += 1.0
                             red += atlas[texel, 0]
                             green += atlas[texel, 1]

@@ -118,6 +118,22 @@ def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
     assert middle < outside < square  # below the house it is dark, and none of that comes out
 
 
+@pytest.mark.parametrize("kind", [GROUND, ROOF])
+def test_detail_is_what_a_coarse_picture_lacks(scene: Scene, kind: int) -> None:
+    import cv2
+
+    chart, materials = of_kind(scene, kind), Materials(scene, [STREET], seed=1)
+    whole = materials.raster(chart)
+    rows, columns = (a.ravel() for a in np.mgrid[10 : whole.shape[0] - 10, 10 : whole.shape[1] - 10])
+    detail = materials.detail(chart, rows, columns, np.full(len(rows), 7 / DENSITY))
+    assert np.abs(detail.mean(axis=0)).max() < 0.5
+    blurred = cv2.blur(whole.astype(np.float32), (7, 7))[rows, columns]
+    truth = whole[rows, columns].astype(float)
+    assert np.mean((blurred + detail - truth) ** 2) < 0.15 * np.mean((blurred - truth) ** 2)
+    fine = materials.detail(chart, rows, columns, np.full(len(rows), 0.5 / DENSITY))
+    assert not fine.any()  # a picture finer than texels lacks nothing
+
+
 def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_foot_of_the_walls() -> None:
     """A roofed house on a hill: tiles run along the slope, walls are darker at their foot, 30 m up."""
     house = Building("h", shapely.box(0, 0, 20, 10), 6.0, "height", base=30.0, roof=Roof("gabled", 4.0))

@@ -132,6 +132,24 @@ def test_swatches_keep_textured_pixels_and_paint_all_others(scene: Scene) -> Non
     assert (out[bare] != panorama.rgb[bare]).any(axis=1).mean() > 0.9
 
 
+def test_what_was_seen_only_from_afar_is_bare_from_near(scene: Scene) -> None:
+    """A stand-in is no texture to a viewpoint whose own view is proper; to others it is."""
+    ground = np.flatnonzero(scene.charts.kind == GROUND)
+    atlas = window(scene, ground)
+    first = camera(-8.0)
+    propagate(scene, atlas, first, np.full((128, 256, 3), 90, np.uint8))
+    near, far = (render(scene, atlas, camera(x), (128, 256)) for x in (12.0, -7.0))
+    on_ground = np.isin(near.chart, ground)
+    along, behind = near.points[..., 0] - 12.0, np.abs(near.points[..., 0] + 8.0)
+    close, beyond = on_ground & (np.abs(along) < 7.4), on_ground & (np.abs(along) > 7.6)
+    assert close.sum() > 5000
+    assert not near.textured[close & (behind > 8.0)].any()
+    assert near.textured[beyond & (np.abs(near.points[..., 1] + 8) < 6) & (near.depth < 15)].mean() > 0.9
+    assert (
+        far.textured[np.isin(far.chart, ground) & (far.depth < 8)].mean() > 0.9
+    )  # the first one's views are proper there
+
+
 def test_only_equirectangular_shapes(scene: Scene) -> None:
     with pytest.raises(GeometryError, match="twice as wide"):
         render(scene, window(scene, []), camera(), (100, 100))
