@@ -35,8 +35,8 @@ NETWORK_PIXEL = 2000
 # levelled (measured: 61 to 64 in all).
 READ_TEXEL, WRITTEN_TEXEL = 16, 64
 # A finished texel that waits for the others of its unit, with its copy on the way to the store; one that is painted and
-# levelled, with what is around it.
-FINISHED_TEXEL, SURFACE_TEXEL = 10, 90
+# levelled, with what is around it (measured: 150).
+FINISHED_TEXEL, SURFACE_TEXEL = 10, 155
 
 # A page that is coloured between its charts: means of ever larger squares of it, as floats. A picture of a tile: the rasters of
 # its charts, the picture, and what of it is free; and the tile's encoded bytes, as pictures and as a model.
