@@ -184,7 +184,9 @@ def _read_plan_tables(session: icechunk.Session) -> None:
             for _, array in table.arrays():
                 array[...]
     for name in MADE:
-        if name not in ("exemplars", *FOLDERS) or name in group:  # a block may have none, a store of before none of the others
+        if (
+            name not in ("exemplars", *FOLDERS) or name in group
+        ):  # a block may have none, a store of before none of the others
             dict(group[name].attrs)
 
 

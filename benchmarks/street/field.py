@@ -1,0 +1,118 @@
+"""Ground painted where viewpoints see it, against all of it painted beforehand, and against panoramas projected onto it.
+
+The embedded block's longest street, nothing but materials. Prints seconds of each way for the charts that it writes, the share of
+their texels that it sees, and the gradient energy of seen ground over that of the field itself.
+
+python -m benchmarks.street.field
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.block import read_block
+from facade_core.geometry.charts import GROUND
+from facade_core.plan import Plan
+from facade_core.street import Swatches, Window, propagate, render
+from facade_core.street.propagate import see
+from facade_core.street.surfaces import paint
+from tasks.examples.demo import write_demo
+from tasks.stages.planning import plan_of
+
+PANORAMA = 1024
+
+
+def measure() -> dict[str, Any]:
+    with tempfile.TemporaryDirectory() as folder:
+        plan = plan_of(read_block(write_demo(Path(folder))))
+    swatches = Swatches(plan.scene, plan.streets, seed=1)
+    longest = int(np.bincount(plan.street_of_viewpoints).argmax())
+    for ways in (_seen, _projected):  # compiles
+        ways(plan, swatches, longest, 1)
+    count = len(plan.of_street(longest))
+    window, seconds = _seen(plan, swatches, longest, count)
+    projected, seconds_projected = _projected(plan, swatches, longest, count)
+    scene, writable = plan.scene, window.writable
+    start = time.perf_counter()
+    rasters = {chart: swatches.materials.raster(chart) for chart in writable.tolist()}
+    beforehand = time.perf_counter() - start
+    ground = [chart for chart in writable.tolist() if scene.charts.kind[chart] == GROUND]
+    energy = np.zeros(3)
+    for chart in ground:
+        texels = window.rasters.slice(scene.placement, chart)
+        shape = rasters[chart].shape
+        known = (window.state.views[texels] > 0).reshape(shape[:2])
+        for way, colour in enumerate((rasters[chart], window.colour[texels], projected.colour[texels])):
+            energy[way] += _gradient(colour.reshape(shape), known)
+    seen = int((window.state.views > 0).sum())
+    return {
+        "viewpoints": count,
+        "texels": len(window.state.views),
+        "seen": round(seen / len(window.state.views), 3),
+        "seconds": {
+            "seen by each viewpoint": round(seconds["see"], 2),
+            "seen, painted at the end": round(seconds["paint"], 2),
+            "all painted beforehand": round(beforehand, 2),
+            "panoramas projected": round(seconds_projected, 2),
+        },
+        "ns_a_texel": {
+            "seen": round(1e9 * seconds["paint"] / max(seen, 1), 1),
+            "beforehand": round(1e9 * beforehand / len(window.state.views), 1),
+        },
+        "gradient_of_ground": {
+            "at texels": round(energy[1] / energy[0], 3),
+            "projected": round(energy[2] / energy[0], 3),
+        },
+    }
+
+
+def _window(plan: Plan, street: int) -> Window:
+    charts = plan.charts_of_street(street)
+    rasters, writable = Window.layout(plan.scene.placement, charts[plan.writable[charts]], charts)
+    blank = np.zeros((rasters.total, 3), np.uint8)
+    return Window.of(plan.scene.placement, rasters, writable, blank, blank[:, 0].copy())
+
+
+def _seen(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[Window, dict[str, float]]:
+    window, seconds = _window(plan, street), 0.0
+    for viewpoint in plan.of_street(street)[:count]:
+        chart = plan.scene.look(viewpoint, PANORAMA)[2]
+        start = time.perf_counter()
+        see(plan.scene, window, viewpoint, chart)
+        seconds += time.perf_counter() - start
+    start = time.perf_counter()
+    paint(window, plan.scene.placement, swatches.materials)
+    return window, {"see": seconds, "paint": time.perf_counter() - start}
+
+
+def _projected(plan: Plan, swatches: Swatches, street: int, count: int) -> tuple[Window, float]:
+    window, seconds = _window(plan, street), 0.0
+    for viewpoint in plan.of_street(street)[:count]:
+        panorama = render(plan.scene, window, viewpoint, (PANORAMA // 2, PANORAMA))
+        rgb = swatches.translate(panorama)
+        start = time.perf_counter()
+        propagate(plan.scene, window, viewpoint, rgb, seen=panorama.chart)
+        seconds += time.perf_counter() - start
+    return window, seconds
+
+
+def _gradient(colour: np.ndarray, known: np.ndarray) -> float:
+    """Sum of squared differences between neighbours of which both are known."""
+    grey = colour.mean(axis=2)
+    down = np.diff(grey, axis=0)[known[1:] & known[:-1]]
+    right = np.diff(grey, axis=1)[known[:, 1:] & known[:, :-1]]
+    return float((down**2).sum() + (right**2).sum())
+
+
+def main() -> None:
+    print(json.dumps(measure(), indent=2))
+
+
+if __name__ == "__main__":
+    main()
