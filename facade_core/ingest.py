@@ -14,7 +14,7 @@ from facade_core.geometry.gaps import streets_between
 from facade_core.geometry.packing import Places, pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
-from facade_core.geometry.terrain import terrain_of
+from facade_core.geometry.terrain import Terrain, terrain_of
 from facade_core.grouping import Grouped
 from facade_core.identity import chart_ids, look_around, things_of
 from facade_core.plan import Plan, Sightings
@@ -83,23 +83,19 @@ def ingest(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
     facades = find_facades(scene, buildings, cameras, seen, storey)
-    on_ground = tuple(
-        replace(pose, z=float(terrain.height(np.array([[pose.x, pose.y]]))[0]) + height) if pose.z is None else pose
-        for pose in poses
-    )
     textured = np.zeros(len(charts), bool)
     textured[mesh.chart[mesh.texture >= 0]] = True
     writable = np.ones(len(charts), bool)
     if walls == "exemplar":
         writable[facades.chart] = False
         writable[textured] = False
-    return Plan(
+    plan = Plan(
         scene=scene,
         streets=streets,
         facades=facades,
-        poses=on_ground,
+        poses=(),
         refused=refused,
-        sightings=_sightings(scene, facades, on_ground, panorama_sizes),
+        sightings=_sightings(scene, facades, (), ()),
         textured=textured,
         viewpoints=tuple(cameras),
         views=views,
@@ -108,6 +104,20 @@ def ingest(
         ids=ids,
         looks=looks,
     )
+    return with_panoramas(plan, on_ground(poses, terrain, height), panorama_sizes)
+
+
+def on_ground(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:
+    """Poses, those without a height of their own `height` metres above the terrain."""
+    return tuple(
+        replace(pose, z=float(terrain.height(np.array([[pose.x, pose.y]]))[0]) + height) if pose.z is None else pose
+        for pose in poses
+    )
+
+
+def with_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Plan:
+    """The plan of the same geometry with panoramas of these poses, on the ground, and sizes (rows, columns)."""
+    return replace(plan, poses=tuple(poses), sightings=_sightings(plan.scene, plan.facades, poses, sizes))
 
 
 def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Sightings:

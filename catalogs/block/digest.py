@@ -43,6 +43,29 @@ def block_digest(block: Block) -> str:
     return digest.hexdigest()
 
 
+# Settings of `texture` that a block's plan depends on.
+OF_PLAN = ("texels_per_metre", "viewpoint_spacing", "viewpoint_height", "visibility_range", "panorama_width", "walls")
+
+
+def geometry_digest(block: Block) -> str:
+    """The sha256 of what a block's plan is made of, its panoramas aside; of pictures only where one lies over the block."""
+    texture, aerial = block.texture, block.aerial
+    digest = hashlib.sha256()
+    _say(
+        {
+            "crs": block.crs.to_string(),
+            "buildings": block.buildings,
+            "streets": block.streets,
+            "terrain": block.terrain,
+            "aerial": aerial and (aerial.content, aerial.crs, aerial.frame),
+            "texture": {name: getattr(texture, name) for name in OF_PLAN},
+            "storey": block.storey,
+        },
+        digest.update,
+    )
+    return digest.hexdigest()
+
+
 def _say(value: Any, add: Callable[[bytes], object]) -> None:
     """A value as bytes, one after the other, each with its kind and length: no two values are the same bytes.
 

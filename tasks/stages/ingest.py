@@ -25,7 +25,7 @@ from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
-from tasks.stages.planning import plan_of
+from tasks.stages.planning import plan_again, plan_key, plan_of
 from tasks.store.carry import carry_over, counts, has_all_stages, last_ingest, made_for, why_anew
 from tasks.store.room import require_room, room_for
 
@@ -74,7 +74,9 @@ def ingest_block(run: Run, block: Block) -> Outline:
         plan = read_plan(session)
     else:
         last = last_ingest(run, repository)
-        plan = plan_of(block, last.places if last else None)
+        standing = plan_key(block)
+        same = last is not None and root.attrs.get("plan") == standing
+        plan = plan_again(block, last.plan) if last and same else plan_of(block, last.places if last else None)
         require_room(Path(run.out), room_for(plan, run.texture.panorama_width))
         if last is None:
             anew = why_anew(run, root)
@@ -86,6 +88,7 @@ def ingest_block(run: Run, block: Block) -> Outline:
         root.attrs.update(
             block=run.block,
             key=run.key,
+            plan=standing,
             made_for=made_for(run),
             ingested_by=stage_code("ingest"),
             published_by=stage_code("publish"),

@@ -4,9 +4,12 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING
 
+from catalogs.block.digest import geometry_digest
 from facade_core.geometry.packing import Places
-from facade_core.ingest import ingest
+from facade_core.geometry.terrain import terrain_of
+from facade_core.ingest import ingest, on_ground, with_panoramas
 from facade_core.plan import Plan
+from tasks.keys.stage_code import stage_code
 from tasks.units.images import image_size
 from tasks.units.materials import under_aerial
 
@@ -22,7 +25,7 @@ def plan_of(block: Block, last: Places | None = None) -> Plan:
         block.streets,
         elevation=block.terrain,
         poses=[panorama.pose for panorama in block.panoramas],
-        panorama_sizes=[image_size(panorama.path) for panorama in block.panoramas],
+        panorama_sizes=_sizes(block),
         texels_per_metre=texture.texels_per_metre,
         spacing=texture.viewpoint_spacing,
         height=texture.viewpoint_height,
@@ -33,3 +36,21 @@ def plan_of(block: Block, last: Places | None = None) -> Plan:
         last=last,
     )
     return plan if block.aerial is None else under_aerial(plan, block.aerial)
+
+
+def plan_key(block: Block) -> str:
+    """What a block's plan stands on, its panoramas aside: where it is that of the last ingest, so is the plan."""
+    return f"{geometry_digest(block)} {stage_code('ingest')}"
+
+
+def plan_again(block: Block, plan: Plan) -> Plan:
+    """The plan of a block by that of its last ingest, which had the same key: as `plan_of` makes it with the places of that,
+    without looking from every viewpoint."""
+    poses = tuple(panorama.pose for panorama in block.panoramas)
+    if any(pose.z is None for pose in poses):
+        poses = on_ground(poses, terrain_of(block.buildings, block.terrain), block.texture.viewpoint_height)
+    return with_panoramas(plan, poses, _sizes(block))
+
+
+def _sizes(block: Block) -> list[tuple[int, int]]:
+    return [image_size(panorama.path) for panorama in block.panoramas]

@@ -1,0 +1,101 @@
+"""A plan whose geometry is that of the last ingest is taken from the store, and is the one that would be made anew."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from PIL import Image
+
+from catalogs.block import Block, read_block
+from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.geometry.packing import Places
+from facade_core.plan import Plan
+from tasks.keys.runs import run_of
+from tasks.stages import ingest as stage
+from tasks.stages.ingest import ingest_block
+from tasks.stages.planning import plan_again, plan_key, plan_of
+from tests.pipeline.stages import EAST, NORTH, STREETS, write_block, write_photo
+
+
+def ingested(block: Path, out: Path) -> tuple[Block, Plan]:
+    out.mkdir(exist_ok=True)
+    read = read_block(block)
+    ingest_block.fn(run_of(read, out), read)
+    return read, read_plan(open_repository(out / "store").readonly_session(BRANCH))
+
+
+def add_panorama(folder: Path, z: float | None) -> Path:
+    """One panorama on street 1 to the block in a folder."""
+    (folder / "panoramas").mkdir()
+    noise = np.random.default_rng(1).integers(0, 255, (256, 512, 3)).astype(np.uint8)
+    Image.fromarray(noise).save(folder / "panoramas" / "p.jpg")
+    place = {"x": EAST + 10, "y": NORTH, "heading": 20.0, **({} if z is None else {"z": z})}
+    (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:32635", "poses": {"p.jpg": place}}))
+    keys = yaml.safe_load((folder / "block.yaml").read_text())
+    keys["imagery"]["panoramas"] = {"path": "panoramas", "poses": "poses.json"}
+    (folder / "block.yaml").write_text(yaml.safe_dump(keys))
+    return folder / "block.yaml"
+
+
+def assert_equal(one: Any, other: Any) -> None:
+    """Values of the same type with the same fields, to the bit."""
+    if is_dataclass(one):
+        assert type(one) is type(other)
+        for field in fields(one):
+            assert_equal(getattr(one, field.name), getattr(other, field.name))
+    elif isinstance(one, tuple):
+        assert len(one) == len(other)
+        for pair in zip(one, other, strict=True):
+            assert_equal(*pair)
+    elif isinstance(one, np.ndarray):
+        assert one.dtype == other.dtype
+        np.testing.assert_array_equal(one, other)
+    else:
+        assert one == other
+
+
+@pytest.mark.parametrize("z", [None, 2.5])
+def test_with_a_panorama_more_it_is_the_plan_made_anew(tmp_path: Path, z: float | None) -> None:
+    first, before = ingested(write_block(tmp_path / "in"), tmp_path / "out")
+    second = read_block(add_panorama(tmp_path / "in", z))
+    assert plan_key(second) == plan_key(first)
+    again = plan_again(second, before)
+    assert len(again.sightings.facade)
+    assert_equal(again, plan_of(second, Places(before.ids, before.scene.placement)))
+
+
+def test_what_is_seen_is_looked_for_again_only_where_geometry_or_settings_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    made = []
+    monkeypatch.setattr(stage, "plan_of", lambda *of: made.append(of) or plan_of(*of))
+    ingested(write_block(tmp_path / "in"), tmp_path / "out")
+    assert len(made) == 1
+    write_photo(tmp_path / "in", "a-0", 1)
+    block, plan = ingested(write_block(tmp_path / "in"), tmp_path / "out")
+    assert block.photos
+    assert len(made) == 1
+    assert_equal(plan, plan_of(block))
+    for number, change in enumerate(
+        ({"storey": 3.0}, {"texture": {"viewpoint_height": 2.0}}, {"streets": STREETS | {"1": [(0, 0), (40, 0)]}}), 2
+    ):
+        block, plan = ingested(write_block(tmp_path / "in", **change), tmp_path / "out")
+        assert len(made) == number
+        assert open_root(open_repository(tmp_path / "out" / "store").readonly_session(BRANCH)).attrs[
+            "plan"
+        ] == plan_key(block)
+
+
+def test_other_code_makes_the_plan_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    block = read_block(write_block(tmp_path / "in"))
+    key = plan_key(block)
+    assert plan_key(replace(block, seed=99, photos={})) == key
+    monkeypatch.setattr("tasks.stages.planning.stage_code", lambda stage: "other")
+    assert plan_key(block) != key
