@@ -28,14 +28,33 @@ def line_cuts(a: np.ndarray, b: np.ndarray, length: float, grid: float) -> np.nd
 
 
 def cells(polygon: Polygon, grid: float) -> list[Polygon]:
-    """The parts of a polygon in the cells of the world grid, row by row, each the same wherever the polygon's rings begin."""
+    """The parts of a polygon in the cells of the world grid, row by row, each the same wherever the polygon's rings begin.
+
+    A cell is cut out of what is near it: of the holes those that reach it, of the outline a frame where it does not. Edges that
+    cross its border are whole, so that a part is the same to the bit as one cut out of the whole polygon.
+    """
     west, south, east, north = polygon.bounds
     columns = np.arange(np.floor(west / grid), np.ceil(east / grid))
     rows = np.arange(np.floor(south / grid), np.ceil(north / grid))
-    shapely.prepare(polygon)
-    boxes = [shapely.box(c * grid, r * grid, (c + 1) * grid, (r + 1) * grid) for r in rows for c in columns]
-    parts = [part for box in boxes for part in shapely.get_parts(shapely.normalize(shapely.intersection(polygon, box)))]
-    return [part for part in parts if part.geom_type == "Polygon"]
+    row, column = (index.ravel() for index in np.meshgrid(rows, columns, indexing="ij"))
+    boxes = shapely.box(column * grid, row * grid, (column + 1) * grid, (row + 1) * grid)
+    outline = shapely.Polygon(polygon.exterior)
+    shapely.prepare(outline)
+    boxes = boxes[shapely.intersects(outline, boxes)]
+    inside = shapely.contains_properly(outline, boxes)
+    holes = np.array(polygon.interiors, object)
+    cell, hole = shapely.STRtree(holes).query(boxes, predicate=None)
+    order = np.lexsort((hole, cell))
+    ends = np.searchsorted(cell[order], np.arange(len(boxes) + 1))
+    parts: list[Polygon] = []
+    for box, within, near in zip(boxes, inside, np.split(hole[order], ends[1:-1]), strict=True):
+        rings = holes[near].tolist()
+        frame = (
+            shapely.box(*shapely.total_bounds([box, *rings])).buffer(grid, join_style="mitre") if within else polygon
+        )
+        local = shapely.Polygon(frame.exterior, rings)
+        parts += shapely.get_parts(shapely.normalize(shapely.intersection(local, box))).tolist()
+    return [part for part in parts if part.geom_type == "Polygon" and not part.is_empty]
 
 
 def cut_triangles(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from itertools import pairwise
 
 import mapbox_earcut
 import numpy as np
@@ -13,7 +14,7 @@ from facade_core.geometry.charts import GROUND, Pieces, frames
 from facade_core.geometry.cutting import cells
 from facade_core.geometry.terrain import Terrain
 
-# Where the terrain leaves the best plane of a ground piece by more than this, all ground is cut finer, down to the last share.
+# Where the terrain leaves the best plane of a ground piece by more than this, the piece is cut finer, down to the last share.
 GROUND_OFF_M = 0.1
 FINER = (1, 2, 4)
 
@@ -26,10 +27,9 @@ def add_ground(pieces: Pieces, polygons: Sequence[Polygon], terrain: Terrain, gr
         for polygon in polygons:
             add_level(pieces, GROUND, -1, polygon, float(terrain.heights[0, 0]), 0.0, grid)
         return
-    for share in FINER:
-        draped = [[_drape(part, terrain) for part in cells(p, grid / share) if part.area >= 1e-3] for p in polygons]
-        if all(off <= GROUND_OFF_M for parts in draped for *_, off in parts):
-            break
+    cut = [_fine(polygon, terrain, grid) for polygon in polygons]
+    lines = _lines([part for pieces_of in cut for part, _ in pieces_of])
+    draped = [[_meeting(part, on_terrain, lines, terrain) for part, on_terrain in pieces_of] for pieces_of in cut]
     for parts in filter(None, draped):
         vertices, triangles, normal, _ = zip(*parts, strict=True)
         before = np.cumsum([0, *map(len, vertices)])
@@ -45,7 +45,60 @@ def add_ground(pieces: Pieces, polygons: Sequence[Polygon], terrain: Terrain, gr
         )
 
 
-def _drape(part: Polygon, terrain: Terrain) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+# A piece of ground on the terrain: see _drape.
+_Draped = tuple[np.ndarray, np.ndarray, np.ndarray, float]
+# For x and for y: along each line on which corners lie, where they do.
+_Lines = tuple[dict[float, np.ndarray], dict[float, np.ndarray]]
+
+
+def _fine(
+    polygon: Polygon, terrain: Terrain, grid: float, shares: Sequence[int] = FINER
+) -> list[tuple[Polygon, _Draped]]:
+    """Ground cut on the grid, each piece as fine as the terrain under it needs."""
+    parts = []
+    for part in cells(polygon, grid / shares[0]):
+        if part.area < 1e-3:
+            continue
+        draped = _drape(part, terrain)
+        if len(shares) > 1 and draped[-1] > GROUND_OFF_M:
+            parts += _fine(part, terrain, grid, shares[1:])
+        else:
+            parts.append((part, draped))
+    return parts
+
+
+def _lines(parts: Sequence[Polygon]) -> _Lines:
+    points = np.unique(shapely.get_coordinates(parts), axis=0)
+    lines: _Lines = ({}, {})
+    for axis, found in enumerate(lines):
+        order = np.lexsort((points[:, 1 - axis], points[:, axis]))
+        at, first = np.unique(points[order, axis], return_index=True)
+        found.update(zip(at.tolist(), np.split(points[order, 1 - axis], first[1:]), strict=True))
+    return lines
+
+
+def _meeting(part: Polygon, draped: _Draped, lines: _Lines, terrain: Terrain) -> _Draped:
+    """A piece with the corners of those beside it on its borders: one that is cut coarser has the same heights along them."""
+
+    def met(ring: np.ndarray) -> np.ndarray:
+        points = []
+        for start, end in pairwise(ring.tolist()):
+            points.append(start)
+            for axis in range(2):
+                if start[axis] == end[axis]:
+                    along, (low, high) = lines[axis][start[axis]], sorted((start[1 - axis], end[1 - axis]))
+                    between = along[(along > low) & (along < high)][:: 1 if start[1 - axis] == low else -1]
+                    points += [[start[0], other] if axis == 0 else [other, start[1]] for other in between.tolist()]
+        return np.array([*points, points[0]])
+
+    before = [shapely.get_coordinates(ring) for ring in (part.exterior, *part.interiors)]
+    rings = [met(ring) for ring in before]
+    if all(len(ring) == len(own) for ring, own in zip(rings, before, strict=True)):
+        return draped
+    return _drape(Polygon(rings[0], rings[1:]), terrain)
+
+
+def _drape(part: Polygon, terrain: Terrain) -> _Draped:
     """A piece of ground on the terrain: vertices (v, 3), triangles (t, 3), its best plane's normal, and how far the terrain
     leaves that plane, metres."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(part))

@@ -191,3 +191,31 @@ def test_lyon_roofs_face_up_and_walls_stand_up(data: Path) -> None:
     facing = np.cross(tri[:, 1] - tri[:, 0], tri[:, 2] - tri[:, 0])
     assert (np.einsum("ij,ij->i", facing, normal[mesh.chart]) > -1e-9).all()
     assert np.isfinite(charts.origin).all()
+
+
+def test_only_the_ground_that_is_uneven_is_cut_finer_and_meets_what_is_beside_it() -> None:
+    """A bump at one end of the street: the piece under it is cut, no other, and no border has a corner of one side alone."""
+    heights = np.tile(np.linspace(0, 1, 41, dtype=np.float32), (41, 1))
+    bumped = heights.copy()
+    bumped[22, 24] += 2
+    sizes = {}
+    for name, raster in (("slope", heights), ("bump", bumped)):
+        charts, mesh = surfaces([BOX], [STREET], replace(SLOPE, heights=raster))
+        ground = np.flatnonzero(charts.kind == GROUND)
+        sizes[name] = {tuple(np.round(charts.origin[c, :2], 6)): float(charts.size[c].max()) for c in ground.tolist()}
+    assert max(sizes["bump"].values()) > 30
+    assert min(sizes["bump"].values()) < 13
+    whole = [place for place, size in sizes["slope"].items() if sizes["bump"].get(place) == size]
+    assert len(whole) > len(sizes["slope"]) / 2
+    assert_meets(mesh, (charts.kind == GROUND)[mesh.chart])
+
+
+def assert_meets(mesh: Mesh, chosen: np.ndarray) -> None:
+    """No corner of a triangle lies within an edge of another."""
+    triangles = mesh.vertices[mesh.triangles[chosen]]
+    edges = np.concatenate([triangles[:, [k, (k + 1) % 3]] for k in range(3)])
+    corners = np.unique(triangles.reshape(-1, 3), axis=0)
+    lines = shapely.linestrings(edges[..., :2])
+    edge, corner = shapely.STRtree(shapely.points(corners[:, :2])).query(lines, predicate="dwithin", distance=1e-9)
+    ends = np.linalg.norm(edges[edge][..., :2] - corners[corner][:, None, :2], axis=2).min(axis=1)
+    assert (ends < 1e-9).all()
