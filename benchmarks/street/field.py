@@ -1,7 +1,7 @@
 """Ground painted where viewpoints see it, against all of it painted beforehand, and against panoramas projected onto it.
 
-The embedded block's longest street, nothing but materials. Prints seconds of each way for the charts that it writes, the share of
-their texels that it sees, and the gradient energy of seen ground over that of the field itself.
+The embedded block's longest street, nothing but materials. Prints seconds of each way for the charts that it writes, the share
+of their texels that it sees, and the gradient energy of seen ground over that of the field itself.
 
 python -m benchmarks.street.field
 """

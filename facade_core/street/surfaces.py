@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 
 from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level
@@ -12,10 +14,20 @@ from facade_core.geometry.packing import Placement
 from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial, from_above
 from facade_core.street.scene import Scene
+from facade_core.street.translate import FLATTEST
 from facade_core.street.window import Window
 
 # Metres around a chart that its levelling depends on.
 BESIDE_M = LEVELLED_M * LEVELLED_REACHES
+# Texels whose grain is worked out together: what each takes is many times its colour.
+AT_ONCE = 1 << 18
+
+
+class Pixels(NamedTuple):
+    """Of translated panorama pictures, `width` pixels wide, from `positions` (v, 3)."""
+
+    positions: np.ndarray
+    width: int
 
 
 def paint(window: Window, placement: Placement, materials: Materials) -> None:
@@ -37,6 +49,7 @@ def surface(
     read: Reader,
     *,
     network: bool,
+    pixels: Pixels | None = None,
     levelling: bool = True,
     aerial: Aerial | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -45,7 +58,7 @@ def surface(
     read: what facades and streets know of any chart, UNSEEN elsewhere. Bare texels take their material, bare ground under the
     free sky the `aerial` picture. With `levelling` what is painted is levelled to what was seen of the same surface, on its own
     chart or beside it, and both together to what pictures show. network: whether streets were translated by the network, whose
-    colours are not those of the materials.
+    colours are not those of the materials; pixels: of what, so that what is finer than they are is added from the material.
     """
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in read(chart, slice(0, height), slice(0, width)))
@@ -60,6 +73,12 @@ def surface(
             rgb, shown = from_above(scene, chart, aerial)
             shown &= bare
             colour[shown], provenance[shown] = rgb[shown], PHOTO
+    if pixels is not None:
+        seen = np.flatnonzero(provenance == TRANSLATED)
+        for some in np.array_split(seen, -(-len(seen) // AT_ONCE) or 1):
+            rows, columns = np.divmod(some, width)
+            grain = materials.detail(chart, rows, columns, _footprint(scene, chart, rows, columns, pixels))
+            colour[rows, columns] = np.clip(colour[rows, columns] + grain, 0, 255)
     if not levelling:
         return colour, provenance
     foreign = bare & (provenance == PHOTO) if not network else bare
@@ -67,6 +86,19 @@ def surface(
         colour = _levelled(scene, chart, colour, known, foreign, read, UNSEEN)
     guessed = bare | (provenance <= TRANSLATED)
     return _levelled(scene, chart, colour, ~guessed, guessed, read, TRANSLATED), provenance
+
+
+def _footprint(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, pixels: Pixels) -> np.ndarray:
+    """What the finest of the pixels covers of texels (k,) of a chart: the side of a square as large, metres, (k,)."""
+    step = 1 / scene.spec.texels_per_metre
+    points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+    normal, finest = scene.charts.normal()[chart], np.full(len(points), np.inf)
+    for position in pixels.positions:
+        ray = points - position
+        depth = np.linalg.norm(ray, axis=1)
+        flat = np.maximum(-(ray @ normal) / depth, FLATTEST)
+        finest = np.minimum(finest, depth * (2 * np.pi / pixels.width) / np.sqrt(flat))
+    return finest
 
 
 def _levelled(

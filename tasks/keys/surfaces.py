@@ -37,6 +37,9 @@ def surface_key(
         "seeds": [seeds.get(name) for name in known],
         "streets": [streets.get(name) for name in known],
     }
+    if run.texture.translator == "neural":  # from where its pixels were seen
+        views = np.unique(plan.views_of_charts(np.array(charts))[:, 0]).tolist()
+        parts["views"] = [run.texture.panorama_width, [plan.viewpoints[v].position.tolist() for v in views]]
     if (plan.scene.charts.kind[list(charts)] == GROUND).any():
         parts["lines"] = plan.lines_within(low[:2] - BESIDE_M, high[:2] + BESIDE_M)
         if run.aerial is not None:

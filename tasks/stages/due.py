@@ -27,6 +27,7 @@ from tasks.store.carry import forget_units
 from tasks.units.context import plan_of_run
 from tasks.units.unit import Piece, Unit
 
+SEEN, READ, FOLLOW = "what is in sight changed", "what they see is done again", "texels of other streets changed"
 # Why a unit is due, by the kind of input that changed; the first that applies is told.
 REASONS = {
     "photo": "photo changed",
@@ -40,6 +41,7 @@ REASONS = {
     "above": "surroundings changed",
     "around": "surroundings changed",
     "lines": "streets changed",
+    "views": SEEN,
     "seeds": "what they are made of is done again",
     "streets": "what they are made of is done again",
     "geometry": "geometry changed",
@@ -47,7 +49,6 @@ REASONS = {
     "settings": "block's settings changed",
     "code": "code or a library changed",
 }
-SEEN, READ, FOLLOW = "what is in sight changed", "what they see is done again", "texels of other streets changed"
 NEW, AGAIN = "new", "not done before"
 
 

@@ -16,8 +16,9 @@ from facade_core.atlas.store import open_root
 from facade_core.atlas.surroundings import Reader
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.packing import Placement
+from facade_core.plan import Plan
 from facade_core.street.field import Materials
-from facade_core.street.surfaces import surface
+from facade_core.street.surfaces import Pixels, surface
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.materials import materials, sampler
@@ -49,6 +50,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             chart,
             read,
             network=run.texture.translator == "neural",
+            pixels=_pixels(run, plan, chart),
             levelling=run.texture.levelling,
             aerial=above,
         )
@@ -70,6 +72,14 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
         "seconds": {step: round(s, 4) for step, s in seconds.items()},
     }
     return fork, {unit.index: record}
+
+
+def _pixels(run: Run, plan: Plan, chart: int) -> Pixels | None:
+    """Those of the network that a chart was translated from, where it is no facade: windows have no grain."""
+    seen = plan.views_of_charts(np.array([chart]))[:, 0]
+    if run.texture.translator != "neural" or chart in plan.facades.chart or not len(seen):
+        return None
+    return Pixels(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
 
 
 def _known(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> Reader:

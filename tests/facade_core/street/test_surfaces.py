@@ -1,0 +1,110 @@
+"""Charts finished: nothing is left bare, what is known stays, and seams between the two go."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.atlas import MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
+from facade_core.geometry import GROUND, block_surfaces, pack, terrain_of
+from facade_core.street import Materials, Scene, Viewpoint, Window
+from facade_core.street.propagate import see
+from facade_core.street.surfaces import Pixels, paint, surface
+from facade_core.types import Building, Street
+
+STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    houses = [Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")]
+    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
+
+
+@pytest.fixture(scope="module")
+def materials(scene: Scene) -> Materials:
+    return Materials(scene, [STREET], seed=1)
+
+
+def ground(scene: Scene) -> int:
+    """The largest piece."""
+    own = np.flatnonzero(scene.charts.kind == GROUND)
+    return int(own[np.argmax(scene.charts.size[own].prod(axis=1))])
+
+
+def known(scene: Scene, chart: int, rank: np.ndarray, value: int):
+    """A reader of one chart of one colour where rank (h, w) says that it is known; others are bare."""
+
+    def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        shape = (int(scene.placement.height[one]), int(scene.placement.width[one]))
+        ranks = rank if one == chart else np.zeros(shape, np.uint8)
+        colour = np.where(ranks[..., None] > UNSEEN, np.uint8(value), np.zeros((*shape, 3), np.uint8))
+        return colour[rows, columns], ranks[rows, columns]
+
+    return read
+
+
+def bare(scene: Scene, chart: int) -> np.ndarray:
+    return np.zeros((int(scene.placement.height[chart]), int(scene.placement.width[chart])), np.uint8)
+
+
+def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: Materials) -> None:
+    for chart in range(len(scene.charts)):
+        colour, provenance = surface(scene, materials, chart, known(scene, -1, bare(scene, 0), 0), network=False)
+        np.testing.assert_array_equal(colour, materials.raster(chart))
+        assert (provenance == MATERIAL).all()
+
+
+def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, materials: Materials) -> None:
+    chart = ground(scene)
+    rank = bare(scene, chart)
+    rank[:, :40] = PHOTO
+    read = known(scene, chart, rank, 160)
+    colour, provenance = surface(scene, materials, chart, read, network=False)
+    assert (colour[:, :40] == 160).all()
+    assert (provenance[:, 40:] == MATERIAL).all()
+    plain, _ = surface(scene, materials, chart, read, network=False, levelling=False)
+    np.testing.assert_array_equal(plain[:, 40:], materials.raster(chart)[:, 40:])
+    step = [abs(found[:, 40:46].astype(float).mean() - 160) for found in (plain, colour)]
+    assert step[1] < 0.35 * step[0]
+    far = slice(150, None)
+    assert abs(colour[:, far].astype(float) - plain[:, far]).mean() < 2
+
+
+def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scene, materials: Materials) -> None:
+    rasters, writable = Window.layout(scene.placement, range(len(scene.charts)), [])
+    blank = np.zeros((rasters.total, 3), np.uint8)
+    window = Window.of(scene.placement, rasters, writable, blank, blank[:, 0].copy())
+    counts = []
+    for x in (5.0, 15.0):
+        viewpoint = Viewpoint(0, 0, np.array([x, -8.0, 2.5]), np.array([1.0, 0.0]))
+        see(scene, window, viewpoint, scene.look(viewpoint, 512)[2])
+        paint(window, scene.placement, materials)
+        counts.append(int((window.provenance == TRANSLATED).sum()))
+    assert 0 < counts[0] < counts[1] < rasters.total
+    assert window.state.views.max() == 1
+    chart = ground(scene)
+    texels = rasters.slice(scene.placement, chart)
+    seen = window.provenance[texels] == TRANSLATED
+    assert 0 < seen.mean() < 1
+    np.testing.assert_array_equal(window.colour[texels][seen], materials.raster(chart).reshape(-1, 3)[seen])
+    assert not window.colour[texels][~seen].any()
+
+
+def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials: Materials) -> None:
+    """Tone from the network, grain of the material; more of it where a pixel covers more."""
+    chart = ground(scene)
+    rank = np.full_like(bare(scene, chart), TRANSLATED)
+    read = known(scene, chart, rank, 120)
+    middle = scene.charts.at_shares(np.array([chart]), np.array([[0.5, 0.5]]))[0]
+    grain = []
+    for up in (1.5, 30.0):
+        pixels = Pixels(middle + np.array([0, 0, up]), 512)
+        colour, provenance = surface(scene, materials, chart, read, network=True, pixels=pixels, levelling=False)
+        assert (provenance == TRANSLATED).all()
+        assert abs(colour.astype(float).mean() - 120) < 2
+        grain.append(float(colour.astype(float).std()))
+    assert grain[1] > grain[0] > 0
