@@ -40,6 +40,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     scene, group = plan.scene, open_root(fork)
     field = _field(run)
     prepared = time.time()
+    scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
     read, above = _known(group, scene.placement, seeded, written), sampler(run)
     rasters = Rasters.of(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
