@@ -22,7 +22,7 @@ Interval = tuple[float, float]
 
 def figures_of(ran: Ran, out: Path, workers: int) -> dict[str, Any]:
     """What a run took, by stage and phase; what it left, in bytes."""
-    records = {kind.stage: [r for r in journal(out / "store", kind.stage) if r and "worker" in r] for kind in KINDS}
+    records = {kind.stage: [r for r in journal(out / "store", kind.stage) if r and "seconds" in r] for kind in KINDS}
     units = {stage: [_interval(record) for record in of] for stage, of in records.items() if of}
     by_worker: dict[str, list[Interval]] = {}
     for of in records.values():
