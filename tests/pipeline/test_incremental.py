@@ -35,6 +35,8 @@ from tests.pipeline.stages import (
 
 Again = Callable[..., tuple[set[str], Textured]]
 ALL_STREETS = {"s1", "s2", "s3"}
+# Stages whose units follow from what the others do.
+FOLLOW = ("viewpoints", "surfaces", "pages", "tiles")
 LEFT: dict[str, Any] = {"texture": {"walls": "translate"}}
 
 
@@ -59,7 +61,7 @@ def again(folder: Path) -> tuple[set[str], Textured]:
     """Run the block in a folder again: the facades, exemplars and streets that were done, and what was said."""
     before = started(folder / "out")
     made = texture(folder / "in" / "block.yaml", folder / "out")
-    return {unit for stage, unit in redone(before, folder / "out") if stage not in ("viewpoints", "surfaces")}, made
+    return {unit for stage, unit in redone(before, folder / "out") if stage not in FOLLOW}, made
 
 
 def surfaces_since(before: dict[tuple[str, str], float], folder: Path) -> set[str]:
@@ -143,7 +145,7 @@ def test_a_run_that_stops_halfway_goes_on(translated: Path, tmp_path: Path) -> N
     last = max("s1", "s2", key=lambda unit: waves[unit])
     before = started(folder / "out")
     texture(block, folder / "out", stop_before=f"street {last[1:]}")
-    halfway = {unit for stage, unit in redone(before, folder / "out") if stage not in ("viewpoints", "surfaces")}
+    halfway = {unit for stage, unit in redone(before, folder / "out") if stage not in FOLLOW}
     assert halfway >= {"s1", "s2"} - {last} | {"e-3"}
     done, made = again(folder)
     assert done == {last}

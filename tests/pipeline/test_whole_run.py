@@ -119,7 +119,7 @@ def test_the_model_opens_with_its_textures(undisturbed: Run) -> None:
     assert model.geometry
     for part in model.geometry.values():
         image = np.asarray(part.visual.material.baseColorTexture.convert("RGB"))
-        assert image.std() > 5
+        assert image.std() > 3  # a tile with ground alone is as even as that
         assert part.visual.uv.min() >= 0
         assert part.visual.uv.max() <= 1
     low, high = model.bounds
