@@ -11,6 +11,7 @@ from facade_core.atlas.provenance import MATERIAL, PHOTO, TRANSLATED, UNSEEN
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import Placement
+from facade_core.street.enclosed import enclosed
 from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial, from_above
 from facade_core.street.scene import Scene
@@ -55,6 +56,8 @@ def surface(
 ) -> tuple[np.ndarray, np.ndarray]:
     """A whole chart: colour (h, w, 3) uint8 and provenance (h, w) uint8, of which none is UNSEEN.
 
+    What nobody can ever see of a wall takes one colour, which costs nothing to keep.
+
     read: what facades and streets know of any chart, UNSEEN elsewhere. Bare texels take their material, bare ground under the
     free sky the `aerial` picture. With `levelling` what is painted is levelled to what was seen of the same surface, on its own
     chart or beside it, and both together to what pictures show. network: whether streets were translated by the network, whose
@@ -65,9 +68,11 @@ def surface(
     bare = provenance == UNSEEN
     known = ~bare
     if bare.any():
-        whole = bare.all()
-        painted = materials.raster(chart) if whole else materials.texels(chart, *np.nonzero(bare))
-        colour[bare] = painted.reshape(-1, 3)
+        shut = bare & enclosed(scene, chart)
+        open_ = bare & ~shut
+        painted = materials.raster(chart) if open_.all() else materials.texels(chart, *np.nonzero(open_))
+        colour[open_] = painted.reshape(-1, 3)
+        colour[shut] = _plain(scene, materials, chart)
         provenance[bare] = MATERIAL
         if aerial is not None and scene.charts.kind[chart] == GROUND:
             rgb, shown = from_above(scene, chart, aerial)
@@ -86,6 +91,13 @@ def surface(
         colour = _levelled(scene, chart, colour, known, foreign, read, UNSEEN)
     guessed = bare | (provenance <= TRANSLATED)
     return _levelled(scene, chart, colour, ~guessed, guessed, read, TRANSLATED), provenance
+
+
+def _plain(scene: Scene, materials: Materials, chart: int) -> np.ndarray:
+    """The colour (3,) of a chart seen from far."""
+    width, height = scene.charts.size[chart]
+    middle = scene.charts.points(chart, np.array([width / 2]), np.array([height / 2]))
+    return materials.colour(np.array([chart]), middle, np.array([max(width, height)]))[0]
 
 
 def _footprint(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, pixels: Pixels) -> np.ndarray:

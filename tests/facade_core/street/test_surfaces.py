@@ -7,8 +7,9 @@ import pytest
 import shapely
 
 from facade_core.atlas import MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
-from facade_core.geometry import GROUND, block_surfaces, pack, terrain_of
+from facade_core.geometry import GROUND, WALL, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene, Viewpoint, Window
+from facade_core.street.enclosed import enclosed
 from facade_core.street.propagate import see
 from facade_core.street.surfaces import Pixels, paint, surface
 from facade_core.types import Building, Street
@@ -108,3 +109,27 @@ def test_what_pixels_of_the_network_cannot_show_is_added(scene: Scene, materials
         assert abs(colour.astype(float).mean() - 120) < 2
         grain.append(float(colour.astype(float).std()))
     assert grain[1] > grain[0] > 0
+
+
+def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
+    """The taller of two houses that touch: grain above the lower one's roof, none behind it."""
+    houses = [
+        Building("tall", shapely.box(0, 0, 12, 10), 12.0, "height"),
+        Building("low", shapely.box(12, 0, 24, 10), 6.0, "height"),
+        Building("apart", shapely.box(25.5, 0, 30, 10), 9.0, "height"),
+    ]
+    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
+    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("tall", "low", "apart"))
+    materials = Materials(scene, [STREET], seed=1)
+    shut = np.array([enclosed(scene, chart).mean() for chart in range(len(charts))])
+    east = charts.normal()[:, 0]
+    (party,) = np.flatnonzero((charts.kind == WALL) & (charts.building == 0) & (east > 0.9))
+    (covered,) = np.flatnonzero((charts.kind == WALL) & (charts.building == 1) & (east < -0.9))
+    assert shut[covered] == 1
+    assert shut[party] == pytest.approx(0.5, abs=0.06)
+    assert not np.delete(shut, [party, covered]).any()
+    colour, provenance = surface(scene, materials, int(party), known(scene, -1, bare(scene, 0), 0), network=False)
+    assert (provenance == MATERIAL).all()
+    assert np.ptp(colour[70:].reshape(-1, 3), axis=0).max() == 0
+    np.testing.assert_array_equal(colour[:55], materials.raster(int(party))[:55])
