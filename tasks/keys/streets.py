@@ -21,7 +21,7 @@ from tasks.run import Run
 _Read = Callable[[str, np.ndarray], list[Record | None]]
 
 # Settings that streets' texels depend on.
-SETTINGS = ("texels_per_metre", "panorama_width", "levelling", "translator")
+SETTINGS = ("texels_per_metre", "panorama_width", "translator")
 
 
 @dataclass(frozen=True)

@@ -44,6 +44,7 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
                 (surface_key(run, plan, charts, beside, seeds, streets),),
                 (tuple(charts), seeded, written),
                 surface_memory(texels[charts]),
+                tuple(charts),
             )
         )
     return units

@@ -75,7 +75,7 @@ class Ahead:
 
 
 def due_of(run: Run, block: Block, kind: Kind, units: Sequence[Unit] | None = None) -> Due:
-    """What of a kind is due; what is known of that is forgotten, so that whatever becomes of it nothing of before is left.
+    """What of a kind is due; what is known of that is forgotten where it seeds, so that nobody reads what is of before.
 
     units: all of the kind, where they are known and nothing was done since that they stand on.
     """
@@ -87,7 +87,8 @@ def due_of(run: Run, block: Block, kind: Kind, units: Sequence[Unit] | None = No
     if units is None:
         units = kind.units(run, block, plan, group)
     waiting = [unit for unit in units if not is_done(records[unit.index], *unit.keys)]
-    forget_units(run, plan, kind.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
+    if kind.seeds:
+        forget_units(run, plan, kind.stage, {u.index: u.charts for u in waiting if u.charts and records[u.index]})
     indices = {unit.index for unit in waiting}
     return Due(
         kind,

@@ -8,11 +8,14 @@ from typing import Any
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
+from facade_core.atlas.arrays import clear_rasters
+from facade_core.atlas.store import open_root
 from tasks.compute.connect import Compute
 from tasks.outcome import Outcome, failure, log_units, machine_error, machine_fault
 from tasks.progress import advance
 from tasks.run import Run
 from tasks.store.commits import begin, finish
+from tasks.units.context import plan_of_run
 from tasks.units.unit import Piece, UnitFunction
 
 # Batches on their way at once: while the last units of one are awaited, the next one's keep the workers busy.
@@ -63,6 +66,7 @@ def process_batch(
             if machine_fault(error):
                 raise machine_error(f"{stage} {_names(piece)}", error) from error
             session, fork = begin(run.store)
+            _clear(run, stage, fork, piece)
             records = {unit.index: failure(unit.name, unit.key, error) for unit in piece}
         finish(session, fork, stage, records, f"{stage} {_names(piece)}")
         log_units(stage, records.values())
@@ -71,6 +75,13 @@ def process_batch(
         advance(stage, ended.finished, len(ended.failed))
         outcome += ended
     return outcome
+
+
+def _clear(run: Run, stage: str, fork: Any, piece: Piece) -> None:
+    """Have nothing lie where units failed: what was there is of what they stood on before."""
+    if charts := [chart for unit in piece for chart in unit.charts]:
+        scene = plan_of_run(run).scene
+        clear_rasters(open_root(fork), scene.spec, scene.placement, charts, stage)
 
 
 def _names(piece: Piece) -> str:

@@ -31,8 +31,8 @@ PICTURE_PIXEL = 12
 POSE_PIXEL = 24
 # A pixel that the neural translator works on: what its taps see and its widest layers (measured: 1700 to 1900).
 NETWORK_PIXEL = 2000
-# The window of a street: seed, colour and provenance of a texel it reads; with the blend state of one it writes, which is then
-# levelled (measured: 61 to 64 in all).
+# The window of a street: seed, colour and provenance of a texel it reads; with the blend state of one it writes (measured: 61
+# to 64 in all).
 READ_TEXEL, WRITTEN_TEXEL = 16, 64
 # A finished texel that waits for the others of its unit, with its copy on the way to the store; one that is painted and
 # levelled, with what is around it (measured: 150).

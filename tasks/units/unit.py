@@ -22,7 +22,7 @@ class Unit:
     keys: what it stands on, one for each of its sources in the order in which they are tried; most units have one.
     arguments: what its function needs beside the run and its plan; the stage's own.
     memory: bytes that it takes of a worker at most, beside the libraries and the plan.
-    charts: what it seeds of the atlas; cleared once it is due again.
+    charts: what it writes of the atlas: cleared where it fails, and of who seeds once it is due again.
     together: units with the same value here may share chunks, so one worker does them in one go; None alone.
     """
 

@@ -14,12 +14,16 @@ from PIL import Image, ImageOps
 
 from catalogs.block import read_block
 from facade_core.atlas.journal import read_journal
-from facade_core.atlas.store import BRANCH, commit, open_repository
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
+from tasks.compute.connect import Serial
 from tasks.keys.runs import run_of
 from tasks.keys.stage_code import stage_code
+from tasks.kinds.surfaces import surface_units
+from tasks.stages.fan_out import process_batch
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
 from tasks.store.standing import nothing_due
+from tasks.units.context import plan_of_run
 from tests.pipeline.stages import (
     BUILDINGS,
     STREETS,
@@ -124,10 +128,38 @@ def test_settings_reach_what_reads_them(translated: Path, tmp_path: Path) -> Non
     folder = copied(translated, tmp_path)
     write_block(folder / "in", **LEFT, storey=3.4, geoid_separation=17.0)
     assert again(folder)[0] == set()
+    before = started(folder / "out")
+    write_block(folder / "in", texture=LEFT["texture"] | {"levelling": False})
+    assert again(folder)[0] == set()
+    assert surfaces_since(before, folder) == {*BUILDINGS, "ground"}
     write_block(folder / "in", texture=LEFT["texture"] | {"viewpoint_spacing": 8.0})
     done, made = again(folder)
     assert done == ALL_STREETS
     assert (made.said or "").startswith("due are 3 of 3 streets (what is in sight changed), ")
+
+
+def test_a_surface_that_fails_leaves_nothing_of_before(translated: Path, tmp_path: Path) -> None:
+    folder = copied(translated, tmp_path)
+    block, made = read_block(folder / "in" / "block.yaml"), texture(folder / "in" / "block.yaml", folder / "out")
+    plan, before = plan_of_run(made.run), charts_of(made.run)
+    group = open_root(open_repository(made.run.store).readonly_session(BRANCH))
+    [unit] = [unit for unit in surface_units(made.run, block, plan, group) if unit.name == "a"]
+
+    def fails(*_: Any) -> None:
+        raise ValueError("no material")
+
+    assert process_batch.fn(made.run, "surfaces", "1", fails, [[unit]], Serial()).failed == (
+        ("a", "ValueError: no material"),
+    )
+    own = {f"{number:016x}" for number in plan.ids[list(unit.arguments[0])].tolist()}
+    for chart, (colour, provenance) in charts_of(made.run).items():
+        if chart in own:
+            assert not colour.any()
+            assert not provenance.any()
+        else:
+            np.testing.assert_array_equal(provenance, before[chart][1])
+    again(folder)
+    assert_as_fresh(folder, made)
 
 
 def test_a_street_that_goes_takes_its_texels_along(translated: Path, tmp_path: Path) -> None:
