@@ -22,6 +22,7 @@ from facade_core.export.models import local_frame, textured_scene
 from facade_core.export.overview import overview_glb, scale_afar, shown_afar
 from facade_core.export.pages import scaled
 from facade_core.export.tile_model import coarse_rasters, coarse_size
+from tasks.keys.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 
@@ -81,7 +82,7 @@ def write_model(snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[Wr
     if sum(one.record["bytes"] for one in tiles) > MODEL_BYTES:
         return False
     extras = _extras(block)
-    of = unit_key(extras, [one.record["digest"] for one in tiles])
+    of = unit_key(stage_code("publish"), extras, [one.record["digest"] for one in tiles])
 
     def write(file: Path) -> None:
         if len(tiles) == 1:
@@ -118,7 +119,9 @@ def write_overview(
         charts = np.array(sorted(held), np.int64)
         return overview_glb(replaced(source, texels=size, raster=held.__getitem__), charts, extras)
 
-    made.put(snapshot.overview.name, unit_key(extras, [one.record["coarse"] for one in tiles]), make)
+    # what is drawn of a tile's geometry is told by its digest
+    of = [[one.record["digest"], one.record["coarse"]] for one in tiles]
+    made.put(snapshot.overview.name, unit_key(stage_code("publish"), extras, of), make)
     if any(tile_paths(one.tile.path)[1] in aside.failed for one in tiles):
         del made.of[snapshot.overview.name]  # it is not to be linked for a whole one
 

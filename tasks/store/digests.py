@@ -44,9 +44,13 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     for stage in ("pages", "tiles"):
         done = [(i, r) for i, r in enumerate(read_journal(group, stage)) if r and r["status"] == "done"]
         for unit, record in _spread(done, sample):
-            path = page_path(unit) if stage == "pages" else tile_paths(record["unit"])[0]
-            if path in group and encoded_digest(np.asarray(group[path][:]).tobytes()) != record["digest"]:
-                found[stage].add(unit)
+            if stage == "pages":
+                wanted = {page_path(unit): record["digest"]}
+            else:
+                wanted = dict(zip(tile_paths(record["unit"]), (record["digest"], record["coarse"]), strict=True))
+            for path, digest in wanted.items():
+                if path in group and encoded_digest(np.asarray(group[path][:]).tobytes()) != digest:
+                    found[stage].add(unit)
     return {stage: sorted(units) for stage, units in found.items()}
 
 

@@ -18,7 +18,8 @@ from PIL import Image
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.query import query
-from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.atlas.encoded import tile_paths
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from tasks.published import images
 from tasks.published.stored import stored_block
 from tasks.stages.publish import publish_block
@@ -141,6 +142,36 @@ def test_a_tile_that_is_lost_is_named_and_the_rest_is_published(seeded: Path, tm
     assert listed(snapshot) == listed(whole)
     for name in ("block.glb", "overview.glb", "pages/0000.jpg"):
         assert (snapshot.folder / name).read_bytes() == (whole.folder / name).read_bytes(), name
+
+
+def test_coarse_rasters_that_are_not_as_written_are_made_again(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    shutil.rmtree(folder / "out" / "published")
+    session = open_repository(folder / "out" / "store").writable_session(BRANCH)
+    group = open_root(session)
+    group[path := tile_paths("375_6514")[1]][:] = 7
+    session.commit("garbled")
+    made, summary, _ = again(folder)
+    assert path in {one["unit"] for one in summary["unpublished"]}
+    assert is_suspect(folder / "out")
+    assert mend(made.run)
+    _, summary, snapshot = again(folder)
+    assert "unpublished" not in summary
+    assert snapshot.overview.read_bytes() == current(seeded / "out").overview.read_bytes()
+
+
+def test_models_that_other_code_puts_together_are_not_linked(
+    seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copied(seeded, tmp_path)
+    for reader in ("stages.publish", "published.tiles"):
+        monkeypatch.setattr(f"tasks.{reader}.stage_code", lambda stage: f"other {stage}", raising=False)
+    first = current(folder / "out")
+    _, _, second = again(folder)
+    assert first != second
+    for model in (second.model, second.overview):
+        assert model.stat().st_nlink == 1
+    assert all(second.tile(path).stat().st_nlink > 1 for path in listed(second))
 
 
 def test_a_step_that_fails_leaves_the_others(
