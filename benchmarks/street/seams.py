@@ -8,7 +8,6 @@ from typing import Any
 
 import numpy as np
 import shapely
-from facade_core.street.levelled import levelled
 
 from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.spec import AtlasSpec
@@ -16,6 +15,8 @@ from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street import Scene, Window, blend, propagate
+from facade_core.street.field import Materials
+from facade_core.street.surfaces import surface
 from facade_core.types import Building, Street
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
@@ -78,15 +79,20 @@ def _beside_photos(
         rgb, seen = _look(scene, viewpoint, pieces, truth, DARKER)
         propagate(scene, window, viewpoint, rgb, seen=seen)
     apart = replace(scene, charts=replace(charts, surface=np.arange(len(charts), dtype=np.int32)))
-    ways = {
-        "without": window.colour[: rasters.total],
-        "within each chart": levelled(apart, rasters, window),
-        "across charts": levelled(scene, rasters, window),
-    }
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        texels, shape = rasters.slice(placement, chart), (int(placement.height[chart]), int(placement.width[chart]))
+        colour, provenance = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
+        return colour[rows, columns], provenance[rows, columns]
+
+    materials = Materials(scene, [_street()], seed=7)
     result = {}
-    for name, flat in ways.items():
-        shapes = {p: (int(placement.height[p]), int(placement.width[p]), 3) for p in pieces}
-        colours = [flat[rasters.slice(placement, p)].reshape(shapes[p]) for p in pieces]
+    for name, where, levelling in (
+        ("without", scene, False),
+        ("within each chart", apart, True),
+        ("across charts", scene, True),
+    ):
+        colours = [surface(where, materials, p, read, network=True, levelling=levelling)[0] for p in pieces]
         middle = colours[3].shape[1] // 2
         result[name] = {
             "at_chart_borders": round(_seam(colours[:3]), 2),
@@ -95,8 +101,12 @@ def _beside_photos(
     return result
 
 
+def _street() -> Street:
+    return Street("s", None, shapely.LineString([(0, -9), (LENGTH_M, -9)]))
+
+
 def _scene() -> tuple[Scene, Street]:
-    street = Street("s", None, shapely.LineString([(0, -9), (LENGTH_M, -9)]))
+    street = _street()
     houses = [
         Building("wall", shapely.box(0, 0, LENGTH_M, 10), HEIGHT_M, "height"),
         Building("kiosk", shapely.box(24, -4, 28, -2), 5.0, "height"),
