@@ -13,8 +13,8 @@ from tasks.run import Run
 def over_limit(run: Run, group: StoreGroup) -> str | None:
     """Why what a store holds is not to become current; None where so few units failed that it is.
 
-    A street counts once, not by its viewpoints: one that fails leaves most of these undone, not failed. What finishes that, each
-    stage by itself: there are so many surfaces that failed facades would not be seen among them.
+    A street counts once, not by its viewpoints: one that fails leaves most of these undone, not failed. Stages that finish
+    what others made count each by itself: there are so many surfaces that failed facades would not be seen among them.
     """
     last = KINDS.index(STREETS) + 1
     made = tuple(kind for kind in KINDS[:last] if kind.part_of is None)
