@@ -20,7 +20,7 @@ from tasks.keys.streets import street_keys
 from tasks.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault
 from tasks.progress import advance
 from tasks.run import Run
-from tasks.store.carry import forget_units
+from tasks.store.carry import forget_texels_of, forget_units
 from tasks.store.commits import begin, finish, tag_of
 from tasks.store.redo import street_chunks
 from tasks.units.context import plan_of_run
@@ -85,6 +85,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
         record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
         record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
         finish(session, fork, "streets", {street: record}, f"street {name} failed")
+        forget_texels_of(run, plan, street)
         log_units("streets", [record])
         return outcome.add([record])
     log_units("streets", [record])

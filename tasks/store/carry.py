@@ -14,9 +14,10 @@ import icechunk
 import numpy as np
 
 from catalogs.block import Block
-from facade_core.atlas.arrays import FORMAT, clear_rasters, resize_arrays
-from facade_core.atlas.journal import Record, forget_record
+from facade_core.atlas.arrays import FORMAT, OF_STAGE, clear_rasters, resize_arrays
+from facade_core.atlas.journal import Record, forget_record, latest_digests, read_records
 from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, commit, format_of, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
@@ -134,6 +135,32 @@ def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[
         if charts:
             clear_rasters(group, plan.scene.spec, plan.scene.placement, charts, stage)
     commit(session, f"{len(units)} {stage} are due again")
+
+
+def forget_texels_of(run: Run, plan: Plan, street: int) -> None:
+    """Clear what a street that failed left of itself before: texels that no record of another street has the digest of. Streets
+    that wrote there earlier are due again, as theirs were overwritten."""
+    session = open_repository(run.store).writable_session(BRANCH)
+    group, placement = open_root(session), plan.scene.placement
+    charts = plan.charts_of_street(street)
+    charts = charts[plan.writable[charts]]
+    others = np.setdiff1d(plan.streets_of_charts(charts)[:, 0], [street])
+    records = dict(zip(others.tolist(), read_records(group, "streets", others), strict=True))
+    rasters = Rasters.of(placement, charts)
+    colour, views = (read_rasters(group[array.path], placement, rasters) for array in OF_STAGE["streets"])
+    known = chart_digests(np.zeros_like(colour), np.zeros_like(views), placement, rasters, plan.ids)
+    known |= latest_digests([], list(records.values()))
+    found = chart_digests(colour, views, placement, rasters, plan.ids)
+    stale = {name for name, digest in found.items() if digest != known[name]}
+    if not stale:
+        return
+    clear_rasters(
+        group, plan.scene.spec, placement, [c for c in charts.tolist() if f"{plan.ids[c]:016x}" in stale], "streets"
+    )
+    for other, record in records.items():
+        if record and not stale.isdisjoint(record["digests"]):
+            forget_record(group, "streets", other)
+    commit(session, f"street {plan.streets[street].id} failed: what it left is cleared")
 
 
 def _staying(old: Plan, new: Plan) -> dict[int, int]:

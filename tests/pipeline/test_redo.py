@@ -9,10 +9,15 @@ import numpy as np
 import pytest
 
 from catalogs.query import query
+from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.errors import InputError
+from tasks.compute.connect import Serial
+from tasks.stages import streets
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
+from tasks.store.digests import differing
 from tasks.store.redo import find_redo, redo_street, street_chunks
+from tasks.units.context import plan_of_run
 from tests.pipeline.stages import digests_of, redone, started, texture, write_block
 
 
@@ -41,6 +46,30 @@ def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(tm
     assert digests_of(out) == digest
     publish_block.fn(made.run, block)
     assert query(out, where="kind = 'street'").empty
+
+
+def test_a_street_that_fails_when_it_is_done_again_leaves_nothing_of_before(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What it had written over an earlier street's texels is no longer taken for theirs."""
+    block, out = write_block(tmp_path / "in", texture={"walls": "translate"}), tmp_path / "out"
+    run = texture(block, out).run
+    digest, plan = digests_of(out), plan_of_run(run)
+    unit = max((r for r in journal(out / "store", "streets") if r), key=lambda r: r["wave"])["unit"]
+    street = [one.id for one in plan.streets].index(unit)
+    redo_street(run, unit, only=False)
+
+    def broken(*arguments: Any) -> None:
+        raise ValueError("broken")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(streets, "street_unit", broken)
+        assert streets.texture_street.fn(run, street, unit, 0, Serial()).failed
+    group = open_root(open_repository(run.store).readonly_session(BRANCH))
+    assert differing(group, plan) == {}
+    assert None in journal(out / "store", "streets"), "an earlier street is due again"
+    texture(block, out)
+    assert digests_of(out) == digest
 
 
 class Blocked:
