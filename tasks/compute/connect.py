@@ -254,11 +254,15 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
     """wanted: what the workers must be made of, as this process is."""
     import tempfile
 
+    from distributed.comm import CommClosedError
+
     try:
         with tempfile.NamedTemporaryFile(
             dir=folder, prefix=".seen-"
         ) as token:  # elsewhere a folder may have the same name
             answers = client.run(standing, token.name)
+    except CommClosedError as error:  # the scheduler went away meanwhile
+        raise InputError(f"--dask {address}: no scheduler answers there any more ({error}); {REMEDY}") from error
     except Exception as error:  # whatever a worker of another make answers with
         raise InputError(
             f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
