@@ -1,4 +1,4 @@
-"""Grouped of a table by a value in one of its columns, found without looking at the others."""
+"""Rows of a table by a value in one of its columns, found without comparing the whole column each time."""
 
 from __future__ import annotations
 
@@ -24,3 +24,10 @@ class Grouped:
         count = last - first
         at = np.repeat(first - np.cumsum(count) + count, count) + np.arange(int(count.sum()))
         return np.sort(self._order[at])
+
+
+def grouped(values: np.ndarray) -> dict[int, np.ndarray]:
+    """The indices at which each value (n,) of whole numbers stands, ascending."""
+    order = np.argsort(values, kind="stable")
+    different, first = np.unique(values[order], return_index=True)
+    return dict(zip(different.tolist(), np.split(order, first[1:]), strict=True)) if len(values) else {}

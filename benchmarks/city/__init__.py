@@ -43,27 +43,27 @@ def main() -> None:
     parser.add_argument("--whole", action="store_true", help="the whole map too, 22 times the demo's block")
     parser.add_argument("--workers", type=int, default=2, help="local processes of each run [2]")
     parser.add_argument("--plot", type=Path, default=Path("city.svg"), help="memory over time, an SVG file [city.svg]")
-    options = parser.parse_args()
-    blocks = {f"{size}x": size for size in sorted(set(options.sizes))} | ({"whole": None} if options.whole else {})
+    asked = parser.parse_args()
+    blocks = {f"{size}x": size for size in sorted(set(asked.sizes))} | ({"whole": None} if asked.whole else {})
     found: dict[str, Any] = {}
     looks: dict[str, list[Look]] = {}
     load = os.getloadavg()[0]
     with tempfile.TemporaryDirectory() as name:
         for named, size in blocks.items():
             block, out = write_block(Path(name) / named, size), Path(name) / named / "out"
-            ran = run(block, out, options.workers)
-            found[named], looks[named] = figures_of(ran, out, options.workers), ran.looks
-        one_photo = _one_photo(block, out, options.workers)
-    plot(looks, options.plot)
+            ran = run(block, out, asked.workers)
+            found[named], looks[named] = figures_of(ran, out, asked.workers), ran.looks
+        one_photo = _one_photo(block, out, asked.workers)
+    plot(looks, asked.plot)
     of_size = list(found.values())
     result = {
         "benchmark": "city",
         "machine": {"cores": os.cpu_count(), "load_before": round(load, 2), "load_after": round(os.getloadavg()[0], 2)},
-        "workers": options.workers,
+        "workers": asked.workers,
         "blocks": found,
         "ratios": ratios(of_size[0], of_size[-1]) if len(of_size) > 1 else None,
         "one_photo": one_photo,
-        "plot": str(options.plot),
+        "plot": str(asked.plot),
     }
     print(json.dumps(result, indent=1))
 

@@ -16,7 +16,7 @@ from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import Viewpoint, viewpoints
 from facade_core.street import Scene, Window, blend, propagate
 from facade_core.street.field import Materials
-from facade_core.street.surfaces import surface
+from facade_core.street.surfaces import Known, surface
 from facade_core.types import Building, Street
 
 TEXELS_PER_METRE, WIDTH = 20.0, 1024
@@ -85,14 +85,14 @@ def _beside_photos(
         colour, provenance = window.colour[texels].reshape(*shape, 3), window.provenance[texels].reshape(shape)
         return colour[rows, columns], provenance[rows, columns]
 
-    materials = Materials(scene, [_street()], seed=7)
+    materials, around = Materials(scene, [_street()], seed=7), Known(read, pieces, pieces)
     result = {}
     for name, where, levelling in (
         ("without", scene, False),
         ("within each chart", apart, True),
         ("across charts", scene, True),
     ):
-        colours = [surface(where, materials, p, read, network=True, levelling=levelling)[0] for p in pieces]
+        colours = [surface(where, materials, p, around, network=True, levelling=levelling)[0] for p in pieces]
         middle = colours[3].shape[1] // 2
         result[name] = {
             "at_chart_borders": round(_seam(colours[:3]), 2),

@@ -6,8 +6,9 @@ import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
 
-from facade_core.export.models import Textured, grouped
+from facade_core.export.models import Textured
 from facade_core.geometry.charts import ROOF
+from facade_core.grouping import grouped
 
 # Corners are put on a grid of this many metres, so that edges that nearly meet do.
 GRID_M = 0.001

@@ -12,6 +12,7 @@ import numpy as np
 from facade_core.export.glb import Node, Primitive
 from facade_core.export.pages import GUTTER, LARGEST_PAGE, Layout, draw_page, encode, lay_out, scaled
 from facade_core.geometry.charts import Charts, Mesh
+from facade_core.grouping import grouped
 from facade_core.street.scene import Scene
 
 GROUND_NODE = "ground"
@@ -91,13 +92,6 @@ def shown_area(mesh: Mesh) -> np.ndarray:
     """The area of every triangle, (t,) m2."""
     a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
     return np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2
-
-
-def grouped(values: np.ndarray) -> dict[int, np.ndarray]:
-    """The indices at which each value (n,) of whole numbers stands, ascending."""
-    order = np.argsort(values, kind="stable")
-    different, first = np.unique(values[order], return_index=True)
-    return dict(zip(different.tolist(), np.split(order, first[1:]), strict=True)) if len(values) else {}
 
 
 def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Textured:

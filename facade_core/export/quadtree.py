@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.export.models import grouped
 from facade_core.geometry.charts import Charts
+from facade_core.grouping import grouped
 
 # Side of the grid's largest cells, metres: what lies further apart shares no tile, however little it is.
 LARGEST_M = 1024.0

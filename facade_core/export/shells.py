@@ -11,9 +11,10 @@ from shapely import Polygon
 
 from facade_core.export.baking import bake
 from facade_core.export.footprints import footprint
-from facade_core.export.models import Textured, grouped, shown_area
+from facade_core.export.models import Textured, shown_area
 from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces
 from facade_core.geometry.ground import add_level, add_planar
+from facade_core.grouping import grouped
 
 # Corners nearer than this to their neighbours' line are left out of an outline.
 TOLERANCE_M = 1.0

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from typing import NamedTuple
 
 import numpy as np
@@ -15,13 +16,22 @@ from facade_core.street.enclosed import enclosed
 from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial, from_above
 from facade_core.street.scene import Scene
-from facade_core.street.translate import FLATTEST
+from facade_core.street.translate import footprint
 from facade_core.street.window import Window
 
 # Metres around a chart that its levelling depends on.
 BESIDE_M = LEVELLED_M * LEVELLED_REACHES
 # Texels whose grain is worked out together: what each takes is many times its colour.
 AT_ONCE = 1 << 18
+
+
+class Known(NamedTuple):
+    """What facades and streets know: `read`, of any chart, UNSEEN elsewhere; the charts that facades or textures seeded, and
+    those that streets wrote, at least of the chart that is asked for and of those beside it."""
+
+    read: Reader
+    seeded: Collection[int]
+    written: Collection[int]
 
 
 class Pixels(NamedTuple):
@@ -47,7 +57,7 @@ def surface(
     scene: Scene,
     materials: Materials,
     chart: int,
-    read: Reader,
+    known: Known,
     *,
     network: bool,
     pixels: Pixels | None = None,
@@ -58,15 +68,14 @@ def surface(
 
     What nobody can ever see of a wall takes one colour, which costs nothing to keep.
 
-    read: what facades and streets know of any chart, UNSEEN elsewhere. Bare texels take their material, bare ground under the
+    Bare texels take their material, bare ground under the
     free sky the `aerial` picture. With `levelling` what is painted is levelled to what was seen of the same surface, on its own
     chart or beside it, and both together to what pictures show. network: whether streets were translated by the network, whose
     colours are not those of the materials; pixels: of what, so that what is finer than they are is added from the material.
     """
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
-    colour, provenance = (values.copy() for values in read(chart, slice(0, height), slice(0, width)))
+    colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
     bare = provenance == UNSEEN
-    known = ~bare
     if bare.any():
         shut = bare & enclosed(scene, chart)
         open_ = bare & ~shut
@@ -82,15 +91,16 @@ def surface(
         seen = np.flatnonzero(provenance == TRANSLATED)
         for some in np.array_split(seen, -(-len(seen) // AT_ONCE) or 1):
             rows, columns = np.divmod(some, width)
-            grain = materials.detail(chart, rows, columns, _footprint(scene, chart, rows, columns, pixels))
+            grain = materials.detail(chart, rows, columns, _finest(scene, chart, rows, columns, pixels))
             colour[rows, columns] = np.clip(colour[rows, columns] + grain, 0, 255)
     if not levelling:
         return colour, provenance
     foreign = bare & (provenance == PHOTO) if not network else bare
     if foreign.any():
-        colour = _levelled(scene, chart, colour, known, foreign, read, UNSEEN)
+        beside = {*known.seeded, *known.written}
+        colour = _levelled(scene, chart, colour, ~bare, foreign, known.read, beside, UNSEEN)
     guessed = bare | (provenance <= TRANSLATED)
-    return _levelled(scene, chart, colour, ~guessed, guessed, read, TRANSLATED), provenance
+    return _levelled(scene, chart, colour, ~guessed, guessed, known.read, known.seeded, TRANSLATED), provenance
 
 
 def _plain(scene: Scene, materials: Materials, chart: int) -> np.ndarray:
@@ -100,29 +110,33 @@ def _plain(scene: Scene, materials: Materials, chart: int) -> np.ndarray:
     return materials.colour(np.array([chart]), middle, np.array([max(width, height)]))[0]
 
 
-def _footprint(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, pixels: Pixels) -> np.ndarray:
+def _finest(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, pixels: Pixels) -> np.ndarray:
     """What the finest of the pixels covers of texels (k,) of a chart: the side of a square as large, metres, (k,)."""
     step = 1 / scene.spec.texels_per_metre
     points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
     normal, finest = scene.charts.normal()[chart], np.full(len(points), np.inf)
     for position in pixels.positions:
-        ray = points - position
-        depth = np.linalg.norm(ray, axis=1)
-        flat = np.maximum(-(ray @ normal) / depth, FLATTEST)
-        finest = np.minimum(finest, depth * (2 * np.pi / pixels.width) / np.sqrt(flat))
+        finest = np.minimum(finest, footprint(points - position, normal, pixels.width))
     return finest
 
 
 def _levelled(
-    scene: Scene, chart: int, colour: np.ndarray, fixed: np.ndarray, free: np.ndarray, read: Reader, above: int
+    scene: Scene,
+    chart: int,
+    colour: np.ndarray,
+    fixed: np.ndarray,
+    free: np.ndarray,
+    read: Reader,
+    beside: Collection[int],
+    above: int,
 ) -> np.ndarray:
-    """A chart's colour (h, w, 3) with its texels `free` (h, w) levelled to those `fixed`, and to what is known beside it in a
-    rank over `above`."""
+    """A chart's colour (h, w, 3) with its texels `free` (h, w) levelled to those `fixed`, and to what is known of the charts
+    `beside` it in a rank over `above`."""
     density, size = scene.spec.texels_per_metre, (fixed.shape[0], fixed.shape[1])
     reach = LEVELLED_M * density
     if not free.any():
         return colour
-    if len(pieces_around(scene.charts, chart, BESIDE_M)) == 0:
+    if not any(one in beside for one in pieces_around(scene.charts, chart, BESIDE_M).tolist()):
         return level(colour, fixed, free, reach=reach)
     margin = round(BESIDE_M * density)
     own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))

@@ -42,12 +42,14 @@ class Swatches:
         rgb = panorama.rgb.copy()
         bare = (panorama.chart != MISS) & ~panorama.textured
         chart, points = panorama.chart[bare], panorama.points[bare]
-        rgb[bare] = self.materials.colour(chart, points, self._footprint(panorama, chart, points))
+        covered = footprint(points - panorama.viewpoint.position, self._normal[chart], rgb.shape[1])
+        rgb[bare] = self.materials.colour(chart, points, covered)
         return rgb
 
-    def _footprint(self, panorama: Panorama, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
-        """What pixels of a panorama cover at points (n, 3) of charts (n,): the side of a square as large, metres, (n,)."""
-        ray = points - panorama.viewpoint.position
-        depth = np.maximum(np.linalg.norm(ray, axis=1), 1e-6)
-        flat = np.abs(np.einsum("ij,ij->i", ray, self._normal[chart])) / depth
-        return depth * (2 * np.pi / panorama.chart.shape[1]) / np.sqrt(np.maximum(flat, FLATTEST))
+
+def footprint(ray: np.ndarray, normal: np.ndarray, width: int) -> np.ndarray:
+    """What pixels of a panorama, `width` of them around, cover where rays (n, 3) from it end on surfaces with normals (n, 3) or
+    (3,): the side of a square as large, metres, (n,)."""
+    depth = np.maximum(np.linalg.norm(ray, axis=1), 1e-6)
+    flat = np.abs((ray * normal).sum(axis=1)) / depth
+    return depth * (2 * np.pi / width) / np.sqrt(np.maximum(flat, FLATTEST))

@@ -74,7 +74,8 @@ def _objects(
     """The files of the texture pages, which are written, and every city object as (id, what makes it in a pool)."""
     from facade_core.export.buildings import building_faces, ground_faces
     from facade_core.export.cityjson import multi_surface
-    from facade_core.export.models import GROUND_NODE, grouped, layout_of, page_jpeg
+    from facade_core.export.models import GROUND_NODE, layout_of, page_jpeg
+    from facade_core.grouping import grouped
 
     source = found.textured
     shown = with_ground(found, buildings)

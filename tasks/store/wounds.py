@@ -184,9 +184,8 @@ def _read_plan_tables(session: icechunk.Session) -> None:
             for _, array in table.arrays():
                 array[...]
     for name in MADE:
-        if (
-            name not in ("exemplars", *FOLDERS) or name in group
-        ):  # a block may have none, a store of before none of the others
+        # a block may have no exemplars, and a store of before none of the folders
+        if name not in ("exemplars", *FOLDERS) or name in group:
             dict(group[name].attrs)
 
 
@@ -213,35 +212,27 @@ def _without_rasters(session: icechunk.Session, records: Records) -> list[int]:
     made = [i for i, r in enumerate(records) if _done(r) and r and r.get("provenance", [1])[0] == 0]
     if not made:
         return []
-    charts = open_table(session, "charts").load()
     chart_of = open_table(session, "facades").chart.values
-    columns = {name: charts[name].values for name in ("page", "x", "y", "width", "height")}
-    placement = Placement(**columns, pages=0)
-    there, hierarchies = chunks_of(session, "atlas/seed_evidence"), chunks_of(session, "hierarchies/data")
-    chunk, gutter = charts.attrs["chunk"], charts.attrs["gutter"]
-    return [
-        facade
-        for facade in made
-        if (facade,) not in hierarchies
-        or not there.issuperset(map(tuple, placement.chunks(int(chart_of[facade]), chunk, gutter).tolist()))
-    ]
+    lost = _charts_without(session, "atlas/seed_evidence", chart_of[made].tolist())
+    hierarchies = chunks_of(session, "hierarchies/data")
+    return [facade for facade in made if (facade,) not in hierarchies or int(chart_of[facade]) in lost]
 
 
 def _without_texels(session: icechunk.Session, records: Records) -> list[int]:
     """Finished surfaces of whose charts a chunk is not listed: each of their texels is from somewhere."""
     if not any(map(_done, records)):
         return []
-    charts = open_table(session, "charts").load()
-    chunk, gutter = charts.attrs["chunk"], charts.attrs["gutter"]
-    there = chunks_of(session, "atlas/provenance")
-    columns = {name: charts[name].values for name in ("page", "x", "y", "width", "height")}
-    placement = Placement(**columns, pages=0)
-    lost = {
-        f"{number:016x}"
-        for chart, number in enumerate(charts.id.values.tolist())
-        if not there.issuperset(map(tuple, placement.chunks(chart, chunk, gutter).tolist()))
-    }
+    ids = open_table(session, "charts").id.values.tolist()
+    lost = {f"{ids[chart]:016x}" for chart in _charts_without(session, "atlas/provenance", range(len(ids)))}
     return [i for i, r in enumerate(records) if r and _done(r) and not lost.isdisjoint(r["digests"])]
+
+
+def _charts_without(session: icechunk.Session, array: str, charts: Iterable[int]) -> set[int]:
+    """Those of some charts of which a chunk of an array over the pages is not listed."""
+    table, there = open_table(session, "charts").load(), chunks_of(session, array)
+    placement = Placement(**{name: table[name].values for name in ("page", "x", "y", "width", "height")}, pages=0)
+    chunk, gutter = table.attrs["chunk"], table.attrs["gutter"]
+    return {c for c in charts if not there.issuperset(map(tuple, placement.chunks(c, chunk, gutter).tolist()))}
 
 
 def _over_other_viewpoints(

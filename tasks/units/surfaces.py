@@ -18,7 +18,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.packing import Placement
 from facade_core.plan import Plan
 from facade_core.street.field import Materials
-from facade_core.street.surfaces import Pixels, surface
+from facade_core.street.surfaces import Known, Pixels, surface
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
 from tasks.units.materials import materials, sampler
@@ -41,7 +41,8 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     field = _field(run)
     prepared = time.time()
     scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
-    read, above = _known(group, scene.placement, seeded, written), sampler(run)
+    known = Known(_reader(group, scene.placement, seeded, written), seeded, written)
+    above = sampler(run)
     rasters = Rasters.of(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     for chart in charts:
@@ -49,7 +50,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             scene,
             field,
             chart,
-            read,
+            known,
             network=run.texture.translator == "neural",
             pixels=_pixels(run, plan, chart),
             levelling=run.texture.levelling,
@@ -83,7 +84,7 @@ def _pixels(run: Run, plan: Plan, chart: int) -> Pixels | None:
     return Pixels(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
 
 
-def _known(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> Reader:
+def _reader(group: StoreGroup, placement: Placement, seeded: Collection[int], written: Collection[int]) -> Reader:
     """What facades, textures and streets know of charts; of others nothing is read, whatever lies there."""
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

@@ -8,9 +8,10 @@ import shapely
 
 from facade_core.export.buildings import building_faces, ground_faces
 from facade_core.export.cityjson import Face, Pool, multi_surface
-from facade_core.export.models import Drawn, Textured, grouped, layout_of
+from facade_core.export.models import Drawn, Textured, layout_of
 from facade_core.export.openings import cut_openings, outlines
 from facade_core.geometry import WALL
+from facade_core.grouping import grouped
 from facade_core.types import Element
 
 

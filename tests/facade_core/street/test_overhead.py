@@ -11,7 +11,7 @@ from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import GROUND, ROOF
 from facade_core.street import Materials, Scene
 from facade_core.street.overhead import from_above, raster_points, shown_from_above
-from facade_core.street.surfaces import surface
+from facade_core.street.surfaces import Known, surface
 from facade_core.street.tiled import Material
 from facade_core.types import Building, Street
 
@@ -77,7 +77,9 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
         return colour[rows, columns], np.where(seen, TRANSLATED, UNSEEN).astype(np.uint8)[rows, columns]
 
     materials = Materials(scene, [STREET], seed=0)
-    colour, provenance = surface(scene, materials, chart, read, network=False, levelling=False, aerial=picture)
+    colour, provenance = surface(
+        scene, materials, chart, Known(read, (), {chart}), network=False, levelling=False, aerial=picture
+    )
     rgb, known = from_above(scene, chart, picture)
     assert (known & ~seen).sum() > 1000
     np.testing.assert_array_equal(colour[known & ~seen], rgb[known & ~seen])

@@ -11,7 +11,7 @@ from facade_core.geometry import GROUND, WALL, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene, Viewpoint, Window
 from facade_core.street.enclosed import enclosed
 from facade_core.street.propagate import see
-from facade_core.street.surfaces import Pixels, paint, surface
+from facade_core.street.surfaces import Known, Pixels, paint, surface
 from facade_core.types import Building, Street
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -36,8 +36,8 @@ def ground(scene: Scene) -> int:
     return int(own[np.argmax(scene.charts.size[own].prod(axis=1))])
 
 
-def known(scene: Scene, chart: int, rank: np.ndarray, value: int):
-    """A reader of one chart of one colour where rank (h, w) says that it is known; others are bare."""
+def known(scene: Scene, chart: int, rank: np.ndarray, value: int) -> Known:
+    """One chart of one colour where rank (h, w) says that it is known; others are bare."""
 
     def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         shape = (int(scene.placement.height[one]), int(scene.placement.width[one]))
@@ -45,7 +45,7 @@ def known(scene: Scene, chart: int, rank: np.ndarray, value: int):
         colour = np.where(ranks[..., None] > UNSEEN, np.uint8(value), np.zeros((*shape, 3), np.uint8))
         return colour[rows, columns], ranks[rows, columns]
 
-    return read
+    return Known(read, {chart}, {chart})
 
 
 def bare(scene: Scene, chart: int) -> np.ndarray:
@@ -73,6 +73,25 @@ def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, mate
     assert step[1] < 0.35 * step[0]
     far = slice(150, None)
     assert abs(colour[:, far].astype(float) - plain[:, far]).mean() < 2
+
+
+def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
+    """A wall in two pieces: one is a photo, the other bare."""
+    houses = [Building("a", shapely.box(0, 0, 40, 10), 12.0, "height")]
+    charts, mesh, _ = block_surfaces(
+        houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=20.1, grid=20
+    )
+    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
+    materials = Materials(scene, [STREET], seed=1)
+    front = np.flatnonzero((charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))
+    one, other = front[np.argsort(charts.origin[front, 0])].tolist()
+    photo = np.full_like(bare(scene, one), PHOTO)
+    step = {}
+    for levelling in (False, True):
+        colour, _ = surface(scene, materials, other, known(scene, one, photo, 120), network=False, levelling=levelling)
+        step[levelling] = abs(colour[:, :6].astype(float).mean() - 120)
+    assert step[True] < 0.35 * step[False]
 
 
 def test_what_a_viewpoint_sees_is_painted_once_and_as_the_field_says(scene: Scene, materials: Materials) -> None:

@@ -86,7 +86,7 @@ def surface(height, width):
     from facade_core.atlas import AtlasSpec
     from facade_core.geometry import block_surfaces, pack, terrain_of
     from facade_core.street import Materials, Scene
-    from facade_core.street.surfaces import surface
+    from facade_core.street.surfaces import Known, surface
     from facade_core.types import Building, Street
     line = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
     houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
@@ -103,7 +103,7 @@ def surface(height, width):
     def read(one, rows, columns):
         return known[rows, columns], rank[rows, columns]
     def unit():
-        result = surface(scene, field, chart, read, network=True)
+        result = surface(scene, field, chart, Known(read, {chart}, ()), network=True)
         return shape[0] * shape[1]
     return unit
 

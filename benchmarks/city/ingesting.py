@@ -1,0 +1,71 @@
+"""What a block's plan costs in processor seconds, by size: made, taken again for one photo more, and asked for what lies beside
+a chart. And how much of the walls nobody can see, and what telling that takes.
+
+python -m benchmarks.city.ingesting
+"""
+
+from __future__ import annotations
+
+import json
+import tempfile
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.city.blocks import write_block
+from catalogs.block import read_block
+from facade_core.atlas.surroundings import pieces_around
+from facade_core.geometry.charts import WALL
+from facade_core.street.enclosed import enclosed
+from facade_core.street.surfaces import BESIDE_M
+from tasks.stages.planning import plan_again, plan_of
+
+SIZES = (1, 3)
+# Charts that are asked for what lies beside them.
+ASKED = 500
+
+
+def measure(sizes: tuple[int, ...] = SIZES) -> dict[str, Any]:
+    """By size of the block: charts, seconds, and shares."""
+    found = {}
+    for size in sizes:
+        with tempfile.TemporaryDirectory() as folder:
+            block = read_block(write_block(Path(folder) / "in", size))
+            start = time.process_time()
+            plan = plan_of(block)
+            first = time.process_time() - start
+            start = time.process_time()
+            plan_again(block, plan)
+            again = time.process_time() - start
+        charts = plan.scene.charts
+        asked = np.linspace(0, len(charts) - 1, min(ASKED, len(charts))).astype(int).tolist()
+        pieces_around(charts, 0, BESIDE_M)  # the tree is made once
+        start = time.process_time()
+        for chart in asked:
+            pieces_around(charts, chart, BESIDE_M)
+        beside = time.process_time() - start
+        walls = np.flatnonzero(charts.kind == WALL).tolist()
+        start = time.process_time()
+        shut = sum(int(enclosed(plan.scene, chart).sum()) for chart in walls)
+        party = time.process_time() - start
+        found[f"{size}x"] = {
+            "facades": len(plan.facades),
+            "viewpoints": len(plan.viewpoints),
+            "charts": len(charts),
+            "plan_s": round(first, 2),
+            "plan_again_s": round(again, 2),
+            "pieces_beside_ms": round(1000 * beside / len(asked), 3),
+            "party_walls_of_walls": round(shut / int(plan.texels()[walls].sum()), 3),
+            "party_walls_s": round(party, 2),
+        }
+    return found
+
+
+def main() -> None:
+    print(json.dumps(measure(), indent=2))
+
+
+if __name__ == "__main__":
+    main()
