@@ -56,7 +56,7 @@ def measure(before: str) -> dict[str, Any]:
 def _check_out(revision: str, folder: Path) -> None:
     archive = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True).stdout
     with tarfile.open(fileobj=BytesIO(archive)) as tar:
-        tar.extractall(folder, filter="data")
+        tar.extractall(folder, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
 
 
 def _results(checkout: Path, block: Path, out: Path) -> dict[str, str]:

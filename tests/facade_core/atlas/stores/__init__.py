@@ -16,5 +16,6 @@ STREETS = {"1": [(0, 0), (18, 0)]}
 def unpack(store: Path, out: Path) -> Path:
     """Lay one of the stores into the folder of a run, which is returned."""
     with tarfile.open(store) as tar:
-        tar.extractall(out, filter="data")
+        # later Pythons ask for a filter, which the first of 3.11 do not know
+        tar.extractall(out, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
     return out
