@@ -56,7 +56,8 @@ def measure(before: str) -> dict[str, Any]:
 def _check_out(revision: str, folder: Path) -> None:
     archive = subprocess.run(["git", "archive", revision], cwd=ROOT, capture_output=True, check=True).stdout
     with tarfile.open(fileobj=BytesIO(archive)) as tar:
-        tar.extractall(folder, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
+        tar.extraction_filter = getattr(tarfile, "data_filter", None)  # the first Pythons of 3.11 have none
+        tar.extractall(folder)
 
 
 def _results(checkout: Path, block: Path, out: Path) -> dict[str, str]:

@@ -16,6 +16,6 @@ STREETS = {"1": [(0, 0), (18, 0)]}
 def unpack(store: Path, out: Path) -> Path:
     """Lay one of the stores into the folder of a run, which is returned."""
     with tarfile.open(store) as tar:
-        # later Pythons ask for a filter, which the first of 3.11 do not know
-        tar.extractall(out, **({"filter": "data"} if hasattr(tarfile, "data_filter") else {}))
+        tar.extraction_filter = getattr(tarfile, "data_filter", None)  # the first Pythons of 3.11 have none
+        tar.extractall(out)
     return out
