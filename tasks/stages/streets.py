@@ -24,12 +24,12 @@ from tasks.store.carry import forget_texels_of, forget_units
 from tasks.store.commits import begin, finish, tag_of
 from tasks.store.redo import street_chunks
 from tasks.units.context import plan_of_run
-from tasks.units.streets import forget_street, street_unit, viewpoint_unit
+from tasks.units.streets import forget_street, street_unit, viewpoints_unit
 
 
 @task(name="street", task_run_name="street {title}", cache_policy=NO_CACHE)
 def texture_street(run: Run, street: int, title: str, memory: int, compute: Compute) -> Outcome:
-    """Every viewpoint not yet journalled, one commit each, then the street's texels in one commit, tagged.
+    """Every viewpoint not yet journalled, those of about a second in one commit, then the street's texels in one, tagged.
 
     One worker keeps the street's state of `memory` bytes; where it is lost, another rebuilds that from the panoramas.
     """
@@ -57,19 +57,24 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
             compute.lease(memory, (forget_street, run, street, street_key)) as worker,
             _claimed(run, name, reads, writes),
         ):
-            for step in range(first, len(own)):
+            step = first
+            while step < len(own):
                 at = f"viewpoint {step}"
                 session, fork = begin(run.store)
-                fork, record = compute.submit(
-                    viewpoint_unit, run, fork, street, step, street_key, worker=worker
+                fork, made = compute.submit(
+                    viewpoints_unit, run, fork, street, step, len(own), street_key, worker=worker
                 ).result()
-                record |= {"unit": f"{name}/{step}", "key": keys[step], "status": "done"}
+                records = {
+                    own[k]: record | {"unit": f"{name}/{k}", "key": keys[k], "status": "done"}
+                    for k, record in enumerate(made, step)
+                }
                 started = time.perf_counter()
-                finish(session, fork, "viewpoints", {own[step]: record}, f"viewpoint {name}/{step}")
+                finish(session, fork, "viewpoints", records, f"viewpoint {name}/{step} and {len(records) - 1} more")
                 commits.append(round(time.perf_counter() - started, 4))
-                log_units("viewpoints", [record])
-                outcome = outcome.add([record])
-                advance("viewpoints", 1)
+                log_units("viewpoints", records.values())
+                outcome = outcome.add(records.values())
+                advance("viewpoints", len(records))
+                step += len(records)
             at = "end of the street"
             session, fork = begin(run.store)
             fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()

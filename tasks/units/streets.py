@@ -57,6 +57,10 @@ class _Progress:
     done: int
 
 
+# Seconds in which viewpoints begin that are committed together: where one takes a fraction of that, its commit would cost a
+# third of it.
+TOGETHER_S = 1.0
+
 # A street of a run, by its key.
 _Street = tuple[Run, int, str]
 # One entry per street under way in this process; dropped when its worker is to forget it, or when a unit of another run comes.
@@ -66,11 +70,32 @@ _streets: dict[_Street, _Progress | object] = {}
 _taking = Lock()
 
 
-def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str) -> tuple[Any, dict[str, Any]]:
-    """Texture the `step`-th viewpoint of a street: render, translate, propagate, write the panorama through the fork."""
+def viewpoints_unit(
+    run: Run, fork: Any, street: int, first: int, stop: int, street_key: str
+) -> tuple[Any, list[dict[str, Any]]]:
+    """Texture viewpoints of a street from its `first`-th on, before `stop`: one, and those after it that begin within TOGETHER_S.
+
+    Their panoramas go through the fork; returns it and a record of each. One that fails after others is left to the next unit,
+    so that what they made is kept.
+    """
+    begun = time.time()
+    records: list[dict[str, Any]] = []
+    for step in range(first, stop):
+        if records and time.time() - begun > TOGETHER_S:
+            break
+        try:
+            records.append(_viewpoint(run, open_root(fork), street, step, street_key))
+        except Exception:
+            if not records:
+                raise
+            break
+    return fork, records
+
+
+def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> dict[str, Any]:
+    """Texture one viewpoint: render, translate, propagate, write the panorama."""
     start = time.time()
     here = context(run)
-    group = open_root(fork)
     entry = (run, street, street_key)
     progress, mark = _take(entry, here, group, step)
     viewpoint = here.plan.of_street(street)[step]
@@ -96,7 +121,7 @@ def viewpoint_unit(run: Run, fork: Any, street: int, step: int, street_key: str)
     group["panoramas/rgb"][viewpoint.id] = rgb
     _keep(entry, mark, _Progress(progress.window, step + 1))
     lap("write")
-    return fork, {
+    return {
         "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
         if (panorama.chart >= 0).any()
         else 0.0,

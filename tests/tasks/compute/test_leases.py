@@ -80,7 +80,7 @@ def test_a_unit_may_take_many_times_the_median_of_its_stage() -> None:
     for seconds in (1.0, 2.0, 90.0):
         known.note("facade_unit", seconds)
     assert known.of("facade_unit") == USUAL.unit_least
-    assert known.of("viewpoint_unit") == USUAL.unit_first
+    assert known.of("viewpoints_unit") == USUAL.unit_first
     for seconds in (80.0, 100.0, 120.0, 90.0, 110.0):
         known.note("facade_unit", seconds)
     assert known.of("facade_unit") == TIMES * 90

@@ -70,7 +70,7 @@ def fail(*arguments: Any) -> None:
     raise ValueError("it does not work")
 
 
-@pytest.mark.parametrize(("what", "where"), [("viewpoint_unit", "viewpoint 0"), ("street_unit", "end of the street")])
+@pytest.mark.parametrize(("what", "where"), [("viewpoints_unit", "viewpoint 0"), ("street_unit", "end of the street")])
 def test_a_failure_names_what_failed_and_leaves_no_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch, what: str, where: str
 ) -> None:
@@ -86,7 +86,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     """A late copy, come back to its worker while the one that was started since is at work there."""
 
     def one() -> None:
-        viewpoint.viewpoint_unit(ready, begin(ready.store)[1], 0, 0, "key")
+        viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, 0, 1, "key")
 
     def kept() -> list[np.ndarray]:
         held = viewpoint._streets[ready, 0, "key"]
