@@ -3,11 +3,12 @@ elsewhere in the block. Keys of units and places in the atlas are carried over f
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from hashlib import blake2b
 from itertools import pairwise
+from typing import Protocol, TypeVar
 
 import numpy as np
 import shapely
@@ -17,6 +18,21 @@ from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.scene import Scene
 from facade_core.types import Street
+
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+class Each(Protocol):
+    """Calls a function with runs of items that together are all of them, wherever that is done: what it returns, joined."""
+
+    def __call__(self, function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]: ...
+
+
+def here(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
+    """All items at once, in this process."""
+    return function(items)
+
 
 # Of a view's pixels that show no chart within the range: the sky, and what lies beyond.
 SKY, BEYOND = 0, 1
@@ -103,14 +119,36 @@ def look_around(
     cameras: Sequence[Viewpoint],
     streets: Sequence[Street],
     width: int,
+    each: Each = here,
 ) -> tuple[list[np.ndarray], tuple[str, ...]]:
     """What the panorama of each viewpoint, `width` pixels wide, shows: sorted charts, and the digest of all geometry that the
     panorama is made of.
 
     That is every pixel's chart (of `ids`) and depth, the things that the charts are of, which charts are one surface, the light
-    on them, and the centrelines near. Whatever else changes in the block, what the viewpoint makes stays.
+    on them, and the centrelines near. Whatever else changes in the block, what the viewpoint makes stays. `each` says where
+    rays are cast.
     """
-    seen, digests = [], []
+    looks = each(partial(_looks, scene, ids, width), cameras)
+    seen = [charts for charts, _ in looks]
+    lit = np.unique(np.concatenate([*seen, np.zeros(0, np.int32)]))
+    light = np.zeros(len(scene.charts), np.uint64)
+    light[lit] = each(partial(_light, scene), lit.tolist())
+    lines = _lines_near(streets, cameras, scene.visibility_range + BESIDE_M)
+    digests = []
+    for (charts, pixels), near in zip(looks, lines, strict=True):
+        digest = blake2b(pixels, digest_size=16)
+        ordered = charts[np.argsort(ids[charts])]
+        surface = scene.charts.surface[ordered]
+        _, first, of = np.unique(surface, return_index=True, return_inverse=True)
+        for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered], near):
+            digest.update(np.ascontiguousarray(part).tobytes())
+        digests.append(digest.hexdigest())
+    return seen, tuple(digests)
+
+
+def _looks(scene: Scene, ids: np.ndarray, width: int, cameras: Sequence[Viewpoint]) -> list[tuple[np.ndarray, bytes]]:
+    """The charts that each viewpoint shows, sorted, and a digest of its pixels."""
+    found = []
     for camera in cameras:
         _, depth, chart = scene.look(camera, width)
         shown = chart != MISS
@@ -118,28 +156,19 @@ def look_around(
         digest = blake2b(np.concatenate([camera.position, camera.forward]).tobytes(), digest_size=16)
         digest.update(pixels.tobytes())
         digest.update(np.where(shown, depth, 0).astype(np.float32).tobytes())
-        seen.append(np.unique(chart[shown]))
-        digests.append(digest)
-    light = _light(scene, np.unique(np.concatenate([*seen, np.zeros(0, np.int32)])))
-    lines = _lines_near(streets, cameras, scene.visibility_range + BESIDE_M)
-    for charts, digest, near in zip(seen, digests, lines, strict=True):
-        ordered = charts[np.argsort(ids[charts])]
-        surface = scene.charts.surface[ordered]
-        _, first, of = np.unique(surface, return_index=True, return_inverse=True)
-        for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered], near):
-            digest.update(np.ascontiguousarray(part).tobytes())
-    return seen, tuple(digest.hexdigest() for digest in digests)
+        found.append((np.unique(chart[shown]), digest.digest()))
+    return found
 
 
-def _light(scene: Scene, charts: np.ndarray) -> np.ndarray:
-    """A digest of the daylight on each of some charts, (all charts,) uint64."""
+def _light(scene: Scene, charts: Sequence[int]) -> list[int]:
+    """A digest of the daylight on each of some charts, 64 bits."""
     daylight = scene.daylight
     daylight.reach(charts)
-    found = np.zeros(len(scene.charts), np.uint64)
-    for chart in charts.tolist():
+    found = []
+    for chart in charts:
         start = int(daylight.place[chart])
         cells = daylight.light[start : start + int(daylight.rows[chart] * daylight.columns[chart])]
-        found[chart] = int.from_bytes(blake2b(cells.tobytes(), digest_size=8).digest())
+        found.append(int.from_bytes(blake2b(cells.tobytes(), digest_size=8).digest()))
     return found
 
 

@@ -16,7 +16,7 @@ from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import Terrain, terrain_of
 from facade_core.grouping import Grouped
-from facade_core.identity import chart_ids, look_around, things_of
+from facade_core.identity import Each, chart_ids, here, look_around, things_of
 from facade_core.plan import Plan, Sightings
 from facade_core.rectify import REACH_M, sightings
 from facade_core.street.scene import Scene
@@ -39,13 +39,15 @@ def ingest(
     walls: str,
     page: int = 2048,
     last: Places | None = None,
+    each: Each = here,
 ) -> Plan:
     """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
 
     Without streets they are derived from the gaps between the buildings. Without an elevation the ground follows the
     buildings' bases. poses and panorama_sizes (rows, columns) are those of the panoramas. Lengths in metres; walls is
     "exemplar" (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart).
-    With the places of an earlier ingest, charts stay where they are in the atlas. Raises GeometryError for a block without
+    With the places of an earlier ingest, charts stay where they are in the atlas. `each` casts what viewpoints see, most of the
+    work. Raises GeometryError for a block without
     geometry.
     """
     footprints = [building.footprint for building in buildings]
@@ -78,7 +80,7 @@ def ingest(
         for position, ahead in zip(positions, forward, strict=True):
             cameras.append(Viewpoint(len(cameras), index, position, ahead))
 
-    seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, streets, panorama_width)
+    seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, streets, panorama_width, each)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import logging
 import time
 from collections import deque
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import replace
 from datetime import UTC, datetime
 from functools import partial
@@ -147,10 +148,11 @@ def _texture(
 ) -> dict[str, Any]:
     run, block = entry.run, entry.block
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
-    ingest = submit(ingest_block, run, block) if dask is None else None
+    ready: Future[Compute] = Future()
+    ingest = submit(ingest_block, run, block, ready) if dask is None else None
     # told here too, as the flow must end by it, whoever entered
-    with faults_told(run), connect(workers, dask, run.out, until) as compute:
-        outline = (ingest or submit(ingest_block, run, block)).result()
+    with faults_told(run), _announced(connect(workers, dask, run.out, until), ready) as compute:
+        outline = (ingest or submit(ingest_block, run, block, ready)).result()
         run = replace(run, ingested=outline.ingested)
         for line in what_is_set_aside(outline):
             tell(line)
@@ -182,6 +184,17 @@ def _texture(
         "failures": [{"unit": unit, "reason": reason} for unit, reason in outcome.failed + outcome.refused]
         + unpublished,
     }
+
+
+@contextmanager
+def _announced(connecting: AbstractContextManager[Compute], ready: Future[Compute]) -> Iterator[Compute]:
+    """Connect, and tell who waits for workers that they are there, or that there will be none."""
+    try:
+        with connecting as compute:
+            ready.set_result(compute)
+            yield compute
+    finally:
+        ready.cancel()
 
 
 def _process(run: Run, due: Due, compute: Compute, submit: Submit) -> Outcome:

@@ -71,11 +71,14 @@ class Record(TypedDict, total=False):
     passes: str
     textured: float
     texels: int
-    # pages and tiles: the file's length and digest; of a tile its box and that of its coarse rasters
+    # pages and tiles: the file's length and digest; of a tile its box, digests of its coarse rasters and of how its pictures lie,
+    # and what each of these is made of
     bytes: int
     digest: str
     box: list[list[float]]
     coarse: str
+    shape: str
+    made_of: list[str]
     # streets: their wave, what they are made of, and seconds of each viewpoint's commit
     wave: int
     chain: str

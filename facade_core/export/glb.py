@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import json
 import struct
 from collections.abc import Mapping, Sequence
@@ -163,6 +164,13 @@ def header_of(file: BinaryIO) -> tuple[dict[str, Any], int]:
     if magic != b"glTF" or name != JSON:
         raise ValueError("it is no GLB file")
     return json.loads(file.read(length)), HEADER_BYTES + 8 + length + 8
+
+
+def pictures_of(glb: bytes) -> list[bytes]:
+    """The pictures of a model that `glb_bytes` made."""
+    document, data = header_of(io.BytesIO(glb))
+    views = [document["bufferViews"][image["bufferView"]] for image in document.get("images", [])]
+    return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
 
 
 def _material(picture: int) -> dict[str, Any]:

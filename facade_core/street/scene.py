@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 from hashlib import blake2b
+from typing import Any
 
 import numpy as np
 from numba import njit
@@ -30,6 +31,10 @@ class Scene:
     spacing: float = 5.0
     visibility_range: float = 40.0
     names: tuple[str, ...] = ()
+
+    def __reduce__(self) -> tuple[type[Scene], tuple[Any, ...]]:
+        """A scene goes to another process without what it derives, such as the tree of its rays."""
+        return Scene, tuple(getattr(self, one.name) for one in fields(self))
 
     @cached_property
     def building_numbers(self) -> np.ndarray:

@@ -124,7 +124,7 @@ def unlike(asked: dict[str, str], theirs: dict[str, str]) -> str | None:
 
 
 def _load() -> None:
-    """Import what units need while the block is ingested: a worker's first unit would wait seconds for it."""
+    """Import what units need while the block is ingested, and compile it: a worker's first unit would wait for it."""
     import onnxruntime  # noqa: F401
     import skimage.measure  # noqa: F401
     import xarray  # noqa: F401
@@ -132,6 +132,9 @@ def _load() -> None:
     import tasks.units.exemplars
     import tasks.units.facades
     import tasks.units.streets  # noqa: F401
+    from tasks.compute.compiling import compile_together
+
+    compile_together()
 
 
 def standing(token: str) -> tuple[bool, dict[str, str]]:

@@ -7,6 +7,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
+from facade_core.atlas.journal import unit_key
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import parts_key
@@ -42,6 +43,13 @@ def tile_key(
         names=[plan.scene.names[building] for building in buildings.tolist()],
         charts=[[name, digests.get(name)] for name in ids],
     )
+
+
+def tile_shape(plan: Plan, charts: np.ndarray) -> str:
+    """What the pictures of a tile with some charts (k,) are laid out by: these, their texels, and the code that does it."""
+    placement = plan.scene.placement
+    sides = (placement.width[charts].tolist(), placement.height[charts].tolist())
+    return unit_key(stage_code("tiles"), plan.ids[charts].tolist(), *sides)
 
 
 def _names(plan: Plan) -> list[str]:

@@ -1,5 +1,5 @@
-"""The keys of a street and its viewpoints: each viewpoint stands on what it sees, on what is known of that, and on the one
-before it; the street's texels on all of them."""
+"""The keys of a street and its viewpoints: each viewpoint stands on what it sees and on what is known of that; where panoramas
+are blended into texels, on the one before it too. The street's texels stand on all of them."""
 
 from __future__ import annotations
 
@@ -26,16 +26,21 @@ SETTINGS = ("texels_per_metre", "panorama_width", "translator")
 
 @dataclass(frozen=True)
 class StreetKeys:
-    """The key of a street's texels, and of each of its viewpoints in order."""
+    """The key of a street's texels, and of each of its viewpoints in order; chain: a digest of these where the texels are made
+    of what the viewpoints made, else empty."""
 
     street: str
     viewpoints: tuple[str, ...]
+    chain: str
 
 
 def street_keys(
     run: Run, plan: Plan, group: StoreGroup, street: int, journals: Mapping[str, Sequence[Record | None]] | None = None
 ) -> StreetKeys:
     """The keys of a street as the journal stands, when those of earlier waves and all that seed are done.
+
+    A translator that answers with a field gives the same texels whatever lies elsewhere in a panorama: then a viewpoint stands
+    on no other, and the street's texels on no seeds of charts that it does not write.
 
     journals: those of textures, facades and viewpoints, where they were read as a whole, for one who asks for many streets.
     """
@@ -44,7 +49,8 @@ def street_keys(
         return [journals[stage][unit] for unit in units.tolist()] if journals else read_records(group, stage, units)
 
     viewpoints = plan.of_street(street)
-    code, settings = stage_code("streets", neural=run.texture.translator == "neural"), _settings(run, plan)
+    blends = run.texture.translator == "neural"
+    code, settings = stage_code("streets", neural=blends), _settings(run, plan)
     charts = plan.charts_of_street(street)
     seeds = _seeds(plan, records, charts)
     known = latest_digests(seeds, [])
@@ -52,26 +58,27 @@ def street_keys(
     shown = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
     earlier, passed = _earlier(plan, records, street, charts)
 
-    key = unit_key(code, settings)
-    chain: list[str] = []
+    key = first = unit_key(code, settings)
+    keys: list[str] = []
     views, read, passes = [], [], []
     for viewpoint, seen in zip(viewpoints, shown, strict=True):
         views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
         read.append(sorted((names[c], known[names[c]]) for c in seen.tolist() if names[c] in known))
         blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
         passes.append([[plan.looks[v], passed[v]] for v in blended.tolist()])
-        key = unit_key(key, views[-1], read[-1], passes[-1])
-        chain.append(key)
+        key = unit_key(key, views[-1], read[-1], passes[-1]) if blends else unit_key(first, views[-1], read[-1])
+        keys.append(key)
     return StreetKeys(
         parts_key(
             code,
             settings=settings,
             views=views,
-            seeds=read,
+            seeds=read if blends else [],
             earlier=passes,
             others=[_seeding(plan, seeds, charts), _later(plan, street, charts)],
         ),
-        tuple(chain),
+        tuple(keys),
+        unit_key(keys) if blends else "",
     )
 
 

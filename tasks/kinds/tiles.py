@@ -11,7 +11,7 @@ from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export.block_tiles import tiles_of
 from facade_core.plan import Plan
-from tasks.keys.finished import tile_key
+from tasks.keys.finished import tile_key, tile_shape
 from tasks.kinds.kind import Change, Kind, Records, same_name
 from tasks.run import Run
 from tasks.units.memory import tile_memory
@@ -27,7 +27,12 @@ def tile_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
             index,
             tile.path,
             (tile_key(run, plan, tile.charts, tile.buildings, tile.origin, digests),),
-            (tile.charts, tile.origin),
+            (
+                tile.charts,
+                [digests.get(f"{number:016x}") for number in plan.ids[tile.charts].tolist()],
+                tile_shape(plan, tile.charts),
+                tile.origin,
+            ),
             tile_memory(int(texels[tile.charts].sum())),
         )
         for index, tile in enumerate(tiles_of(plan))

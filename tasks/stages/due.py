@@ -129,8 +129,11 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
         if kind.seeds:
             seeded += [chart for u in units[kind.stage] if u.index in reasons[kind.stage] for chart in u.charts]
     reasons["streets"], follow = _streets(run, plan, group, seeded)
+    if run.texture.translator != "neural":
+        reasons["viewpoints"] = _viewpoints(reasons["streets"], seeded, plan)
     reasons["surfaces"] = _surfaces(reasons, units["surfaces"], seeded, plan)
-    totals = {stage: len(of) for stage, of in units.items()} | {"streets": sum(map(len, outline.waves))}
+    totals = {stage: len(of) for stage, of in units.items()}
+    totals |= {"streets": sum(map(len, outline.waves)), "viewpoints": sum(outline.viewpoints)}
     lines = [_line(totals[k.stage], k.noun, reasons[k.stage]) for k in KINDS if k.stage in reasons]
     parts = [line for line in lines if line]
     if follow:
@@ -197,6 +200,7 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
     """The streets that are due and why, and how many more are where others change what they share; seeded: the charts that are
     seeded again."""
     records = read_journal(group, "streets")
+    blends = run.texture.translator == "neural"  # of what viewpoints show; a field's texels stand on none of that
     journals = {stage: read_journal(group, stage) for stage in ("textures", "facades", "viewpoints")}
     due: dict[int, str] = {}
     following: set[int] = set()
@@ -216,17 +220,23 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
             due[street] = SEEN
         elif why := next((part for part in ("settings", "code") if part in changed), None):
             due[street] = REASONS[why]
-        elif np.isin(charts, seeded).any():
+        elif blends and np.isin(charts, seeded).any():
             due[street] = READ
         elif changed:
             due[street] = FOLLOW
         elif record["status"] != "done":
             due[street] = AGAIN
-        elif (plan.writable[charts] & earlier[charts]).any():
+        elif blends and (plan.writable[charts] & earlier[charts]).any():
             following.add(street)
         if street in due or street in following:
             of_wave.append(charts)
     return due, len(following)
+
+
+def _viewpoints(streets: Mapping[int, str], seeded: Sequence[int], plan: Plan) -> dict[int, str]:
+    """The viewpoints that are due as they show what is seeded again, but for those of streets that are due as a whole."""
+    shown = np.unique(plan.views_of_charts(np.array(seeded, np.int64))[:, 0])
+    return {int(v): READ for v in shown if plan.viewpoints[v].street not in streets}
 
 
 def _surfaces(

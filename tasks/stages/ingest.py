@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
+from concurrent.futures import Future
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
+from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, TypeVar
 
 import numpy as np
 from prefect import task
@@ -21,7 +23,9 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import predecessors
+from facade_core.identity import here
 from facade_core.plan import Plan
+from tasks.compute.connect import Compute
 from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
@@ -31,6 +35,13 @@ from tasks.store.room import require_room, room_for
 
 if TYPE_CHECKING:
     from catalogs.block import Block
+
+
+T = TypeVar("T")
+R = TypeVar("R")
+# Runs of items for each thread of the workers, so that none waits long for the last; and items of a run at least, as each takes
+# the block's geometry along.
+RUNS, LEAST_ITEMS = 4, 8
 
 
 @dataclass(frozen=True)
@@ -60,10 +71,11 @@ class Outline:
 
 
 @task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
-def ingest_block(run: Run, block: Block) -> Outline:
+def ingest_block(run: Run, block: Block, compute: Future[Compute] | None = None) -> Outline:
     """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
 
-    Arrays are empty, or hold what is left of an earlier ingest.
+    Arrays are empty, or hold what is left of an earlier ingest. Rays are cast by `compute`, which may start meanwhile: it is
+    waited for when they are to be. Without one this process casts them.
     """
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
@@ -76,7 +88,13 @@ def ingest_block(run: Run, block: Block) -> Outline:
         last = last_ingest(run, repository)
         standing = plan_key(block)
         same = last is not None and root.attrs.get("plan") == standing
-        plan = plan_again(block, last.plan) if last and same else plan_of(block, last.places if last else None)
+        plan = (
+            plan_again(block, last.plan)
+            if last and same
+            else plan_of(
+                block, last.places if last else None, here if compute is None else partial(_on_workers, compute)
+            )
+        )
         require_room(Path(run.out), room_for(plan, run.texture.panorama_width))
         if last is None:
             anew = why_anew(run, root)
@@ -115,6 +133,14 @@ def ingest_block(run: Run, block: Block) -> Outline:
         commit(session, f"ingest {run.block}")
     advance("ingest", 1)
     return replace(_outline(plan, root, skipped), anew=anew)
+
+
+def _on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
+    """What a function returns for all items, of which each worker takes some runs."""
+    workers = compute.result()
+    length = max(LEAST_ITEMS, -(-len(items) // (RUNS * workers.threads)))
+    runs = [workers.submit(function, items[first : first + length]) for first in range(0, len(items), length)]
+    return [one for run in runs for one in run.result()]
 
 
 def no_facade(plan: Plan, texels_per_metre: float) -> list[str]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 from catalogs.block.digest import geometry_digest
 from facade_core.geometry.packing import Places
 from facade_core.geometry.terrain import terrain_of
+from facade_core.identity import Each, here
 from facade_core.ingest import ingest, on_ground, with_panoramas
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
@@ -17,8 +18,9 @@ if TYPE_CHECKING:
     from catalogs.block import Block
 
 
-def plan_of(block: Block, last: Places | None = None) -> Plan:
-    """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas."""
+def plan_of(block: Block, last: Places | None = None, each: Each = here) -> Plan:
+    """Ingest a block as its settings say; with the places of an earlier ingest, charts stay where they are in the atlas. `each`
+    says where rays are cast."""
     texture = block.texture
     plan = ingest(
         block.buildings,
@@ -34,6 +36,7 @@ def plan_of(block: Block, last: Places | None = None) -> Plan:
         storey=block.storey,
         walls=texture.walls,
         last=last,
+        each=each,
     )
     return plan if block.aerial is None else under_aerial(plan, block.aerial)
 

@@ -12,7 +12,7 @@ import numpy as np
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
-from facade_core.atlas.journal import read_records, unit_key
+from facade_core.atlas.journal import read_records
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.errors import StoreError
 from tasks.compute.connect import Compute
@@ -41,15 +41,15 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     reads, writes = street_chunks(plan, street)
     found = street_keys(run, plan, group, street)
     street_key, keys = found.street, found.viewpoints
-    if is_done(read_records(group, "streets", np.array([street]))[0], street_key):
-        advance("viewpoints", earlier=len(own))
-        return Outcome(skipped=len(own) + 1)
     held = read_records(group, "viewpoints", np.array(own, np.int64))
-    first = next((k for k in range(len(own)) if not is_done(held[k], keys[k])), len(own))
+    due = [k for k in range(len(own)) if not is_done(held[k], keys[k])]
+    done = is_done(read_records(group, "streets", np.array([street]))[0], street_key)
+    outcome = Outcome(skipped=len(own) - len(due) + done)
+    advance("viewpoints", earlier=len(own) - len(due))
+    if done and not due:
+        return outcome
     # who reads them later must not take them for what this street shows now
-    forget_units(run, plan, "viewpoints", {own[k]: [] for k in range(first, len(own)) if held[k]})
-    outcome = Outcome(skipped=first)
-    advance("viewpoints", earlier=first)
+    forget_units(run, plan, "viewpoints", {own[k]: [] for k in due if held[k]})
     at = ""
     commits: list[float] = []
     try:
@@ -57,31 +57,28 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
             compute.lease(memory, (forget_street, run, street, street_key)) as worker,
             _claimed(run, name, reads, writes),
         ):
-            step = first
-            while step < len(own):
-                at = f"viewpoint {step}"
+            while due:
+                at = f"viewpoint {due[0]}"
                 session, fork = begin(run.store)
-                fork, made = compute.submit(
-                    viewpoints_unit, run, fork, street, step, len(own), street_key, worker=worker
-                ).result()
+                fork, made = compute.submit(viewpoints_unit, run, fork, street, due, street_key, worker=worker).result()
                 records = {
                     own[k]: record | {"unit": f"{name}/{k}", "key": keys[k], "status": "done"}
-                    for k, record in enumerate(made, step)
+                    for k, record in zip(due, made, strict=False)
                 }
                 started = time.perf_counter()
-                finish(session, fork, "viewpoints", records, f"viewpoint {name}/{step} and {len(records) - 1} more")
+                finish(session, fork, "viewpoints", records, f"{len(records)} viewpoints from {name}/{due[0]} on")
                 commits.append(round(time.perf_counter() - started, 4))
                 log_units("viewpoints", records.values())
                 outcome = outcome.add(records.values())
                 advance("viewpoints", len(records))
-                step += len(records)
+                due = due[len(records) :]
+            if done:  # its texels are made of none of these
+                return outcome
             at = "end of the street"
             session, fork = begin(run.store)
             fork, record = compute.submit(street_unit, run, fork, street, len(own), street_key, worker=worker).result()
             record |= {"unit": name, "key": street_key, "status": "done", "wave": wave, "commits": commits}
-            record["chain"] = unit_key(
-                list(keys)
-            )  # what it is made of: a viewpoint that is another later is told by it
+            record["chain"] = found.chain
             snapshot = finish(session, fork, "streets", {street: record}, f"street {name}")
     except Exception as error:
         if machine_fault(error):

@@ -238,15 +238,16 @@ def _charts_without(session: icechunk.Session, array: str, charts: Iterable[int]
 def _over_other_viewpoints(
     session: icechunk.Session, streets: Records, viewpoints: Records, lost: Sequence[int]
 ) -> list[int]:
-    """Streets that are done, and one of whose viewpoints is not, or is another than the street was made of."""
+    """Streets that are done, and one of whose viewpoints is not, or is another than the street was made of; none that were made
+    of a field."""
     street_of = open_table(session, "viewpoints").street.values
     viewpoints_of, away = Grouped(street_of), set(lost)
     held = [None if i in away or not _done(record) else record for i, record in enumerate(viewpoints)]
     found = []
     for street, record in enumerate(streets):
-        if record is None or not _done(record):
+        if record is None or not _done(record) or not record.get("chain"):
             continue
         keys = [one["key"] if (one := held[v]) else None for v in viewpoints_of.of(street).tolist()]
-        if None in keys or record.get("chain", unit_key(keys)) != unit_key(keys):
+        if None in keys or record["chain"] != unit_key(keys):
             found.append(street)
     return found

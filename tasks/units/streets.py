@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from threading import Lock
@@ -71,16 +72,17 @@ _taking = Lock()
 
 
 def viewpoints_unit(
-    run: Run, fork: Any, street: int, first: int, stop: int, street_key: str
+    run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str
 ) -> tuple[Any, list[dict[str, Any]]]:
-    """Texture viewpoints of a street from its `first`-th on, before `stop`: one, and those after it that begin within TOGETHER_S.
+    """Texture viewpoints of a street, by their numbers along it: the first of `steps`, and those after it that begin within
+    TOGETHER_S.
 
     Their panoramas go through the fork; returns it and a record of each. One that fails after others is left to the next unit,
     so that what they made is kept.
     """
     begun = time.time()
     records: list[dict[str, Any]] = []
-    for step in range(first, stop):
+    for step in steps:
         if records and time.time() - begun > TOGETHER_S:
             break
         try:
@@ -97,7 +99,8 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     start = time.time()
     here = context(run)
     entry = (run, street, street_key)
-    progress, mark = _take(entry, here, group, step)
+    # what a field answers does not depend on the viewpoints before, which the window need not have seen
+    progress, mark = _take(entry, here, group, step if here.field is None else None)
     viewpoint = here.plan.of_street(street)[step]
     size = (run.texture.panorama_width // 2, run.texture.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
@@ -113,13 +116,14 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     lap("render")
     rgb = here.translator.translate(panorama)
     lap("translate")
+    in_turn = progress.done == step
     if here.field is None:
         propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
-    else:
+    elif in_turn:
         see(here.plan.scene, progress.window, viewpoint, panorama.chart)
     lap("propagate")
     group["panoramas/rgb"][viewpoint.id] = rgb
-    _keep(entry, mark, _Progress(progress.window, step + 1))
+    _keep(entry, mark, _Progress(progress.window, step + 1 if in_turn else progress.done))
     lap("write")
     return {
         "textured": round(float(panorama.textured[panorama.chart >= 0].mean()), 4)
@@ -188,16 +192,16 @@ def forget_street(run: Run, street: int, street_key: str) -> None:
     _streets.pop((run, street, street_key), None)
 
 
-def _take(entry: _Street, here: Context, group: StoreGroup, step: int) -> tuple[_Progress, object]:
-    """The street's window with its first `step` viewpoints in it, from this process, else replayed from panoramas; and the mark
-    that now stands for it."""
+def _take(entry: _Street, here: Context, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
+    """The street's window with its first `step` viewpoints in it, None for any number of them: from this process, else replayed
+    from panoramas. And the mark that now stands for it."""
     for other in [held for held in list(_streets) if held[0] != entry[0]]:
         _streets.pop(other, None)
     mark = object()
     with _taking:
         held, _streets[entry] = _streets.get(entry), mark
-    if not isinstance(held, _Progress) or held.done != step:
-        held = _Progress(replay(here.plan, group, entry[1], step, field=here.field is not None), step)
+    if not isinstance(held, _Progress) or step not in (None, held.done):
+        held = _Progress(replay(here.plan, group, entry[1], step or 0, field=here.field is not None), step or 0)
     return held, mark
 
 

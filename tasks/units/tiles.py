@@ -8,23 +8,24 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.encoded import encoded_digest, tile_paths, write_encoded
-from facade_core.atlas.journal import Record
+from facade_core.atlas.encoded import check_digest, encoded_digest, read_encoded, tile_paths, write_encoded
+from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_root
+from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
 from facade_core.export.models import Textured, textured_scene
-from facade_core.export.tile_model import tile_model
+from facade_core.export.tile_model import Earlier, tile_model
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
-from tasks.units.unit import Piece
+from tasks.units.unit import Piece, Unit
 
 
 def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
     """Write the model of one tile and its coarse rasters through the fork; returns the fork and the journal record."""
     start = time.time()
     (unit,) = units
-    charts, origin = unit.arguments
+    charts, digests, shape, origin = unit.arguments
     plan = plan_of_run(run)
     placement = plan.scene.placement
     group = open_root(fork)
@@ -40,7 +41,9 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         }
 
     names = dict(enumerate(plan.scene.names))
-    tile = tile_model(_shown(run), charts, names, rasters, {"origin": list(origin), "crs": run.crs})
+    earlier = _earlier(group, unit, shape)
+    extras = {"origin": list(origin), "crs": run.crs}
+    tile = tile_model(_shown(run), charts, digests, names, rasters, extras, earlier)
     model, coarse = tile_paths(unit.name)
     write_encoded(group, model, tile.glb, f"tile {unit.name}, GLB")
     group.create_array(
@@ -56,6 +59,8 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "key": unit.key,
         "status": "done",
         "charts": len(charts),
+        "shape": shape,
+        "made_of": list(tile.made_of),
         "bytes": len(tile.glb),
         "digest": encoded_digest(tile.glb),
         "box": tile.box.round(3).tolist(),
@@ -65,6 +70,21 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "seconds": {"tile": round(time.time() - start, 4)},
     }
     return fork, {unit.index: record}
+
+
+def _earlier(group: StoreGroup, unit: Unit, shape: str) -> Earlier | None:
+    """The tile as the store holds it, where it has the same shape and is whole."""
+    (record,) = read_records(group, "tiles", np.array([unit.index]))
+    if record is None or record["status"] != "done" or record["shape"] != shape:
+        return None
+    model, path = tile_paths(unit.name)
+    try:
+        glb = read_encoded(group, model, record["digest"])
+        coarse = np.asarray(group[path][:])
+        check_digest(coarse.tobytes(), record["coarse"], path)
+    except StoreError:
+        return None
+    return Earlier(glb, coarse, tuple(record["made_of"]))
 
 
 @lru_cache(maxsize=1)

@@ -18,7 +18,7 @@ from facade_core.export import overview, pages
 from facade_core.export.joined import join_glbs, part_of_file
 from facade_core.export.models import Textured, local_frame
 from facade_core.export.overview import overview_glb, scale_afar, shown_afar
-from facade_core.export.tile_model import COARSER, TileModel, coarse_rasters, coarse_size, tile_model
+from facade_core.export.tile_model import COARSER, Earlier, TileModel, coarse_rasters, coarse_size, tile_model
 from facade_core.geometry import WALL
 from tests.facade_core.export.conftest import colour_of
 
@@ -33,9 +33,48 @@ def tile(source: Textured, building: int, origin: list[float]) -> tuple[np.ndarr
         read.extend(chosen.tolist())
         return {chart: source.raster(chart) for chart in chosen.tolist()}
 
-    made = tile_model(source, charts, NAMES, rasters, {"origin": origin, "crs": "EPSG:32635"})
+    digests = [str(chart) for chart in charts.tolist()]
+    made = tile_model(source, charts, digests, NAMES, rasters, {"origin": origin, "crs": "EPSG:32635"})
     assert sorted(read) == charts.tolist(), "each chart is read once"
     return charts, made
+
+
+@pytest.mark.parametrize("changed", [None, 0, -1])
+def test_pictures_of_which_no_chart_changed_are_taken_from_the_tile_of_before(
+    coloured: Textured, monkeypatch: pytest.MonkeyPatch, changed: int | None
+) -> None:
+    monkeypatch.setattr(pages, "LARGEST_PAGE", 256)
+    monkeypatch.setattr(pages.lay_out, "__kwdefaults__", {"largest": 256})
+    charts = coloured.chosen(np.array([0, 1]))
+    extras = {"origin": [0.0, 0.0, 0.0]}
+    read: list[int] = []
+    other = set() if changed is None else {int(charts[changed])}
+
+    def raster(chart: int, new: bool) -> np.ndarray:
+        return coloured.raster(chart) // 2 if new and chart in other else coloured.raster(chart)
+
+    def rasters(new: bool) -> Callable[[np.ndarray], dict[int, np.ndarray]]:
+        def of(chosen: np.ndarray) -> dict[int, np.ndarray]:
+            read.extend(chosen.tolist())
+            return {chart: raster(chart, new) for chart in chosen.tolist()}
+
+        return of
+
+    digests = [str(chart) for chart in charts.tolist()]
+    before = tile_model(coloured, charts, digests, NAMES, rasters(False), extras)
+    assert len(before.made_of) > 2
+    now = [f"{digest} again" if int(digest) in other else digest for digest in digests]
+    fresh = tile_model(coloured, charts, now, NAMES, rasters(True), extras)
+    read.clear()
+    again = tile_model(
+        coloured, charts, now, NAMES, rasters(True), extras, Earlier(before.glb, before.coarse, before.made_of)
+    )
+    assert other <= set(read)
+    assert len(read) < len(charts)
+    assert bool(read) == bool(other)
+    assert again.glb == fresh.glb
+    assert again.made_of == fresh.made_of
+    np.testing.assert_array_equal(again.coarse, fresh.coarse)
 
 
 def document(data: bytes) -> dict[str, Any]:

@@ -22,7 +22,7 @@ from facade_core.atlas.journal import write_record
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
 from facade_core.types import Building, Pose, Shell, Street
-from tasks.keys.streets import SETTINGS, street_keys
+from tasks.keys.streets import SETTINGS, StreetKeys, street_keys
 from tasks.keys.units import changed_parts, exemplar_key, facade_keys, parts_key, parts_of, pose_key, texture_key
 from tasks.kinds.order import STAGES
 from tasks.run import Run
@@ -297,41 +297,42 @@ def seeded(plan: Plan, digests: Mapping[str, str], passes: Mapping[int, str]) ->
     return group
 
 
-def first_that_differs(one: tuple[str, ...], other: tuple[str, ...]) -> int:
-    return next((i for i, (a, b) in enumerate(zip(one, other, strict=True)) if a != b), len(one))
+def other_viewpoints(one: StreetKeys, other: StreetKeys) -> list[bool]:
+    return [a != b for a, b in zip(one.viewpoints, other.viewpoints, strict=True)]
 
 
 @settings(max_examples=12)
 @given(st.data())
-def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it(data: st.DataObject) -> None:
+def test_a_viewpoint_stands_on_what_it_sees_and_on_those_before_it_where_they_blend(data: st.DataObject) -> None:
     plan = planned("near", "streets")
     group = seeded(plan, {}, {})
     street = data.draw(st.integers(0, len(plan.streets) - 1))
-    before = street_keys(RUN, plan, group, street)
-    assert street_keys(RUN, plan, seeded(plan, {}, {}), street) == before
+    blends = data.draw(st.booleans())
+    run = changed(RUN, {"translator": "neural" if blends else "swatches"})
+    before = street_keys(run, plan, group, street)
+    assert street_keys(run, plan, seeded(plan, {}, {}), street) == before
+    assert bool(before.chain) == blends
     own = [viewpoint.id for viewpoint in plan.of_street(street)]
     pairs = set(map(tuple, plan.views.tolist()))
 
     chart = data.draw(st.sampled_from(plan.facades.chart.tolist()))
-    now = street_keys(RUN, plan, seeded(plan, {f"{plan.ids[chart]:016x}": "another"}, {}), street)
+    now = street_keys(run, plan, seeded(plan, {f"{plan.ids[chart]:016x}": "another"}, {}), street)
     seen = [(viewpoint, chart) in pairs for viewpoint in own]
-    assert changed_parts(before.street, now.street) == ["seeds"] * any(seen)
-    assert first_that_differs(before.viewpoints, now.viewpoints) == (seen.index(True) if any(seen) else len(own))
+    assert changed_parts(before.street, now.street) == ["seeds"] * (any(seen) and blends)
+    assert other_viewpoints(before, now) == ([any(seen[: k + 1]) for k in range(len(own))] if blends else seen)
 
     looked = data.draw(st.integers(0, len(own) - 1))
     looks = tuple("another" if v == own[looked] else look for v, look in enumerate(plan.looks))
-    now = street_keys(RUN, replace(plan, looks=looks), group, street)
+    now = street_keys(run, replace(plan, looks=looks), group, street)
     assert changed_parts(before.street, now.street) == ["views"]
-    first = first_that_differs(before.viewpoints, now.viewpoints)
-    assert first == looked
-    assert not set(now.viewpoints[first:]) & set(before.viewpoints), "each stands on the one before it"
+    assert other_viewpoints(before, now) == [k >= looked if blends else k == looked for k in range(len(own))]
 
     name, value = data.draw(
         st.sampled_from(
             [("seed", 2), ("levelling", False), ("panorama_width", 256), ("walls", "x"), *ELSEWHERE.items()]
         )
     )
-    now = street_keys(changed(RUN, {name: value}), plan, group, street)
+    now = street_keys(changed(run, {name: value}), plan, group, street)
     of_streets = name in {"seed", *SETTINGS}
     assert changed_parts(before.street, now.street) == (["settings"] if of_streets else [])
     assert (now == before) == (not of_streets)

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+from collections.abc import Iterator
+from concurrent.futures import CancelledError, Future
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -15,11 +18,14 @@ from PIL import Image
 from catalogs.block import Block, read_block
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.errors import InputError
 from facade_core.geometry.packing import Places
 from facade_core.plan import Plan
+from flows.block import _announced
+from tasks.compute.connect import Compute, connect
 from tasks.keys.runs import run_of
 from tasks.stages import ingest as stage
-from tasks.stages.ingest import ingest_block
+from tasks.stages.ingest import LEAST_ITEMS, ingest_block
 from tasks.stages.planning import plan_again, plan_key, plan_of
 from tests.pipeline.stages import EAST, NORTH, STREETS, write_block, write_photo
 
@@ -91,6 +97,33 @@ def test_what_is_seen_is_looked_for_again_only_where_geometry_or_settings_change
         assert open_root(open_repository(tmp_path / "out" / "store").readonly_session(BRANCH)).attrs[
             "plan"
         ] == plan_key(block)
+
+
+def test_a_plan_whose_rays_are_cast_by_workers_is_the_same(tmp_path: Path) -> None:
+    block = write_block(tmp_path / "in", streets=STREETS)
+    _, alone = ingested(block, tmp_path / "alone")
+    out, read = tmp_path / "out", read_block(block)
+    out.mkdir()
+    ready: Future[Compute] = Future()
+    with connect(2, None, str(out)) as compute:
+        ready.set_result(compute)
+        ingest_block.fn(run_of(read, out), read, ready)
+    assert len(alone.viewpoints) > LEAST_ITEMS, "there is more than one run of them"
+    assert_equal(read_plan(open_repository(out / "store").readonly_session(BRANCH)), alone)
+
+
+def test_who_waits_for_workers_that_do_not_come_is_told() -> None:
+    ready: Future[Compute] = Future()
+
+    @contextmanager
+    def nowhere() -> Iterator[Compute]:
+        raise InputError("no scheduler")
+        yield
+
+    with pytest.raises(InputError, match="no scheduler"), _announced(nowhere(), ready):
+        pass
+    with pytest.raises(CancelledError):
+        ready.result(1)
 
 
 def test_other_code_makes_the_plan_anew(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:

@@ -138,7 +138,7 @@ def tile(height, width):
     def rasters(chosen):
         return {c: np.full((*source.texels[c][::-1], 3), 90, np.uint8) for c in chosen.tolist()}
     def unit():
-        tile_model(source, charts, {}, rasters, {"origin": [0.0, 0.0, 0.0]})
+        tile_model(source, charts, [""] * len(charts), {}, rasters, {"origin": [0.0, 0.0, 0.0]})
         return int(source.texels[charts].prod(axis=1).sum())
     return unit
 

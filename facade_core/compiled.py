@@ -1,0 +1,91 @@
+"""Small examples of what numba compiles: each calls a part of the algorithms once, so that its kernels are in numba's cache.
+
+A machine compiles for a minute when it first runs them. Workers that go through these before their first units share that work;
+else each of them would compile all of it, at the same time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+from shapely.geometry import LineString, box
+
+from facade_core.facade import from_exemplar
+from facade_core.ingest import ingest
+from facade_core.layout import complete
+from facade_core.layout.optimisation import search
+from facade_core.street.propagate import see
+from facade_core.street.render import render
+from facade_core.street.surfaces import Known, paint, surface
+from facade_core.street.translate import Swatches
+from facade_core.street.window import Window
+from facade_core.synth import STYLES, facade
+from facade_core.texture import inpaint
+from facade_core.types import Building, Element, Street
+
+DENSITY = 10.0
+SIZE_M = (7.0, 9.0)
+
+
+def cache_folder() -> Path | None:
+    """Where numba keeps what it compiled; None where it can nowhere."""
+    folder = search.stats.cache_path
+    return Path(folder) if folder else None
+
+
+def layouts() -> None:
+    """Complete a layout of which the lower half is hidden."""
+    seen = [Element("window", x, 1.0, x + 1.0, 2.5) for x in (1.0, 3.0, 5.0)]
+    complete(seen, (0.0, 0.0, 7.0, 8.0), [(0.0, 0.0, 7.0, 4.0)])
+
+
+def textures() -> None:
+    """Retarget an exemplar, and inpaint one."""
+    painted = facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
+    height, width = painted.labels.shape
+    wider = (SIZE_M[0], SIZE_M[1] + 3)
+    raster = (height, round(wider[1] * DENSITY))
+    from_exemplar(painted.image, painted.labels, wider, raster, floors=2, metres_per_pixel=1 / DENSITY)
+    hidden = np.zeros((height, width), bool)
+    hidden[height // 2 :, : width // 3] = True
+    for method in ("floors", "tiles"):
+        inpaint(painted.image, hidden, labels=painted.labels, elements=list(painted.elements), method=method, seed=0)
+
+
+def streets() -> None:
+    """Texture the street before a house from one viewpoint, by swatches, and finish all surfaces."""
+    plan = ingest(
+        [Building("a", box(0, 0, 12, 10), 9.0, "height")],
+        [Street("s", "s", LineString([(0, -6), (12, -6)]))],
+        texels_per_metre=DENSITY,
+        spacing=6.0,
+        height=2.5,
+        visibility_range=20.0,
+        panorama_width=64,
+        storey=3.0,
+        walls="translate",
+        page=512,
+    )
+    scene, placement = plan.scene, plan.scene.placement
+    charts = plan.charts_of_street(0)
+    rasters, writable = Window.layout(placement, charts, charts)
+    nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
+    window = Window.of(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
+    swatches = Swatches(scene, plan.streets, seed=0)
+    panorama = render(scene, window, plan.viewpoints[0], (32, 64))
+    swatches.translate(panorama)
+    see(scene, window, plan.viewpoints[0], panorama.chart)
+    paint(window, placement, swatches.materials)
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        size = (int(placement.height[chart]), int(placement.width[chart]))
+        return np.zeros((*size, 3), np.uint8)[rows, columns], np.zeros(size, np.uint8)[rows, columns]
+
+    for chart in range(len(scene.charts)):
+        surface(scene, swatches.materials, chart, Known(read, (), ()), network=False)
+
+
+# The longest first.
+PARTS: tuple[Callable[[], None], ...] = (layouts, textures, streets)

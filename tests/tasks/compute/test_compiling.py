@@ -1,0 +1,65 @@
+"""What is compiled on first use: each part by one of the processes of a machine, and nothing where it was done before."""
+
+from __future__ import annotations
+
+import fcntl
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from facade_core import compiled
+from tasks.compute.compiling import compile_together
+
+
+@pytest.fixture
+def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
+    """Two parts that only note that they were gone through."""
+    gone: list[str] = []
+
+    def one() -> None:
+        gone.append("one")
+
+    def two() -> None:
+        gone.append("two")
+
+    monkeypatch.setattr(compiled, "PARTS", (one, two))
+    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
+    return gone
+
+
+def test_each_part_is_gone_through_once_and_not_again(parts: list[str]) -> None:
+    compile_together()
+    compile_together()
+    assert parts == ["one", "two"]
+
+
+def test_a_part_that_another_process_is_at_is_waited_for_at_the_end(parts: list[str], tmp_path: Path) -> None:
+    with (tmp_path / "one.lock").open("a") as other:
+        fcntl.flock(other, fcntl.LOCK_EX)
+        waiting = threading.Thread(target=compile_together)
+        waiting.start()
+        while parts != ["two"]:
+            time.sleep(0.01)
+        assert waiting.is_alive()
+        fcntl.flock(other, fcntl.LOCK_UN)
+    waiting.join(60)
+    assert parts == ["two", "one"]
+
+
+def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(parts: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(compiled, "cache_folder", lambda: None)
+    compile_together()
+    assert parts == []
+
+
+def test_the_parts_reach_what_takes_longest_to_compile() -> None:
+    from facade_core.layout.optimisation import search
+    from facade_core.street.field_kernels import texels
+    from facade_core.texture.genetic import _evolve
+
+    for part in compiled.PARTS:
+        part()
+    for kernel in (search, _evolve, texels):
+        assert kernel.signatures
