@@ -71,7 +71,7 @@ class Record(TypedDict, total=False):
     passes: str
     textured: float
     texels: int
-    # pages and tiles: the file's length and digest; of a tile its box, digests of its coarse rasters and of how its pictures lie,
+    # pages and tiles: the file's length and digest; of a tile its box, digests of its coarse rasters and of how pictures lie,
     # and what each of these is made of
     bytes: int
     digest: str
