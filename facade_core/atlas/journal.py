@@ -71,11 +71,16 @@ class Record(TypedDict, total=False):
     passes: str
     textured: float
     texels: int
-    # pages and tiles: the file's length and digest; of a tile its box and that of its coarse rasters
+    # pages, tiles and pictures: the file's length and digest; of a tile its box and that of its coarse rasters
     bytes: int
     digest: str
     box: list[list[float]]
     coarse: str
+    # pictures: the name of their file in the store, of a facade's the name, title, offset and length of each in it; whether one
+    # failed as the store could not be read
+    file: str
+    pictures: list[list[Any]]
+    unread: bool
     # streets: their wave, what they are made of, and seconds of each viewpoint's commit
     wave: int
     chain: str
