@@ -48,7 +48,7 @@ STOREYS = {
         ("block",),
     ),
 }
-MOST_FILES = 16  # of a room
+MOST_FILES = 17  # of a room
 LEVELS = ("debug", "info", "warning", "error", "exception", "critical")
 
 

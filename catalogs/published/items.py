@@ -43,7 +43,7 @@ COLUMNS = (
         "kind",
         "string",
         "",
-        "facade; or building, street, surface, panorama, photo, exemplar, page, tile: set aside, see reason",
+        "facade; or building, street, surface, panorama, photo, exemplar, page, tile, picture: set aside, see reason",
         required=True,
     ),
     Column("building", "string", "", "building that the facade belongs to"),
@@ -98,7 +98,7 @@ BBOX = ("xmin", "ymin", "xmax", "ymax")
 # What a row to be written holds: the box follows from the geometry.
 ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
 STATUSES = ("done", "failed")
-KINDS = ("facade", "building", "street", "surface", "panorama", "photo", "exemplar", "page", "tile")
+KINDS = ("facade", "building", "street", "surface", "panorama", "photo", "exemplar", "page", "tile", "picture")
 _PYTHON_TYPES: dict[str, type] = {
     "string": str,
     "binary": bytes,

@@ -7,14 +7,18 @@ import re
 
 import numpy as np
 
+from facade_core.atlas.journal import Record
 from facade_core.atlas.zarr_types import StoreGroup, group_at
 from facade_core.errors import StoreError
 
 # Folders of encoded files, made by ingest: units that run side by side must not create the same group.
 # pages: every page of the atlas as JPEG; tiles: models of the cells of a quadtree as GLB; coarse: the rasters of a tile's
-# charts made smaller, one after the other.
-PAGES, TILES, COARSE = "pages", "tiles", "coarse"
-FOLDERS = (PAGES, TILES, COARSE)
+# charts made smaller, one after the other; pictures: those of the report, views as JPEG, of a facade its WebP files one after
+# the other.
+PAGES, TILES, COARSE, PICTURES = "pages", "tiles", "coarse", "pictures"
+FOLDERS = (PAGES, TILES, COARSE, PICTURES)
+# The stages whose units write them.
+ENCODING = ("pages", "tiles", "pictures")
 
 
 def page_path(page: int) -> str:
@@ -25,6 +29,22 @@ def page_path(page: int) -> str:
 def tile_paths(name: str) -> tuple[str, str]:
     """Where a store has the model of a tile, and its coarse rasters."""
     return f"{TILES}/{name}", f"{COARSE}/{name}"
+
+
+def picture_path(name: str) -> str:
+    """Where a store has a picture, or those of a facade."""
+    return f"{PICTURES}/{name}"
+
+
+def encoded_of(stage: str, unit: int, record: Record | None) -> dict[str, str]:
+    """The files that a unit of a stage wrote, path -> digest; none where it is not done."""
+    if record is None or record["status"] != "done":
+        return {}
+    if stage == "pages":
+        return {page_path(unit): record["digest"]}
+    if stage == "tiles":
+        return dict(zip(tile_paths(record["unit"]), (record["digest"], record["coarse"]), strict=True))
+    return {picture_path(record["file"]): record["digest"]} if "file" in record else {}
 
 
 def write_encoded(group: StoreGroup, path: str, data: bytes, long_name: str) -> None:
@@ -43,17 +63,17 @@ def write_encoded(group: StoreGroup, path: str, data: bytes, long_name: str) -> 
 
 def read_encoded(group: StoreGroup, path: str, digest: str) -> bytes:
     """A file of the store. Raises StoreError where there is none, or it has another digest."""
+    return read_checked(group, path, digest).tobytes()
+
+
+def read_checked(group: StoreGroup, path: str, digest: str) -> np.ndarray:
+    """A file, or coarse rasters, as the array that the store has of it. Raises StoreError as `read_encoded` does."""
     if path not in group:
         raise StoreError(f"{path} is not in the store; the next run makes it again")
-    data = np.asarray(group[path][:]).tobytes()
-    check_digest(data, digest, path)
-    return data
-
-
-def check_digest(data: bytes, digest: str, path: str) -> None:
-    """Raises StoreError where what was read of the store has another digest than what was written."""
-    if encoded_digest(data) != digest:
+    data = np.asarray(group[path][:])
+    if encoded_digest(data.tobytes()) != digest:
         raise StoreError(f"{path} is not as it was written; the next run makes it again")
+    return data
 
 
 def encoded_digest(data: bytes) -> str:

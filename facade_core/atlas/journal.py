@@ -71,14 +71,19 @@ class Record(TypedDict, total=False):
     passes: str
     textured: float
     texels: int
-    # pages and tiles: the file's length and digest; of a tile its box, digests of its coarse rasters and of how pictures lie,
-    # and what each of these is made of
+    # pages, tiles, pictures: the file's length and digest; of a tile its box, digests of its coarse rasters and of how its
+    # pictures lie, and what each of these is made of
     bytes: int
     digest: str
     box: list[list[float]]
     coarse: str
     shape: str
     made_of: list[str]
+    # pictures: the name of their file in the store, of a facade's the name, title, offset and length of each in it; whether one
+    # failed as the store could not be read
+    file: str
+    pictures: list[list[Any]]
+    unread: bool
     # streets: their wave, what they are made of, and seconds of each viewpoint's commit
     wave: int
     chain: str

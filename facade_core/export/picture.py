@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from io import BytesIO
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,15 @@ def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
     hit = chart.reshape(-1)[pixel]
     points = camera.position + rays.reshape(-1, 3)[pixel] * depth.reshape(-1)[pixel, None]
     return Picture(rgb, pixel, hit, *scene.locate(points, hit))
+
+
+def file_of(rgb: np.ndarray, format: str, **options: int) -> bytes:
+    """A picture (h, w, 3) uint8 as a file of a format and with options of Pillow."""
+    from PIL import Image
+
+    buffer = BytesIO()
+    Image.fromarray(rgb).save(buffer, format, **options)
+    return buffer.getvalue()
 
 
 def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:

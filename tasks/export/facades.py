@@ -45,7 +45,7 @@ def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: st
     from PIL import Image
 
     from facade_core.export.annotations import Annotated
-    from tasks.published.facade_stages import chart_raster
+    from facade_core.export.facade_stages import chart_raster
 
     facades = found.rectified(buildings)
     begin_stage("export", len(facades))

@@ -1,13 +1,15 @@
-"""The keys of what is finished for publishing: pages and tiles stand on the charts that they show, as those who wrote last left
-them, and on nothing else of the block."""
+"""The keys of what is finished for publishing: pages, tiles and views stand on the charts that they show, as those who wrote
+last left them, pictures of a facade on its record, and none on anything else of the block."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from facade_core.atlas.journal import unit_key
+from facade_core.atlas.journal import Record, unit_key
+from facade_core.export.camera import Camera
+from facade_core.geometry.charts import CORNERS
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import parts_key
@@ -50,6 +52,33 @@ def tile_shape(plan: Plan, charts: np.ndarray) -> str:
     placement = plan.scene.placement
     sides = (placement.width[charts].tolist(), placement.height[charts].tolist())
     return unit_key(stage_code("tiles"), plan.ids[charts].tolist(), *sides)
+
+
+def view_keys(plan: Plan, cameras: Sequence[Camera], digests: Mapping[str, str]) -> list[str]:
+    """The keys of views by some cameras: whatever may be in sight, and its texels as pages and tiles have them."""
+    charts = plan.scene.charts
+    corners = charts.at_shares(np.arange(len(charts)), CORNERS)
+    code, drawn, names = stage_code("pictures"), [stage_code("pages"), stage_code("tiles")], _names(plan)
+    keys = []
+    for camera in cameras:
+        sight = np.flatnonzero(camera.may_show(corners))
+        things = plan.things.digest[np.unique(plan.things.of_chart[sight])]
+        keys.append(
+            parts_key(
+                code,
+                settings=[camera.position.tolist(), camera.target.tolist(), camera.field_of_view, camera.size],
+                geometry=sorted(f"{digest:016x}" for digest in things.tolist()),
+                charts=sorted((names[chart], digests.get(names[chart])) for chart in sight.tolist()),
+                drawn=drawn,
+            )
+        )
+    return keys
+
+
+def facade_pictures_key(record: Record | None, staged: bool) -> str:
+    """The key of the pictures of a facade. staged: whether every stage is shown, or the texture alone."""
+    made = [record["key"], record["status"], record.get("digests")] if record else None
+    return parts_key(stage_code("pictures"), settings=staged, facade=made)
 
 
 def _names(plan: Plan) -> list[str]:

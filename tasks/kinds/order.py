@@ -9,13 +9,14 @@ from tasks.kinds.exemplars import EXEMPLARS
 from tasks.kinds.facades import FACADES
 from tasks.kinds.kind import Kind, Records
 from tasks.kinds.pages import PAGES
+from tasks.kinds.pictures import PICTURES
 from tasks.kinds.poses import POSES
 from tasks.kinds.streets import STREETS, VIEWPOINTS
 from tasks.kinds.surfaces import SURFACES
 from tasks.kinds.textures import TEXTURES
 from tasks.kinds.tiles import TILES
 
-KINDS: tuple[Kind, ...] = (POSES, EXEMPLARS, TEXTURES, FACADES, VIEWPOINTS, STREETS, SURFACES, PAGES, TILES)
+KINDS: tuple[Kind, ...] = (POSES, EXEMPLARS, TEXTURES, FACADES, VIEWPOINTS, STREETS, SURFACES, PAGES, TILES, PICTURES)
 STAGES = tuple(kind.stage for kind in KINDS)
 # The stages that have code of their own, those before and after the units among them.
 CODED = ("ingest", *(kind.stage for kind in KINDS if kind.part_of is None), "publish")

@@ -14,7 +14,7 @@ import numpy as np
 
 from catalogs.published.made import Made, link_or_copy
 from catalogs.published.snapshot import Snapshot
-from facade_core.atlas.encoded import check_digest, read_encoded, tile_paths
+from facade_core.atlas.encoded import read_checked, read_encoded, tile_paths
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.export.block_tiles import Tile, tiles_of
 from facade_core.export.joined import join_glbs, part_of_file
@@ -134,6 +134,4 @@ def coarse_of(block: StoredBlock, tiles: Sequence[WrittenTile], aside: Aside) ->
         if path in aside.failed:
             continue
         with aside.trying(path):
-            coarse = block.group[path][:]
-            check_digest(coarse.tobytes(), one.record["coarse"], path)
-            yield coarse_rasters(texels, one.tile.charts, coarse)
+            yield coarse_rasters(texels, one.tile.charts, read_checked(block.group, path, one.record["coarse"]))

@@ -146,7 +146,7 @@ def _write(run: Run, session: icechunk.Session, made: Made, block_file: Path | N
     snapshot.report.mkdir(exist_ok=True)
     images = Images((), (), {}, frozenset())
     with aside.trying("pictures"):
-        images = write_images(snapshot, block, tiles, made, aside)
+        images = write_images(snapshot, block, made, aside)
     advance("publish", 1)
     with aside.trying("report"):
         models = [path for path in (snapshot.model, snapshot.overview, snapshot.tiles) if path.is_file()]

@@ -9,7 +9,7 @@ from typing import TypeVar
 import numpy as np
 
 from facade_core.atlas.arrays import OF_STAGE
-from facade_core.atlas.encoded import encoded_digest, page_path, tile_paths
+from facade_core.atlas.encoded import ENCODING, encoded_digest, encoded_of
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.rasters import Rasters, chart_digests, picture_digest, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
@@ -22,7 +22,7 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
     """The units, by stage, of which a chart's or a panorama's digest is not that of their record; every chunk must be readable.
 
     sample: so many charts and panoramas at most, evenly spread; None for all. Units that are not done are not looked at, nor
-    those from before records had digests. Encoded pages and tiles are among them, so many of each.
+    those from before records had digests. Encoded files are among them, of so many units of each stage.
     """
     found: dict[str, set[int]] = defaultdict(set)
     chart_of = {f"{number:016x}": chart for chart, number in enumerate(plan.ids.tolist())}
@@ -41,13 +41,9 @@ def differing(group: StoreGroup, plan: Plan, sample: int | None = None) -> dict[
         if picture_digest(group["panoramas/rgb"][viewpoint]) != digest:
             found["viewpoints"].add(viewpoint)
             found["streets"].add(plan.viewpoints[viewpoint].street)
-    for stage in ("pages", "tiles"):
-        done = [(i, r) for i, r in enumerate(read_journal(group, stage)) if r and r["status"] == "done"]
-        for unit, record in _spread(done, sample):
-            if stage == "pages":
-                wanted = {page_path(unit): record["digest"]}
-            else:
-                wanted = dict(zip(tile_paths(record["unit"]), (record["digest"], record["coarse"]), strict=True))
+    for stage in ENCODING:
+        files = [(unit, encoded_of(stage, unit, record)) for unit, record in enumerate(read_journal(group, stage))]
+        for unit, wanted in _spread([one for one in files if one[1]], sample):
             for path, digest in wanted.items():
                 if path in group and encoded_digest(np.asarray(group[path][:]).tobytes()) != digest:
                     found[stage].add(unit)

@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.atlas.arrays import OF_STAGE
 from facade_core.atlas.check import Coordinates
-from facade_core.atlas.encoded import COARSE, PAGES, TILES
+from facade_core.atlas.encoded import ENCODING, FOLDERS, encoded_of
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.zarr_types import StoreArray, StoreGroup
 from facade_core.plan import Plan
@@ -33,17 +33,17 @@ def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinat
             due["viewpoints"].update(units)
         elif folder == "hierarchies":
             due["facades"].update(units)
-        elif folder == PAGES:
-            due["pages"].add(int(name))
-        elif folder in (TILES, COARSE):
-            due["tiles"].update(i for i, r in enumerate(read_journal(group, "tiles")) if r and r["unit"] == name)
         elif folder == "exemplars":
             due["exemplars"].add(int(name.partition("/")[0]))
-        else:
+        elif folder not in FOLDERS:
             writers = [stage for stage, arrays in OF_STAGE.items() if path in (array.path for array in arrays)]
             for stage, found in units_of_charts(plan, _charts_at(plan, chunks)).items():
                 due[stage].update(found if stage in writers else ())
         _empty(group, path, array, chunks)
+    for stage in ENCODING if any(path.partition("/")[0] in FOLDERS for path in lost) else ():
+        for unit, record in enumerate(read_journal(group, stage)):  # of which every chunk can be read by now
+            if not lost.keys().isdisjoint(encoded_of(stage, unit, record)):
+                due[stage].add(unit)
     return {stage: due[stage] for stage in STAGES if due[stage]}
 
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.check import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
-from facade_core.atlas.encoded import FOLDERS, page_path, tile_paths
+from facade_core.atlas.encoded import ENCODING, FOLDERS, encoded_of
 from facade_core.atlas.journal import Record, forget_record, read_journal, unit_key
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import picture_digest
@@ -61,13 +61,13 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
         "viewpoints": viewpoints,
         "streets": _over_other_viewpoints(session, records["streets"], records["viewpoints"], viewpoints),
         "surfaces": _without_texels(session, records["surfaces"]),
-        "pages": [i for i, r in enumerate(records["pages"]) if _done(r) and page_path(i) not in group],
-        "tiles": [
-            i
-            for i, record in enumerate(records["tiles"])
-            if record and _done(record) and not all(path in group for path in tile_paths(record["unit"]))
-        ],
     }
+    for stage in ENCODING:
+        found[stage] = [
+            unit
+            for unit, record in enumerate(records[stage])
+            if not all(path in group for path in encoded_of(stage, unit, record))
+        ]
     return {stage: units for stage, units in found.items() if units}
 
 

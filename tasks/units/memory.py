@@ -13,6 +13,7 @@ import numpy as np
 
 from facade_core.errors import InputError
 from facade_core.export.pages import LARGEST_PAGE
+from facade_core.export.views import SAMPLES, VIEW_SIZE
 from facade_core.street.neural import NETWORK_PIXELS
 from tasks.units.imagery import Imagery
 from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS, image_size
@@ -41,6 +42,9 @@ FINISHED_TEXEL, SURFACE_TEXEL = 10, 155
 # A page that is coloured between its charts: means of ever larger squares of it, as floats. A picture of a tile: the rasters of
 # its charts, the picture, and what of it is free; and the tile's encoded bytes, as pictures and as a model.
 PAGE_TEXEL, PICTURE_TEXEL, TILE_TEXEL = 90, 16, 1
+# A ray of a view: direction, depth, place, and what it shows (measured: 106). A texel of a facade whose stages are drawn, one
+# after the other (measured: 66 to 80).
+VIEW_RAY, DRAWN_TEXEL = 125, 90
 
 
 def pose_memory(path: Path) -> int:
@@ -73,6 +77,15 @@ def page_memory(texels: int) -> int:
 
 def tile_memory(texels: int) -> int:
     return LEAST + LARGEST_PAGE**2 * PICTURE_TEXEL + texels * TILE_TEXEL
+
+
+def view_memory(page: int) -> int:
+    """Of a view of the block, painted from pages of so many texels."""
+    return LEAST + int(np.prod(VIEW_SIZE)) * SAMPLES**2 * VIEW_RAY + page * DECODED_PIXEL
+
+
+def facade_pictures_memory(texels: int) -> int:
+    return LEAST + texels * DRAWN_TEXEL
 
 
 def street_memory(read: int, written: int, *, network: int = 0) -> int:

@@ -7,7 +7,7 @@ import io
 import numpy as np
 
 from facade_core.errors import InputError
-from tasks.published.facade_stages import Shown, stages_of
+from facade_core.export.facade_stages import Shown, stages_of
 from tasks.viewing.reading import View
 
 

@@ -18,11 +18,11 @@ from facade_core.atlas.plan_tables import read_facades, read_table
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
+from facade_core.export.facade_stages import StoredFacade
 from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
 from tasks.kinds.order import read_journals
 from tasks.outcome import refused
-from tasks.published.facade_stages import StoredFacade
 from tasks.published.rows import facts
 
 # What a facade may be coloured by: not what names it, nor where it lies.

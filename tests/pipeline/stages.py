@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pytest
 import yaml
 import zarr
 from PIL import Image
@@ -42,6 +43,8 @@ BUILDINGS: dict[str, tuple[float, ...]] = {
 }
 # Two streets that cross, and one so far away that no pixel shows it from there.
 STREETS = {"1": [(0, 0), (45, 0)], "2": [(40, -15), (40, 25)], "3": [(0, 600), (45, 600)]}
+# Views are as small as what they show.
+VIEW_SIZE = (150, 240)
 SETTINGS = {"texels_per_metre": 3, "visibility_range": 25.0, "viewpoint_spacing": 9.0, "panorama_width": 128}
 
 
@@ -115,7 +118,10 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     chosen = chosen_streets(run, only)
     for kind in KINDS:
         if kind.units is not None:
-            outcome += _do(run, due_of(run, block, kind), compute)
+            with pytest.MonkeyPatch.context() as patch:
+                patch.setattr("facade_core.export.views.VIEW_SIZE", VIEW_SIZE)
+                due = due_of(run, block, kind)
+            outcome += _do(run, due, compute)
         elif kind.part_of is None:
             for street in (s for wave in outline.waves for s in wave if chosen is None or s in chosen):
                 if outline.streets[street] == stop_before:

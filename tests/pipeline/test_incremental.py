@@ -40,7 +40,7 @@ from tests.pipeline.stages import (
 Again = Callable[..., tuple[set[str], Textured]]
 ALL_STREETS = {"s1", "s2", "s3"}
 # Stages whose units follow from what the others do.
-FOLLOW = ("viewpoints", "surfaces", "pages", "tiles")
+FOLLOW = ("viewpoints", "surfaces", "pages", "tiles", "pictures")
 LEFT: dict[str, Any] = {"texture": {"walls": "translate"}}
 
 

@@ -15,13 +15,20 @@ import pytest
 import trimesh
 from PIL import Image
 
+from catalogs.block import read_block
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.query import query
-from facade_core.atlas.encoded import tile_paths
+from facade_core.atlas.encoded import page_path, picture_path, read_encoded, tile_paths
+from facade_core.atlas.journal import forget_record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
-from tasks.published import images
+from tasks.compute.connect import Serial
+from tasks.keys.runs import run_of
+from tasks.kinds import pictures
+from tasks.kinds.pictures import PICTURES
 from tasks.published.stored import stored_block
+from tasks.stages.due import due_of
+from tasks.stages.fan_out import process_batch
 from tasks.stages.publish import publish_block
 from tasks.store.standing import nothing_due, unpublished
 from tasks.store.wounds import is_suspect, mend
@@ -89,11 +96,15 @@ def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Pa
     before, first = started(folder / "out"), current(folder / "out")
     write_photo(folder / "in", "c-0", 2)
     made, _, second = again(folder)
-    done = {(stage, unit) for stage, unit in redone(before, folder / "out") if stage in ("pages", "tiles")}
+    finished = ("pages", "tiles", "pictures")
+    done = {(stage, unit) for stage, unit in redone(before, folder / "out") if stage in finished}
     group = stored_block(open_repository(made.run.store).readonly_session(BRANCH))
     chart = group.plan.facades.chart[group.plan.facades.id.index("c-0")]
     [tile] = [path for path, one in listed(second).items() if "c" in one["buildings"]]
-    assert done == {("pages", f"{group.plan.scene.placement.page[chart]:04}"), ("tiles", tile)}
+    # the views along other streets do not look that way
+    views = {("pictures", "view above"), ("pictures", "view street-2")}
+    page = f"{group.plan.scene.placement.page[chart]:04}"
+    assert done == {("pages", page), ("tiles", tile), ("pictures", "c-0"), *views}
     linked = {
         path.relative_to(second.folder).as_posix()
         for path in second.folder.rglob("*")
@@ -160,6 +171,88 @@ def test_coarse_rasters_that_are_not_as_written_are_made_again(seeded: Path, tmp
     assert snapshot.overview.read_bytes() == current(seeded / "out").overview.read_bytes()
 
 
+def test_a_picture_that_is_lost_or_damaged_is_made_again_and_no_other(seeded: Path, tmp_path: Path) -> None:
+    folder = copied(seeded, tmp_path)
+    shutil.rmtree(folder / "out" / "published")
+    session = open_repository(folder / "out" / "store").writable_session(BRANCH)
+    group = open_root(session)
+    files = {record["unit"]: picture_path(record["file"]) for record in read_journal(group, "pictures") if record}
+    del group[files["a-0"]]
+    group[files["c-0"]][:] = 7
+    group[files["view above"]][:] = 7
+    session.commit("garbled")
+    before = started(folder / "out")
+    made, summary, snapshot = again(folder)
+    told = {one["unit"]: one["reason"] for one in summary["unpublished"]}
+    assert told.keys() == {"view above", "pictures of facade a-0", "pictures of facade c-0"}
+    assert all(reason.endswith("the next run makes it again") for reason in told.values())
+    assert not (snapshot.report / "images" / "above.jpg").exists()
+    assert is_suspect(folder / "out")
+    assert "3 pictures (" in mend(made.run)[0]
+    _, summary, snapshot = again(folder)
+    assert "unpublished" not in summary
+    assert redone(before, folder / "out") == {("pictures", unit) for unit in ("view above", "a-0", "c-0")}
+    ours, theirs = (_images(one) for one in (snapshot, current(seeded / "out")))
+    assert ours == theirs
+
+
+def test_a_picture_that_cannot_be_drawn_leaves_the_others(
+    seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Such as a view of which a page is not as it was written: its unit fails in one line, and nothing is withheld for it."""
+    folder = copied(seeded, tmp_path)
+    made, _, _ = again(folder)
+    session = open_repository(made.run.store).writable_session(BRANCH)
+    group = open_root(session)
+    for unit in range(4):
+        forget_record(group, "pictures", unit)
+    group[page_path(0)][:] = 7
+    session.commit("garbled")
+    block = read_block(folder / "in" / "block.yaml")
+    outcome = process_batch.fn(
+        made.run, "pictures", "1", PICTURES.function, due_of(made.run, block, PICTURES).pieces, Serial()
+    )
+    failed = dict(outcome.failed)
+    assert failed["view above"] == "pages/0 is not as it was written; the next run makes it again"
+    summary = publish_block.fn(made.run, folder / "in" / "block.yaml")
+    assert "withheld" not in summary
+    snapshot = current(folder / "out")
+    rows = query(folder / "out", where="kind = 'picture'")
+    assert set(rows["id"]) == set(failed)
+    assert len(list((snapshot.report / "images").glob("c-0-*.webp"))) > 3
+    assert not (snapshot.report / "images" / "above.jpg").exists()
+    assert is_suspect(folder / "out")
+    assert mend(made.run)
+    snapshot = again(folder)[2]
+    ours, theirs = (_images(one) for one in (snapshot, current(seeded / "out")))
+    assert ours == theirs
+
+
+def test_publishing_copies_pictures_and_draws_none(
+    seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Whatever lies where they were drawn from, files are those of the store, by the names and in the order of the stages."""
+    folder = copied(seeded, tmp_path)
+    shutil.rmtree(folder / "out" / "published")
+    session = open_repository(folder / "out" / "store").writable_session(BRANCH)
+    group = open_root(session)
+    for path in ("atlas/seed", "atlas/colour", "facade_maps/labels", "facade_maps/evidence"):
+        group[path][:] = 0
+    group["hierarchies/data"][:] = ""
+    session.commit("nothing to draw from")
+    made = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
+    publish_block.fn(made, folder / "in" / "block.yaml")
+    images = _images(current(folder / "out"))
+    for record in read_journal(group, "pictures"):
+        assert record is not None
+        data = read_encoded(group, picture_path(record["file"]), record["digest"])
+        for name, _, offset, length in record.get("pictures", ()):
+            assert images.pop(f"{record['unit']}-{name}.webp") == data[offset : offset + length]
+        if "pictures" not in record:
+            assert images.pop(f"{record['file']}.jpg") == data
+    assert all(name.startswith("panorama-") for name in images)
+
+
 def test_models_that_other_code_puts_together_are_not_linked(
     seeded: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -180,25 +273,20 @@ def test_a_step_that_fails_leaves_the_others(
     folder = copied(seeded, tmp_path)
     shutil.rmtree(folder / "out" / "published")
 
-    def no_view(*_: Any) -> None:
-        raise ValueError("no camera sees it")
+    def no_model(*_: Any) -> None:
+        raise ValueError("nothing is as large")
 
     with monkeypatch.context() as patch:
-        patch.setattr(images, "aim", no_view)
+        patch.setattr("tasks.stages.publish.write_model", no_model)
         _, summary, snapshot = again(folder)
-    assert {one["unit"] for one in summary["unpublished"]} == {
-        "view above",
-        "view street-0",
-        "view street-1",
-        "view street-2",
-    }
-    assert "view above is not published: ValueError: no camera sees it" in caplog.messages
+    assert {one["unit"] for one in summary["unpublished"]} == {"block.glb"}
+    assert "block.glb is not published: ValueError: nothing is as large" in caplog.messages
+    assert not snapshot.model.is_file()
     assert len(list((snapshot.report / "images").glob("c-0-*.webp"))) > 3
-    assert snapshot.model.is_file()
     _, summary, repaired = again(folder)
     assert "unpublished" not in summary
     assert repaired == snapshot
-    assert (repaired.report / "images" / "above.jpg").is_file()
+    assert repaired.model.is_file()
     assert amiss(repaired.folder, thorough=True) is None
 
 
@@ -207,31 +295,35 @@ def test_the_report_is_an_index_with_pages_for_each_street(
 ) -> None:
     folder = copied(seeded, tmp_path)
     shutil.rmtree(folder / "out" / "published")
-    monkeypatch.setattr(images, "STAGED", 1)
+    monkeypatch.setattr(pictures, "STAGED", 1)
     monkeypatch.setattr("catalogs.published.report.ON_PAGE", 1)
     report = again(folder)[2].report
     pages = sorted(report.rglob("*.html"))
     facades = query(folder / "out")
     shown: dict[str, Path] = {}
-    pictures: list[Path] = []
+    drawn: list[Path] = []
     for path in pages:
         page = lxml.html.document_fromstring(path.read_text("utf-8"))
         for element in page.iter("a", "img"):
             target = path.parent / unquote(urlparse(element.get("href") or element.get("src")).path)
             assert target.is_file(), target
             if element.tag == "img":
-                pictures.append(target.resolve())
+                drawn.append(target.resolve())
                 with Image.open(target) as image:
                     image.verify()
         shown |= {one.get("id"): path for one in page.iter("details")}
     assert set(shown) == set(facades["id"])
     assert len(set(shown.values())) == len(facades), "one to a page"
-    assert sorted(pictures) == sorted((report / "images").iterdir()), "each is shown once"
+    assert sorted(drawn) == sorted((report / "images").iterdir()), "each is shown once"
     for street, own in facades.groupby("street"):
         page = shown[own["id"].iloc[-1]].read_text()
         others = [id for id, photo in zip(own["id"], own["photo"], strict=True) if not photo > 0]
         assert ("streetloom view" in page) == (own["id"].iloc[-1] in others[1:]), street
     assert len(list((report / "images").glob("c-0-*"))) > 3, "it is from a photo"
+
+
+def _images(snapshot: Snapshot[Path]) -> dict[str, bytes]:
+    return {path.name: path.read_bytes() for path in (snapshot.report / "images").iterdir()}
 
 
 def _origin(path: Path) -> np.ndarray:

@@ -19,7 +19,7 @@ from facade_core.atlas.tables import TABLES, TEXT, Table
 from facade_core.errors import StoreError
 from tests.facade_core.atlas.stores import FORMAT_3, unpack
 
-STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets", "pages", "tiles")
+STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets", "pages", "tiles", "pictures")
 
 specs = st.builds(AtlasSpec, st.integers(1, 3), st.just(20.0), page=st.sampled_from([64, 128]), chunk=st.just(32))
 units = st.fixed_dictionaries({stage: st.integers(0, 3) for stage in STAGES})

@@ -38,9 +38,10 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
     facades = {"exemplars", "facades"}
     streets = {"streets", "swatches"}
     for path, reached in {
-        "facade_core/export/tile_model.py": {"tiles", "publish"},
-        "facade_core/export/block_tiles.py": {"publish"},
-        "facade_core/export/pages.py": {"pages", "tiles", "publish"},
+        "facade_core/export/tile_model.py": {"tiles", "pictures", "publish"},
+        "facade_core/export/block_tiles.py": {"pictures", "publish"},
+        "facade_core/export/pages.py": {"pages", "tiles", "pictures", "publish"},
+        "facade_core/export/facade_stages.py": {"pictures"},
         "facade_core/street/surfaces.py": {"surfaces"} | streets,
         "facade_core/export/joined.py": {"publish"},
         "facade_core/export/tiles.py": set(),  # only `streetloom export` takes it

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from catalogs.features import file_stem
-from tasks.published.facade_stages import shown_levels, stages_of
+from facade_core.export.facade_stages import shown_levels, stages_of
 from tasks.viewing import Reader, View
 from tasks.viewing.pictures import picture, stages
 

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from facade_core.export.views import VIEW_SIZE
 from tasks.units import memory
 from tasks.units.imagery import Imagery
 
@@ -142,6 +143,43 @@ def tile(height, width):
         return int(source.texels[charts].prod(axis=1).sum())
     return unit
 
+def view(height, width):
+    from facade_core.export import aerial, aim
+    from facade_core.export.picture import file_of
+    from facade_core.export.views import SAMPLES, paint
+    scene = walls(4, 2)
+    page = np.zeros((2048, 2048, 3), np.uint8)
+    camera = aerial(scene, (height, width))
+    def unit():
+        picture = aim(scene, camera, samples=SAMPLES)
+        assert len(picture.pixel) > picture.rgb.size // 9
+        parts = ({c: np.copy(page)} for c in picture.seen.tolist())
+        file_of(paint(scene, picture, parts), "JPEG", quality=90)
+        return height * width
+    return unit
+
+def drawn(height, width):
+    from facade_core.export import draw_facade, overlay_hidden
+    from facade_core.export.facade_stages import SAMPLES
+    from facade_core.export.picture import file_of
+    from facade_core.facade import from_photo
+    from facade_core.variation import Hierarchy, draw_level
+    made = from_photo(*picture(height, width))
+    stored = made.hierarchy.to_bytes()
+    def unit():
+        held = Hierarchy.from_bytes(stored)
+        stages = [
+            lambda: overlay_hidden(made.evidence.copy(), made.occluded.copy()),
+            lambda: draw_facade(made.labels.copy(), made.lattice),
+            lambda: made.image.copy(),
+            *(lambda level=level: draw_level(held, level) for level in (0, len(held.levels) - 1)),
+            *(lambda seed=seed: held.sample(len(held.levels) // 2, seed) for seed in SAMPLES),
+        ]
+        for draw in stages:
+            file_of(draw(), "WEBP", quality=82, method=2)
+        return height * width
+    return unit
+
 def network(height, width):
     from facade_core.street import neural
     translator, image = neural.load(), np.zeros((height, width, 3), np.uint8)
@@ -221,6 +259,16 @@ def test_a_tile_of_several_pictures_fits_what_it_declares() -> None:
     taken, texels = measured("tile", (4, 1), (30, 12))
     assert texels > 1.5 * memory.LARGEST_PAGE**2
     assert_fits(memory.tile_memory(texels), taken)
+
+
+def test_a_view_fits_what_it_declares() -> None:
+    taken, _ = measured("view", (90, 144), VIEW_SIZE)
+    assert_fits(memory.view_memory(2048**2), taken)
+
+
+def test_pictures_of_a_facade_fit_what_they_declare() -> None:
+    taken, texels = measured("drawn", (240, 320), (1200, 1600))
+    assert_fits(memory.facade_pictures_memory(texels), taken)
 
 
 def test_a_surface_fits_what_it_declares() -> None:

@@ -20,6 +20,8 @@ from facade_core.labels import colourise
 from facade_core.types import Lattice
 from facade_core.variation import Hierarchy, draw_level
 
+# The name of the one stage that the report has of every facade.
+TEXTURE = "result"
 # Levels of the hierarchy that the report draws.
 LEVELS_SHOWN = 3
 # Sampled variations: the seeds of those that the report draws, as their files sort, and of the one that the viewer does.
@@ -119,7 +121,7 @@ def stages_of(facade: StoredFacade) -> Iterator[Stage]:
     yield Stage(
         partial(facade.raster, "atlas/seed"),
         Shown("texture", "Texture, inpainted" if photo else "Texture, retargeted from the exemplar"),
-        Shown("result", "Texture"),
+        Shown(TEXTURE, "Texture"),
     )
     yield from _variations(facade, record.get("variation_levels") or 0)
     if facade.raster("atlas/provenance").any():  # its surface is finished

@@ -1,0 +1,70 @@
+"""Views of a block: from where it is pictured, and the picture painted."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from typing import TypeVar
+
+import numpy as np
+
+from facade_core.atlas.journal import Record
+from facade_core.export.camera import Camera, aerial, street_level
+from facade_core.export.picture import Picture
+from facade_core.plan import Plan
+from facade_core.street.scene import Scene
+
+VIEW_SIZE = (900, 1440)
+# Rays along each side of a pixel.
+SAMPLES = 2
+# A facade from a photo is so much more worth showing than one from an exemplar.
+PHOTO_WORTH = 4
+# Streets that have a view, and viewpoints of a street that are tried for it.
+STREETS, LOOKED_AT = 3, 24
+
+T = TypeVar("T")
+
+
+def view_names(plan: Plan) -> list[str]:
+    """The views of a block: from above, and along some streets."""
+    return ["above", *(f"street-{number}" for number in range(len(_streets(plan))))]
+
+
+def cameras(plan: Plan, records: Sequence[Record | None]) -> list[Camera]:
+    """The cameras of `view_names`, from where most of the facades is seen, photos before others. records: those of facades."""
+    worth = np.zeros(len(plan.scene.charts))
+    for chart, record in zip(plan.facades.chart, records, strict=True):
+        worth[chart] = 1 + PHOTO_WORTH * photo_share(record)
+    found = [aerial(plan.scene, VIEW_SIZE, worth)]
+    for street in _streets(plan):
+        own = spread(plan.of_street(street), LOOKED_AT)
+        found.append(street_level(plan.scene, own, VIEW_SIZE, worth))
+    return found
+
+
+def photo_share(record: Record | None) -> float:
+    """How much of a facade is from pictures of it, by its record."""
+    return record.get("provenance", [0.0])[-1] if record else 0.0
+
+
+def paint(scene: Scene, picture: Picture, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
+    """A picture aimed with SAMPLES, painted from the rasters of charts, (h, w, 3) uint8; parts: some by chart at a time."""
+    import cv2
+
+    place = scene.placement
+    texels = np.column_stack([place.width, place.height])
+    for rasters in parts:
+        picture.paint(texels, rasters)
+    size = (picture.rgb.shape[1] // SAMPLES, picture.rgb.shape[0] // SAMPLES)
+    return cv2.resize(picture.rgb, size, interpolation=cv2.INTER_AREA)
+
+
+def spread(values: list[T], count: int) -> list[T]:
+    """At most `count` of the values, evenly spread."""
+    if len(values) <= count:
+        return values
+    return [values[round(i * (len(values) - 1) / (count - 1))] for i in range(count)]
+
+
+def _streets(plan: Plan) -> list[int]:
+    """The streets that have a view."""
+    return spread(np.unique(plan.street_of_viewpoints).tolist(), STREETS)

@@ -1,0 +1,94 @@
+"""The report's pictures: views of the block, and those of every facade."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping, Sequence
+
+from catalogs.block import Block
+from facade_core.atlas.encoded import PICTURES as FOLDER
+from facade_core.atlas.encoded import forget_encoded
+from facade_core.atlas.journal import Record, latest_digests, read_journal
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.export.views import cameras, photo_share, view_names
+from facade_core.plan import Plan
+from tasks.keys.finished import facade_pictures_key, view_keys
+from tasks.kinds.kind import Change, Kind, Records
+from tasks.run import Run
+from tasks.units.memory import facade_pictures_memory, view_memory
+from tasks.units.pictures import pictures_unit
+from tasks.units.unit import Unit
+
+# Facades of a street that are shown stage by stage, beside those from photos; of the others the report has the texture alone.
+STAGED = 16
+# Facades in a piece: a commit for each would take as long as the pictures.
+TOGETHER = 8
+
+
+def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: the views, then each facade's pictures."""
+    digests = latest_digests(read_journal(group, "surfaces"), [])
+    records = read_journal(group, "facades")
+    views = cameras(plan, records)
+    memory = view_memory(plan.scene.spec.page**2)
+    units = [
+        Unit(i, f"view {name}", (key,), (name, camera), memory)
+        for i, (name, camera, key) in enumerate(
+            zip(view_names(plan), views, view_keys(plan, views, digests), strict=True)
+        )
+    ]
+    texels, staged = plan.texels(), staged_facades(plan, records)
+    for facade, (id, file) in enumerate(zip(plan.facades.id, _files(plan)[len(units) :], strict=True)):
+        units.append(
+            Unit(
+                len(views) + facade,
+                id,
+                (facade_pictures_key(records[facade], facade in staged),),
+                (file, facade, facade in staged),
+                facade_pictures_memory(int(texels[plan.facades.chart[facade]])),
+                together=facade // TOGETHER,
+            )
+        )
+    return units
+
+
+def staged_facades(plan: Plan, records: Sequence[Record | None]) -> set[int]:
+    """The facades that are shown stage by stage, by their records: those from photos, and the first of each street."""
+    count: Counter[int] = Counter()
+    staged = set()
+    for facade, (street, record) in enumerate(zip(plan.facades.street.tolist(), records, strict=True)):
+        photo = photo_share(record) > 0
+        if photo or count[street] < STAGED:
+            staged.add(facade)
+            count[street] += not photo
+    return staged
+
+
+def _files(plan: Plan) -> list[str]:
+    """What the store calls the file of each unit: views by name, facades by the ids of their charts, which stay."""
+    return [*view_names(plan), *(f"{number:016x}" for number in plan.ids[plan.facades.chart].tolist())]
+
+
+def _again(change: Change) -> dict[int, int]:
+    at = {file: unit for unit, file in enumerate(_files(change.before)[: len(change.records["pictures"])])}
+    return {unit: at[file] for unit, file in enumerate(_files(change.after)) if file in at}
+
+
+def _moved(change: Change, again: Mapping[int, int], records: Records) -> Records:
+    """Files stay where they are; those of facades that are gone do not."""
+    forget_encoded(change.group, FOLDER, set(_files(change.after)))
+    return records
+
+
+PICTURES = Kind(
+    "pictures",
+    "picture",
+    count=lambda block, plan: len(_files(plan)),
+    again=_again,
+    units=picture_units,
+    function=pictures_unit,
+    reads=("facades", "surfaces", "pages", "tiles"),
+    always=True,
+    moved=_moved,
+    follows=True,
+)
