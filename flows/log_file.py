@@ -99,7 +99,7 @@ def _fields(record: logging.LogRecord) -> dict[str, object]:
         "logger": record.name,
         "message": record.getMessage(),
     }
-    for name in ("stage", "unit", "worker", "seconds", "traceback"):
+    for name in ("stage", "unit", "worker", "started", "seconds", "traceback"):
         if (value := getattr(record, name, None)) is not None:
             fields[name] = value
     if record.exc_info and record.exc_info[0] is not None:

@@ -10,8 +10,8 @@ those of `tasks.kinds.order`, whichever they are.
   and of that for one unit.
 - `phases_s`: wall seconds of the command until the block is ingested, until the first unit, until the last one's end, until
   `current` names what is published, and until it has ended.
-- `not_busy`: the share of the command in which fewer than 90 % of the workers had a unit, and how much of it is before the
-  first unit, among units and after the last.
+- `not_busy`: the share of the command in which fewer than 90 % of the workers had a unit or rays of the ingest to cast, and
+  how much of it is before the first unit, among units and after the last.
 - `memory_mb`: peak of the coordinator, of its largest worker and of all processes; what they share counts once for each share
   (PSS).
 - `commit_kb`: what the store writes for a commit beside chunks: manifests, snapshots, the log of what changed. The mean over

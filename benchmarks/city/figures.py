@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -28,6 +29,11 @@ def figures_of(ran: Ran, out: Path, workers: int) -> dict[str, Any]:
     for of in records.values():
         for record in of:
             by_worker.setdefault(record["worker"], []).append(_interval(record))
+    for line in (line for log in (out / "logs").iterdir() for line in log.read_text("utf-8").splitlines()):
+        if (said := json.loads(line)).get(
+            "stage"
+        ) == "ingest" and "worker" in said:  # rays are cast there before any unit
+            by_worker.setdefault(said["worker"], []).append(_interval(said))
     session = open_repository(out / "store").readonly_session(BRANCH)
     ingested = float(open_root(session).attrs["ingested"])
     published = out / "published" / (out / "current").read_text().strip()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import logging
 import time
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import Future
@@ -9,7 +10,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 from prefect import task
@@ -32,9 +33,12 @@ from tasks.run import Run
 from tasks.stages.planning import plan_again, plan_key, plan_of
 from tasks.store.carry import carry_over, counts, has_all_stages, last_ingest, made_for, why_anew
 from tasks.store.room import require_room, room_for
+from tasks.units.context import worker_name
 
 if TYPE_CHECKING:
     from catalogs.block import Block
+
+log = logging.getLogger(__name__)
 
 
 T = TypeVar("T")
@@ -139,8 +143,20 @@ def _on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], list
     """What a function returns for all items, of which each worker takes some runs."""
     workers = compute.result()
     length = max(LEAST_ITEMS, -(-len(items) // (RUNS * workers.threads)))
-    runs = [workers.submit(function, items[first : first + length]) for first in range(0, len(items), length)]
-    return [one for run in runs for one in run.result()]
+    runs = [workers.submit(_timed, function, items[first : first + length]) for first in range(0, len(items), length)]
+    found: list[R] = []
+    for run in runs:
+        made, about = run.result()
+        found += made
+        log.debug("rays for %d of %d", len(found), len(items), extra={"stage": "ingest", **about})
+    return found
+
+
+def _timed(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, Any]]:
+    """What a function returns, and where and when that was."""
+    start = time.time()
+    found = function(items)
+    return found, {"worker": worker_name(), "started": start, "seconds": {"cast": round(time.time() - start, 4)}}
 
 
 def no_facade(plan: Plan, texels_per_metre: float) -> list[str]:

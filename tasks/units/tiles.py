@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.encoded import check_digest, encoded_digest, read_encoded, tile_paths, write_encoded
+from facade_core.atlas.encoded import encoded_digest, read_checked, read_encoded, tile_paths, write_encoded
 from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_root
@@ -80,8 +80,7 @@ def _earlier(group: StoreGroup, unit: Unit, shape: str) -> Earlier | None:
     model, path = tile_paths(unit.name)
     try:
         glb = read_encoded(group, model, record["digest"])
-        coarse = np.asarray(group[path][:])
-        check_digest(coarse.tobytes(), record["coarse"], path)
+        coarse = read_checked(group, path, record["coarse"])
     except StoreError:
         return None
     return Earlier(glb, coarse, tuple(record["made_of"]))
