@@ -14,10 +14,14 @@ from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
+from facade_core.resizing import resized
 from facade_core.texture import exemplar_scale, inpaint, retarget
+from facade_core.texture.structure import structure
 from facade_core.types import Completion, Element, Lattice
 from facade_core.variation import Hierarchy, encode, exchange_in_photo
 
+# A facade of which less than this is seen is not completed from it: what is made would be a guess.
+LEAST_SEEN = 0.05
 # A row is sky, for cutting an exemplar below it, when more than this share of it is.
 SKY_ROW = 0.5
 # An element hidden by more than this share was not observed.
@@ -72,10 +76,10 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
     """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade.
 
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
-    number plate. A clean photo is known to show the facade alone. Raises ImageError when nothing of the facade is visible.
+    number plate. A clean photo is known to show the facade alone. Raises ImageError where less than LEAST_SEEN of the facade is
+    seen.
     """
-    if hidden.all():
-        raise ImageError("the whole facade is hidden; give a photo that shows some of it, or none")
+    _require_seen(hidden, "of it")
     seconds: dict[str, float] = {}
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
@@ -83,8 +87,7 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
         found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
         in_front, masked = things_in_front(found)
         given, hidden = hidden, hidden | in_front
-    if hidden.all():
-        raise ImageError("trees, cars and the like hide the whole facade; give a photo that shows some of it, or none")
+    _require_seen(hidden, "beside trees, cars and the like")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if _share(hidden, e) <= HIDDEN_SHARE]
     completion, complete_labels, result = None, parsing.labels, image
@@ -104,6 +107,15 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
             result = inpaint(image, hidden, labels=complete_labels, elements=list(layout), method="floors", seed=seed)
     provenance = np.where(hidden, INPAINTED, PHOTO).astype(np.uint8)
     return _finish(image, result, complete_labels, hidden, provenance, masked, layout, completion, seconds, seed)
+
+
+def _require_seen(hidden: np.ndarray, what: str) -> None:
+    seen = 1 - hidden.mean()
+    if seen < LEAST_SEEN:
+        raise ImageError(
+            f"only {seen:.1%} of the facade is seen {what}, and {LEAST_SEEN:.0%} are the least; give a photo that shows more "
+            "of it, or none"
+        )
 
 
 def things_in_front(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
@@ -127,7 +139,8 @@ def _grown(mask: np.ndarray, share: float) -> np.ndarray:
 
 
 def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, seed: int = 0) -> Exemplar:
-    """The stages on an exemplar, then cut below its sky and measured: its scale is from its floor pitch."""
+    """The stages on an exemplar, then cut below its sky and measured: its scale is from its floor pitch. Raises ImageError
+    where it shows too little, or no window."""
     facade = from_photo(image, hidden, seed=seed)
     top = _below_sky(facade.labels)
     layout = tuple(
@@ -145,6 +158,8 @@ def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, se
         dict(facade.seconds),
         seed,
     )
+    if structure(cut.labels) is None:
+        raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with _timed(cut.seconds, "scale"):
         scale = exemplar_scale(cut.image, cut.labels, storey=storey)
     height, _ = cut.labels.shape
@@ -162,16 +177,16 @@ def from_exemplar(
     metres_per_pixel: float,
     seed: int = 0,
 ) -> Facade:
-    """A wall without imagery: an exemplar (already at `metres_per_pixel`) retargeted by tiles to size_m = (height, width)
-    metres and `floors`; size = (h, w) is the raster it must fill."""
+    """A wall without imagery: an exemplar, at `metres_per_pixel`, which may be coarser than the raster, retargeted by tiles to
+    size_m = (height, width) metres and `floors`; size = (h, w) is the raster it must fill."""
     import cv2
 
     seconds: dict[str, float] = {}
     with _timed(seconds, "retarget"):
         made = retarget(image, label_map, size_m, floors=floors, metres_per_pixel=metres_per_pixel, seed=seed)[0]
         texture, labels = made.image, made.labels
-        if texture.shape[:2] != size:
-            texture = cv2.resize(texture, size[::-1], interpolation=cv2.INTER_AREA)
+        texture = resized(texture, size)
+        if labels.shape != size:
             labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
     with _timed(seconds, "elements"):
         layout = tuple(elements(labels))

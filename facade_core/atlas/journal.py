@@ -46,6 +46,7 @@ class Record(TypedDict, total=False):
     height_m: float
     hidden: float
     metres_per_pixel: float
+    metres_per_texel: float
     # textured buildings: how many charts
     charts: int
     # facades, and floors and columns of exemplars too

@@ -122,7 +122,8 @@ def _choose(image: np.ndarray, known: np.ndarray, plan: np.ndarray, maps: np.nda
 
 def _agreed(offer: Offers) -> Offers:
     """Prices raised by how far an offer is from the mean of all, the cheap ones counting most: what most repeats show is
-    what is likely to be hidden, and what one of them alone shows (an open window, a passer-by) is not."""
+    what is likely to be hidden, and what one of them alone shows (an open window, a passer-by) is not. A map without an offer
+    has that mean's colour: a seam to it costs no more than one to what is likely there."""
     best = offer.price.min(0)
     usable = offer.price < UNUSABLE
     trust = np.where(usable, np.exp((best - offer.price) / (_DOUBT * max(float(np.median(best)), 1e-9))), 0.0).astype(
@@ -130,7 +131,8 @@ def _agreed(offer: Offers) -> Offers:
     )
     mean = np.einsum("kn,knc->nc", trust, offer.colour) / np.maximum(trust.sum(0), 1e-6)[:, None]
     apart = ((offer.colour - mean) ** 2).mean(2)
-    return Offers(np.where(usable, offer.price + _ODD * apart, UNUSABLE).astype(np.float32), offer.colour)
+    price = np.where(usable, offer.price + _ODD * apart, UNUSABLE).astype(np.float32)
+    return Offers(price, np.where(usable[..., None], offer.colour, mean))
 
 
 def _useful(price: np.ndarray) -> np.ndarray:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.atlas.levelling import spread
 from facade_core.errors import ImageError
 from facade_core.labels import UNKNOWN
 from facade_core.texture.compose import compose
@@ -23,9 +24,11 @@ def fill_by_tiles(
 ) -> np.ndarray:
     """image (H, W, 3) uint8 with the pixels of mask (H, W) filled by tiles of a lattice over labels (H, W) uint8.
 
-    A tile is observed if no more than a twentieth of it is hidden. Only whole visible tiles are copied. Generations
-    grow with the hidden nodes: 40 each, 400 to 5000. Raises ImageError where no tile is visible.
+    A tile is observed if no more than a twentieth of it is hidden. Only whole visible tiles are copied; what is hidden of
+    others is taken from around first, as colours fade over borders. Generations grow with the hidden nodes: 40 each, 400 to
+    5000. Raises ImageError where no tile is visible.
     """
+    image = np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
     rows, columns = np.asarray(grid.rows), np.asarray(grid.columns)
     hidden = np.add.reduceat(np.add.reduceat(mask.astype(float), rows[:-1], 0), columns[:-1], 1)
     heights, widths = np.diff(rows), np.diff(columns)

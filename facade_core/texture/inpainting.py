@@ -8,9 +8,10 @@ from functools import partial
 import cv2
 import numpy as np
 
+from facade_core.atlas.levelling import spread
 from facade_core.errors import ImageError
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL
-from facade_core.texture.checks import check_image, check_labels, check_mask
+from facade_core.texture.checks import LEAST_SIDE, check_image, check_labels, check_mask
 from facade_core.texture.floors import fill_by_floors
 from facade_core.texture.hidden_tiles import fill_by_tiles
 from facade_core.texture.structure import structure
@@ -40,11 +41,12 @@ def inpaint(
     "floors". Labels count only outside the mask.
 
     elements in pixels, from a completed layout, say where windows go: sources that put elements on elements are
-    preferred. Without any repetition "floors" copies from where the rim fits best; what has no source is diffused.
+    preferred. Without any repetition "floors" copies from where the rim fits best; what has no source is diffused, and so is
+    all where a side has less than LEAST_SIDE pixels, on which nothing repeats.
     Raises ImageError for bad arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and
     elements.
     """
-    check_image(image)
+    check_image(image, least=1)
     check_mask(image, mask)
     if labels is not None:
         check_labels(image, labels)
@@ -54,6 +56,8 @@ def inpaint(
         raise ImageError("inpaint: method 'tiles' needs labels=parse(image).labels or elements; or use method='floors'")
     if not mask.any():
         return image.copy()
+    if min(mask.shape) < LEAST_SIDE:
+        return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
     guide = _guide(mask, labels, elements)
     fill = _fill_by_better if method == "auto" else partial(_fill, method)
     filled = fill(image, mask, labels, guide, seed)

@@ -15,6 +15,8 @@ from facade_core.facade import Box, things_in_front
 from facade_core.parse import parse
 from facade_core.plan import Plan
 from facade_core.rectify import View, fuse_views, own_texture, rectify, rectify_view
+from facade_core.rectify.no_data import no_data
+from facade_core.resizing import resized
 from facade_core.types import Pose
 from tasks.outcome import refusing
 from tasks.units.images import focal_length, read_panorama, read_textures, read_whole
@@ -99,7 +101,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.nda
     import cv2
 
     picture = read_whole(path, least=LEAST_SIDE)
-    image, hidden = picture.rgb, picture.hidden
+    image, hidden = picture.rgb, picture.hidden | no_data(picture.rgb)
     if not rectified:
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         focal = focal_length(path)
@@ -108,7 +110,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.nda
         except ImageError as error:
             raise ImageError(f"{path.name}: {error}") from error
         image, hidden = found.image, ~found.seen
-    image = cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA)
+    image = resized(image, size)
     hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
     return image, hidden
 

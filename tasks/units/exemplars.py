@@ -1,4 +1,4 @@
-"""One exemplar: read, parsed, completed, measured and brought to the block's density."""
+"""One exemplar: read, parsed, completed, measured and brought to the block's density, or to one that it fits at."""
 
 from __future__ import annotations
 
@@ -7,18 +7,23 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.atlas.journal import Record
+from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.spec import Array
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import StoreError
 from facade_core.facade import prepare_exemplar
 from facade_core.labels import FLAGS
+from facade_core.rectify.no_data import no_data
+from facade_core.resizing import resized
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
 from tasks.units.images import LONGEST_EXEMPLAR, read_exemplar_picture
 from tasks.units.unit import Piece
 
-IMAGE = Array("image", ("row", "column", "band"), "uint8", "exemplar at the block's density, without what hid it")
+IMAGE = Array(
+    "image", ("row", "column", "band"), "uint8", "exemplar at the block's density or coarser, without what hid it"
+)
 LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.labels, 255 unknown", FLAGS)
 
 
@@ -30,7 +35,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     (unit,) = units
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
-    hidden = picture.hidden
+    hidden = picture.hidden | no_data(picture.rgb)
     seconds = {"read": time.time() - start}
     prepared = prepare_exemplar(picture.rgb, hidden, storey=run.storey, seed=unit_seed(run, unit.name, "exemplar"))
     seconds |= prepared.facade.seconds
@@ -39,8 +44,9 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     height, width = (max(8, round(side * factor)) for side in prepared.facade.labels.shape)
     shrink = min(1.0, LONGEST_EXEMPLAR / max(height, width))
     size = (round(width * shrink), round(height * shrink))
-    texture = cv2.resize(prepared.facade.image, size, interpolation=cv2.INTER_AREA if factor < 1 else cv2.INTER_CUBIC)
+    texture = resized(prepared.facade.image, size[::-1])
     labels = cv2.resize(prepared.facade.labels, size, interpolation=cv2.INTER_NEAREST)
+    metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)
 
     group = open_root(fork)
     IMAGE.write(group, f"exemplars/{unit.index}", texture)
@@ -50,8 +56,9 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "unit": unit.name,
         "key": unit.key,
         "status": "done",
-        "width_m": size[0] / run.texture.texels_per_metre,
-        "height_m": size[1] / run.texture.texels_per_metre,
+        "width_m": size[0] * metres_per_texel,
+        "height_m": size[1] * metres_per_texel,
+        "metres_per_texel": metres_per_texel,
         "floors": prepared.floors,
         "columns": prepared.columns,
         "hidden": round(float(hidden.mean()), 4),
@@ -63,6 +70,10 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     return fork, {unit.index: record}
 
 
-def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray]:
-    """A prepared exemplar at the block's density: image (h, w, 3) uint8 and labels (h, w) uint8."""
-    return group[f"exemplars/{index}/image"][:], group[f"exemplars/{index}/labels"][:]
+def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:
+    """A prepared exemplar: image (h, w, 3) uint8, labels (h, w) uint8, and metres per texel: the block's density, or coarser
+    where it would be larger than LONGEST_EXEMPLAR."""
+    (record,) = read_records(group, "exemplars", np.array([index]))
+    if record is None:
+        raise StoreError(f"exemplar {index} has no record; the next run makes it again")
+    return group[f"exemplars/{index}/image"][:], group[f"exemplars/{index}/labels"][:], record["metres_per_texel"]

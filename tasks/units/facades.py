@@ -119,14 +119,14 @@ def _make(
         raise FacadeError(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
-    image, labels = read_exemplar(group, imagery.exemplar[0])
+    image, labels, metres_per_texel = read_exemplar(group, imagery.exemplar[0])
     result = from_exemplar(
         image,
         labels,
         (float(facades.height[facade]), float(facades.width[facade])),
         size,
         floors=int(facades.floors[facade]),
-        metres_per_pixel=1 / run.texture.texels_per_metre,
+        metres_per_pixel=metres_per_texel,
         seed=seed,
     )
     return depth, result, imagery.exemplar[1], nothing

@@ -41,8 +41,26 @@ def test_the_same_photo_and_seed_make_the_same_bits() -> None:
 
 
 def test_a_photo_of_which_nothing_is_seen_is_refused() -> None:
-    with pytest.raises(ImageError, match="whole facade is hidden"):
-        from_photo(PAINTED.image, np.ones_like(PAINTED.occluded))
+    hidden = np.ones_like(PAINTED.occluded)
+    with pytest.raises(ImageError, match=r"only 0\.0% of the facade is seen of it"):
+        from_photo(PAINTED.image, hidden)
+    hidden[100, 100] = False
+    with pytest.raises(ImageError, match="5% are the least"):
+        from_photo(PAINTED.image, hidden)
+
+
+def test_an_exemplar_without_windows_is_refused() -> None:
+    wall = np.full((160, 200, 3), 150, np.uint8)
+    wall += np.random.default_rng(1).integers(0, 20, wall.shape).astype(np.uint8)
+    with pytest.raises(ImageError, match="no windows are found"):
+        prepare_exemplar(wall, np.zeros(wall.shape[:2], bool), storey=3.2)
+
+
+def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
+    made = from_exemplar(clean.image, clean.labels, (13.0, 16.0), (650, 800), floors=4, metres_per_pixel=0.06, seed=3)
+    same = (made.image[1::3, :-1] == made.image[1::3, 1:]).all(axis=2)
+    assert same.mean() < 0.5, "a pixel is not repeated as it is"
 
 
 def test_a_photo_without_holes_needs_no_completion() -> None:

@@ -48,7 +48,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
             return shown[source]
 
         monkeypatch.setattr(facade, "evidence_of", evidence_of)
-        monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None))
+        monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None, 0.05))
         monkeypatch.setattr(facade, "from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
         run: Any = Value(seed=1, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
@@ -66,7 +66,7 @@ def test_the_next_source_is_taken(make: Callable[..., Any]) -> None:
     depth, made, source, refused = make(both, {"photo": broken, "panoramas": hidden})
     assert (depth, made, source) == (2, "made", "brick")
     assert [str(error) for error in refused][:1] == ["a-0.png: broken"]
-    assert str(refused[1]).startswith("p: the whole facade is hidden"), "what is refused later is named too"
+    assert str(refused[1]).startswith("p: only 0.0% of the facade is seen"), "what is refused later is named too"
     depth, made, source, refused = make(both, {"photo": None, "panoramas": None})
     assert (depth, source, refused) == (2, "brick", [])
     left = Imagery(photo=Path("a-0.png"))

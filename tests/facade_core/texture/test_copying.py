@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.texture.expansion import choose
+from facade_core.texture.floors import _agreed
 from facade_core.texture.membrane import membrane
 from facade_core.texture.mosaic import paint
 from facade_core.texture.prices import UNUSABLE, Offers, offers
@@ -91,3 +92,13 @@ def test_copies_are_fitted_to_the_pixel_and_known_pixels_stay(wallpaper, known):
     out, done = paint(spoiled, known, chosen, np.array([[0, -21, 0]]), 2, 4.0)  # 42 px; the repeat is at 40
     assert done.all()
     assert np.abs(out.astype(int) - image).max() <= 2
+
+
+def test_a_map_without_an_offer_is_no_black_picture_to_the_seams() -> None:
+    """Of two maps one offers nothing to the right half: the seam between them costs what differs where both offer."""
+    price = np.array([[0.1, 0.1, 0.1, 0.1], [0.2, 0.2, UNUSABLE, UNUSABLE]], np.float32)
+    colour = np.full((2, 4, 3), 0.7, np.float32)
+    colour[1, 2:] = 0.0
+    agreed = _agreed(Offers(price, colour))
+    np.testing.assert_allclose(agreed.colour[1], 0.7, atol=1e-6)
+    assert (agreed.price[1, 2:] == UNUSABLE).all()

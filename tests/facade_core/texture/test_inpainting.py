@@ -156,3 +156,33 @@ def test_a_window_hidden_on_a_real_facade(data):
     wall = mask & (labels == 0)
     contrast = filled[wall].mean() - filled[window].mean()
     assert contrast > 0.5 * (image[wall].mean() - image[window].mean())
+
+
+@pytest.mark.parametrize("method", ["floors", "tiles", "auto"])
+def test_what_a_hole_was_painted_with_does_not_show(facade, method):
+    mask = np.zeros(facade.labels.shape, bool)
+    mask[60:140, 40:130] = True
+    one, other = (
+        inpaint(np.where(mask[..., None], np.uint8(paint), facade.image), mask, labels=facade.labels, method=method)
+        for paint in (0, 255)
+    )
+    np.testing.assert_array_equal(one, other)
+
+
+def test_labels_that_are_no_class_are_refused(facade):
+    mask = np.zeros(facade.labels.shape, bool)
+    mask[60:100, 40:80] = True
+    strange = facade.labels.copy()
+    strange[:5, :5] = 7
+    with pytest.raises(ImageError, match="id 7 is no class"):
+        inpaint(facade.image, mask, labels=strange)
+
+
+def test_a_picture_on_which_nothing_can_repeat_is_filled_from_around():
+    image = np.full((9, 120, 3), 90, np.uint8)
+    image[:, 60:] = 160
+    mask = np.zeros((9, 120), bool)
+    mask[2:, 20:40], mask[2:, 80:100] = True, True
+    filled = inpaint(spoiled(image, mask), mask)
+    assert np.abs(filled.astype(int) - image).max() <= 40
+    assert np.abs(filled.astype(int) - image).mean() < 3
