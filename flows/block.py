@@ -39,7 +39,7 @@ from tasks.stages.due import Due, due_of, what_is_due, what_is_set_aside
 from tasks.stages.fan_out import AT_ONCE, batches, process_batch
 from tasks.stages.ingest import Outline, ingest_block
 from tasks.stages.publish import publish_block
-from tasks.stages.streets import texture_street
+from tasks.stages.streets import streets_done, texture_street
 from tasks.store.redo import chosen_streets
 from tasks.store.room import require_room
 from tasks.units.memory import street_memory
@@ -226,7 +226,9 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
     begin_stage("viewpoints", sum(outline.viewpoints[street] for street in order))
     network = run.texture.panorama_width**2 // 2 if run.texture.translator == "neural" else 0
     waits = {street: set(outline.after[street]) & set(order) for street in order}
-    outcomes: dict[int, Outcome] = {}
+    outcomes = streets_done(run, order)
+    for street in outcomes:
+        del waits[street]
     ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
     under_way = 0
     while waits or under_way:
