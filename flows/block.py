@@ -29,6 +29,7 @@ from flows.entry import Entry, entered, faults_told
 from flows.lock import locked
 from flows.log_file import told_to_prefect
 from tasks.compute.connect import Compute, connect
+from tasks.compute.spreading import spread
 from tasks.examples.demo import NAME, write_demo
 from tasks.kinds.order import KINDS
 from tasks.outcome import Outcome, refused
@@ -39,7 +40,7 @@ from tasks.stages.due import Due, due_of, what_is_due, what_is_set_aside
 from tasks.stages.fan_out import AT_ONCE, batches, process_batch
 from tasks.stages.ingest import Outline, ingest_block
 from tasks.stages.publish import publish_block
-from tasks.stages.streets import streets_done, texture_street
+from tasks.stages.streets import note_partial, streets_done, texture_street
 from tasks.store.redo import chosen_streets
 from tasks.store.room import require_room
 from tasks.units.memory import street_memory
@@ -149,10 +150,11 @@ def _texture(
     run, block = entry.run, entry.block
     # a local cluster starts beside the ingest; one that is named may not be there, which is said at once
     ready: Future[Compute] = Future()
-    ingest = submit(ingest_block, run, block, ready) if dask is None else None
+    cast = partial(spread, ready)
+    ingest = submit(ingest_block, run, block, cast) if dask is None else None
     # told here too, as the flow must end by it, whoever entered
     with faults_told(run), _announced(connect(workers, dask, run.out, until), ready) as compute:
-        outline = (ingest or submit(ingest_block, run, block, ready)).result()
+        outline = (ingest or submit(ingest_block, run, block, cast)).result()
         run = replace(run, ingested=outline.ingested)
         for line in what_is_set_aside(outline):
             tell(line)
@@ -226,7 +228,7 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
     begin_stage("viewpoints", sum(outline.viewpoints[street] for street in order))
     network = run.texture.panorama_width**2 // 2 if run.texture.translator == "neural" else 0
     waits = {street: set(outline.after[street]) & set(order) for street in order}
-    outcomes = streets_done(run, order)
+    outcomes = streets_done(run, order, outline.after)
     for street in outcomes:
         del waits[street]
     ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
@@ -244,6 +246,7 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
         street, future = ended.get()
         outcomes[street] = future.result()
         under_way -= 1
+    note_partial(run, chosen is not None)
     outcome = sum((outcomes[street] for street in order), Outcome())
     _log("streets", outcome)
     return outcome

@@ -6,6 +6,7 @@ from __future__ import annotations
 import fcntl
 import logging
 import sys
+import time
 from collections.abc import Callable
 from hashlib import blake2b
 from pathlib import Path
@@ -14,11 +15,15 @@ import facade_core
 
 log = logging.getLogger(__name__)
 
+# Seconds that another process is waited for.
+LONGEST_S = 60.0
+
 
 def compile_together() -> None:
     """Have everything in numba's cache that units call; at once where it was done before.
 
-    A part that another process is at work on is left to it, and waited for at the end.
+    A part that another process is at work on is left to it, and waited for at the end, for as long as a part may take: one that
+    was stopped must not hold up others.
     """
     from facade_core.compiled import PARTS, cache_folder
 
@@ -33,17 +38,22 @@ def compile_together() -> None:
         for part in left:
             _compiled(folder / f"{part.__name__}.lock", part, wait=True)
         done.touch()
-    except OSError as error:  # units compile what they need
+    except Exception as error:  # units compile what they need, and say what is wrong
         log.debug("what is compiled cannot be shared in %s: %s", folder, error)
 
 
 def _compiled(lock: Path, part: Callable[[], None], *, wait: bool) -> bool:
     """Go through a part alone; False where another does."""
+    until = time.monotonic() + (LONGEST_S if wait else 0.0)
     with lock.open("a") as handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | (0 if wait else fcntl.LOCK_NB))
-        except BlockingIOError:
-            return False
+        while True:
+            try:
+                fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                break
+            except BlockingIOError:
+                if time.monotonic() >= until:
+                    return False
+                time.sleep(0.2)
         part()
         return True
 

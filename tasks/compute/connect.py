@@ -128,6 +128,7 @@ def connect(
     settings = {
         "distributed.worker.daemon": True,
         "distributed.admin.tick.limit": "60s",
+        "distributed.admin.large-graph-warning-threshold": "1 GiB",  # runs of rays take the block's geometry along
         "distributed.scheduler.allowed-failures": 1,  # a suspect is run once more by itself
         # a local cluster forgets a worker whose nanny takes longer to start it anew than this
         "distributed.deploy.lost-worker-timeout": "1 day",

@@ -2,15 +2,12 @@
 
 from __future__ import annotations
 
-import logging
 import time
-from collections.abc import Callable, Mapping, Sequence
-from concurrent.futures import Future
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
-from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, TypeVar
+from typing import TYPE_CHECKING
 
 import numpy as np
 from prefect import task
@@ -24,28 +21,17 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import predecessors
-from facade_core.identity import here
+from facade_core.identity import Each, here
 from facade_core.plan import Plan
-from tasks.compute.connect import Compute
 from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
 from tasks.stages.planning import plan_again, plan_key, plan_of
 from tasks.store.carry import carry_over, counts, has_all_stages, last_ingest, made_for, why_anew
 from tasks.store.room import require_room, room_for
-from tasks.units.context import worker_name
 
 if TYPE_CHECKING:
     from catalogs.block import Block
-
-log = logging.getLogger(__name__)
-
-
-T = TypeVar("T")
-R = TypeVar("R")
-# Runs of items for each thread of the workers, so that none waits long for the last; and items of a run at least, as each takes
-# the block's geometry along.
-RUNS, LEAST_ITEMS = 4, 8
 
 
 @dataclass(frozen=True)
@@ -75,11 +61,10 @@ class Outline:
 
 
 @task(name="ingest", task_run_name="ingest", cache_policy=NO_CACHE)
-def ingest_block(run: Run, block: Block, compute: Future[Compute] | None = None) -> Outline:
+def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
     """Write the block's plan and its arrays in one commit, unless the store holds them for the same inputs and code.
 
-    Arrays are empty, or hold what is left of an earlier ingest. Rays are cast by `compute`, which may start meanwhile: it is
-    waited for when they are to be. Without one this process casts them.
+    Arrays are empty, or hold what is left of an earlier ingest. `each` says where rays are cast, in this process without.
     """
     begin_stage("ingest", 1)
     repository = open_repository(run.store, create=True)
@@ -92,13 +77,7 @@ def ingest_block(run: Run, block: Block, compute: Future[Compute] | None = None)
         last = last_ingest(run, repository)
         standing = plan_key(block)
         same = last is not None and root.attrs.get("plan") == standing
-        plan = (
-            plan_again(block, last.plan)
-            if last and same
-            else plan_of(
-                block, last.places if last else None, here if compute is None else partial(_on_workers, compute)
-            )
-        )
+        plan = plan_again(block, last.plan) if last and same else plan_of(block, last.places if last else None, each)
         require_room(Path(run.out), room_for(plan, run.texture.panorama_width))
         if last is None:
             anew = why_anew(run, root)
@@ -137,26 +116,6 @@ def ingest_block(run: Run, block: Block, compute: Future[Compute] | None = None)
         commit(session, f"ingest {run.block}")
     advance("ingest", 1)
     return replace(_outline(plan, root, skipped), anew=anew)
-
-
-def _on_workers(compute: Future[Compute], function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list[R]:
-    """What a function returns for all items, of which each worker takes some runs."""
-    workers = compute.result()
-    length = max(LEAST_ITEMS, -(-len(items) // (RUNS * workers.threads)))
-    runs = [workers.submit(_timed, function, items[first : first + length]) for first in range(0, len(items), length)]
-    found: list[R] = []
-    for run in runs:
-        made, about = run.result()
-        found += made
-        log.debug("rays for %d of %d", len(found), len(items), extra={"stage": "ingest", **about})
-    return found
-
-
-def _timed(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> tuple[list[R], dict[str, Any]]:
-    """What a function returns, and where and when that was."""
-    start = time.time()
-    found = function(items)
-    return found, {"worker": worker_name(), "started": start, "seconds": {"cast": round(time.time() - start, 4)}}
 
 
 def no_facade(plan: Plan, texels_per_metre: float) -> list[str]:

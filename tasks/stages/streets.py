@@ -13,7 +13,7 @@ from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from facade_core.atlas.journal import read_journal, read_records
-from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.errors import StoreError
 from tasks.compute.connect import Compute
 from tasks.keys.streets import street_keys
@@ -27,10 +27,21 @@ from tasks.units.context import plan_of_run
 from tasks.units.streets import forget_street, street_unit, viewpoints_unit
 
 
-def streets_done(run: Run, streets: Sequence[int]) -> dict[int, Outcome]:
+def note_partial(run: Run, partial: bool) -> None:
+    """Have the store say whether the last run left streets out: then there is more to do than its records show."""
+    session = open_repository(run.store).writable_session(BRANCH)
+    root = open_root(session)
+    if bool(root.attrs.get("partial", False)) != partial:
+        root.attrs["partial"] = partial
+        commit(session, "streets were left out" if partial else "no street is left out")
+
+
+def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]]) -> dict[int, Outcome]:
     """The streets of which nothing is due, with what came of them: asked at once, as each would read its records by itself.
 
-    Only where a translator answers with a field: else what a street stands on is known when those before it are done.
+    streets: in the order of their waves; after: for each street of the block those that it waits for. One that waits for a
+    street of which something is due is not among them: what it stands on is known when that is done. Only where a translator
+    answers with a field, by which few are due.
     """
     group = open_root(open_repository(run.store).readonly_session(BRANCH))
     records = read_journal(group, "streets")
@@ -38,8 +49,11 @@ def streets_done(run: Run, streets: Sequence[int]) -> dict[int, Outcome]:
         return {}
     plan = plan_of_run(run)
     journals = {stage: read_journal(group, stage) for stage in ("textures", "facades", "viewpoints")}
-    found = {}
+    found: dict[int, Outcome] = {}
+    chosen = set(streets)
     for street in streets:
+        if not chosen.intersection(after[street]) <= found.keys():
+            continue
         keys = street_keys(run, plan, group, street, journals)
         held = [journals["viewpoints"][viewpoint.id] for viewpoint in plan.of_street(street)]
         if is_done(records[street], keys.street) and all(map(is_done, held, keys.viewpoints)):
@@ -105,6 +119,11 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
         if machine_fault(error):
             raise machine_error(f"street {name}", error) from error
         session, fork = begin(run.store)
+        if done and due:  # the street's texels stand on no panorama: they stay
+            record = failure(f"{name}/{due[0]}", keys[due[0]], error)
+            finish(session, fork, "viewpoints", {own[due[0]]: record}, f"viewpoint {name}/{due[0]} failed")
+            log_units("viewpoints", [record])
+            return outcome.add([record])
         record = failure(name, street_key, error) | {"wave": wave, "digests": {}}
         record["reason"] = f"{at}: {record['reason']}" if at else record["reason"]
         finish(session, fork, "streets", {street: record}, f"street {name} failed")

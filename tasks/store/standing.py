@@ -68,6 +68,8 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
         session = repository.readonly_session(BRANCH)
         group = open_root(session)
         _check_block(run, group)
+        if group.attrs.get("partial"):
+            return None
         if group.attrs.get("key") != run.key or unpublished(Path(run.out), session.snapshot_id):
             return None
         if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):

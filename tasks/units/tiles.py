@@ -75,7 +75,7 @@ def tile_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
 def _earlier(group: StoreGroup, unit: Unit, shape: str) -> Earlier | None:
     """The tile as the store holds it, where it has the same shape and is whole."""
     (record,) = read_records(group, "tiles", np.array([unit.index]))
-    if record is None or record["status"] != "done" or record["shape"] != shape:
+    if record is None or record["status"] != "done" or record.get("shape") != shape:
         return None
     model, path = tile_paths(unit.name)
     try:

@@ -132,7 +132,7 @@ def test_tasks_are_named_after_what_they_do(site: Site, finished: tuple[Path, Fl
     names = {task.name for task in tasks}
     assert names >= {"ingest", "street Kasarmikatu", "street Rikhardinkatu", "publish"}
     for name in names - {"ingest", "publish"}:
-        assert re.fullmatch(r"(exemplars|facades|surfaces|pages|tiles) \d+ of \d+|street \w+", name)
+        assert re.fullmatch(r"(exemplars|facades|surfaces|pages|tiles|pictures) \d+ of \d+|street \w+", name)
 
 
 def test_the_same_atlas_as_without_deployments(

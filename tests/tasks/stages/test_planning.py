@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from concurrent.futures import CancelledError, Future
 from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -23,9 +24,10 @@ from facade_core.geometry.packing import Places
 from facade_core.plan import Plan
 from flows.block import _announced
 from tasks.compute.connect import Compute, connect
+from tasks.compute.spreading import LEAST_ITEMS, spread
 from tasks.keys.runs import run_of
 from tasks.stages import ingest as stage
-from tasks.stages.ingest import LEAST_ITEMS, ingest_block
+from tasks.stages.ingest import ingest_block
 from tasks.stages.planning import plan_again, plan_key, plan_of
 from tests.pipeline.stages import EAST, NORTH, STREETS, write_block, write_photo
 
@@ -107,7 +109,7 @@ def test_a_plan_whose_rays_are_cast_by_workers_is_the_same(tmp_path: Path) -> No
     ready: Future[Compute] = Future()
     with connect(2, None, str(out)) as compute:
         ready.set_result(compute)
-        ingest_block.fn(run_of(read, out), read, ready)
+        ingest_block.fn(run_of(read, out), read, partial(spread, ready))
     assert len(alone.viewpoints) > LEAST_ITEMS, "there is more than one run of them"
     assert_equal(read_plan(open_repository(out / "store").readonly_session(BRANCH)), alone)
 
