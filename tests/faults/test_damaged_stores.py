@@ -47,7 +47,9 @@ def blend(group: Any) -> None:
     """Have the street of viewpoint 1 be made of what its viewpoints made, as the network's are."""
     street_of = group["viewpoints/street"][:]
     street = int(street_of[1])
-    keys = [json.loads(group["journal/viewpoints"][v].item())["key"] for v in np.flatnonzero(street_of == street)]
+    keys = [
+        json.loads(group["journal/viewpoints"][v].item())["key"] for v in np.flatnonzero(street_of == street).tolist()
+    ]
     record = json.loads(group["journal/streets"][street].item())
     write_record(group, "streets", street, record | {"chain": unit_key(keys)})
 
