@@ -101,8 +101,10 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.nda
     import cv2
 
     picture = read_whole(path, least=LEAST_SIDE)
-    image, hidden = picture.rgb, picture.hidden | no_data(picture.rgb)
-    if not rectified:
+    image, hidden = picture.rgb, picture.hidden
+    if rectified:
+        hidden = hidden | no_data(image)
+    else:
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         focal = focal_length(path)
         try:
