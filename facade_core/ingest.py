@@ -46,9 +46,8 @@ def ingest(
     Without streets they are derived from the gaps between the buildings. Without an elevation the ground follows the
     buildings' bases. poses and panorama_sizes (rows, columns) are those of the panoramas. Lengths in metres; walls is
     "exemplar" (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart).
-    With the places of an earlier ingest, charts stay where they are in the atlas. `each` casts what viewpoints see, most of the
-    work. Raises GeometryError for a block without
-    geometry.
+    With the places of an earlier ingest, charts stay where they are in the atlas. `each` says where rays are cast, most of
+    the work. Raises GeometryError for a block without geometry.
     """
     footprints = [building.footprint for building in buildings]
     streets = tuple(streets) or streets_between(footprints)

@@ -56,9 +56,8 @@ def main() -> None:
             block, out = write_block(Path(name) / named, size), Path(name) / named / "out"
             ran = run(block, out, asked.workers)
             found[named], looks[named] = figures_of(ran, out, asked.workers), ran.looks
-            print(
-                json.dumps({named: found[named]}), file=sys.stderr
-            )  # hours of a whole city are not lost with the last block
+            # hours of a whole city are not lost with the last block
+            print(json.dumps({named: found[named]}), file=sys.stderr)
         one_photo = _one_photo(block, out, asked.workers)
     plot(looks, asked.plot)
     of_size = list(found.values())

@@ -29,11 +29,10 @@ def figures_of(ran: Ran, out: Path, workers: int) -> dict[str, Any]:
     for of in records.values():
         for record in of:
             by_worker.setdefault(record["worker"], []).append(_interval(record))
-    for line in (line for log in (out / "logs").iterdir() for line in log.read_text("utf-8").splitlines()):
-        if (said := json.loads(line)).get(
-            "stage"
-        ) == "ingest" and "worker" in said:  # rays are cast there before any unit
-            by_worker.setdefault(said["worker"], []).append(_interval(said))
+    for log in (out / "logs").iterdir():
+        for said in map(json.loads, log.read_text("utf-8").splitlines()):
+            if said.get("stage") == "ingest" and "worker" in said:  # rays are cast there before any unit
+                by_worker.setdefault(said["worker"], []).append(_interval(said))
     session = open_repository(out / "store").readonly_session(BRANCH)
     ingested = float(open_root(session).attrs["ingested"])
     published = out / "published" / (out / "current").read_text().strip()

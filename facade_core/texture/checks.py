@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.errors import ImageError
-from facade_core.labels import CLASSES, UNKNOWN
 
 # Pixels of a side that anything of a facade can be told on.
 LEAST_SIDE = 16
@@ -24,14 +23,14 @@ def check_image(image: np.ndarray, *, least: int = LEAST_SIDE) -> None:
 
 def check_labels(image: np.ndarray, labels: np.ndarray) -> None:
     """Raise ImageError unless labels is uint8 (H, W) of the image's size, class ids or UNKNOWN."""
+    from facade_core.parse.checks import check_labels as check_ids
+
     if not isinstance(labels, np.ndarray) or labels.dtype != np.uint8 or labels.shape != image.shape[:2]:
         found = f"{getattr(labels, 'dtype', type(labels).__name__)} {getattr(labels, 'shape', '')}"
         raise ImageError(
             f"texture: the labels are {found}; pass uint8 class ids of shape {image.shape[:2]}, as parse(image) does"
         )
-    strange = labels[(labels >= len(CLASSES)) & (labels != UNKNOWN)]
-    if strange.size:
-        raise ImageError(f"labels: id {strange[0]} is no class; map the ids to 0..{len(CLASSES) - 1} or {UNKNOWN}")
+    check_ids(labels)
 
 
 def check_mask(image: np.ndarray, mask: np.ndarray) -> None:
