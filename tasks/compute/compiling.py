@@ -35,9 +35,8 @@ def compile_together() -> None:
         if done.exists():
             return
         left = [part for part in PARTS if not _compiled(folder / f"{part.__name__}.lock", part, wait=False)]
-        for part in left:
-            _compiled(folder / f"{part.__name__}.lock", part, wait=True)
-        done.touch()
+        if all([_compiled(folder / f"{part.__name__}.lock", part, wait=True) for part in left]):
+            done.touch()
     except Exception as error:  # units compile what they need, and say what is wrong
         log.debug("what is compiled cannot be shared in %s: %s", folder, error)
 
