@@ -21,7 +21,7 @@ def visible(text: str) -> str:
 
 def visible_json(text: str) -> str:
     """JSON text that says the same, with those characters written as JSON would; line breaks between values stay."""
-    if text.isprintable():
+    if text.replace("\n", "").isprintable():
         return text
     return "".join(json.dumps(c)[1:-1] if c != "\n" and _unseen(c) else c for c in text)
 

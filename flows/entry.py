@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.block import Block, read_block
+from facade_core.atlas.held import holding
 from flows.lock import locked
 from flows.log_file import log_to
 from tasks.keys.runs import run_of
@@ -58,7 +59,7 @@ def entered(
         return
     block = read_block(source)
     run = run_of(block, out)
-    with locked(out), log_to(out, alone=alone), faults_told(run):
+    with locked(out), log_to(out, alone=alone), faults_told(run), holding(run.store):
         record_source(out, source)
         for line in mend(run):
             tell(line)

@@ -71,12 +71,12 @@ def read_checked(group: StoreGroup, path: str, digest: str) -> np.ndarray:
     if path not in group:
         raise StoreError(f"{path} is not in the store; the next run makes it again")
     data = np.asarray(group[path][:])
-    if encoded_digest(data.tobytes()) != digest:
+    if encoded_digest(memoryview(data)) != digest:
         raise StoreError(f"{path} is not as it was written; the next run makes it again")
     return data
 
 
-def encoded_digest(data: bytes) -> str:
+def encoded_digest(data: bytes | memoryview) -> str:
     """SHA-256 of a file's bytes, hexadecimal."""
     return hashlib.sha256(data).hexdigest()
 

@@ -12,6 +12,7 @@ from typing import Any, Required, TypedDict
 
 import numpy as np
 
+from facade_core.atlas.held import read_held
 from facade_core.atlas.zarr_types import StoreGroup
 
 
@@ -99,7 +100,7 @@ def read_journal(group: StoreGroup, stage: str) -> list[Record | None]:
     """All records of a stage by unit index, None where there is none; no units where the store is older than the stage."""
     if f"journal/{stage}" not in group:
         return []
-    return [json.loads(text) if text else None for text in group[f"journal/{stage}"][:]]
+    return [json.loads(text) if text else None for text in read_held(group, f"journal/{stage}")]
 
 
 def read_records(group: StoreGroup, stage: str, units: np.ndarray) -> list[Record | None]:

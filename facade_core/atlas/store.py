@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, cast
 import icechunk
 
 from facade_core.atlas.arrays import FORMAT
+from facade_core.atlas.held import note_commit
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FormatError, LostStoreError, StoreError
 
@@ -113,7 +114,10 @@ def root_of_any_format(session: icechunk.Session) -> StoreGroup:
     """The root group of a store, whoever wrote it; where the session is to be written to, it is made if there is none."""
     import zarr
 
-    return cast(StoreGroup, zarr.open_group(session.store, mode="r" if session.read_only else "a"))
+    store: Any = session.store
+    if (repository := getattr(session, "repository", None)) is not None:  # a fork has none
+        store.folder = repository.path
+    return cast(StoreGroup, zarr.open_group(store, mode="r" if session.read_only else "a"))
 
 
 def new_root(session: icechunk.Session) -> StoreGroup:
@@ -150,6 +154,7 @@ def commit(session: icechunk.Session, message: str) -> str:
     """
     branch = session.branch or BRANCH  # a committed session has none
     repository: Repository = session.repository  # type: ignore[attr-defined]
+    changes = session.status()
     with _committing:
         try:
             # moves the branch if its tip is the session's base; else rebases the session onto the tip, and tries again
@@ -159,6 +164,7 @@ def commit(session: icechunk.Session, message: str) -> str:
                 f"{message}: another unit wrote the same chunk ({error}); units of a wave must not share one"
             ) from error
         tip = repository.lookup_branch(branch)
+        note_commit(repository.path, repository.lookup_snapshot(snapshot).parent_id, snapshot, changes)
     if tip != snapshot:
         raise StoreError(
             f"{message}: the commit {snapshot} is lost, {branch} is at {tip}: another process writes into this store; end it, "

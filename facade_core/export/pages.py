@@ -111,7 +111,9 @@ def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray]) ->
         drawn[place] = padded
         free[place] = False
     if free.any() and not free.all():
-        drawn[free] = drawn[~free].mean(axis=0).round()
+        # what is free is black so far; to pick the rest by a mask would take six times the page's memory
+        mean = drawn.sum(axis=(0, 1)) / (free.size - np.count_nonzero(free))
+        np.copyto(drawn, mean.round().astype(np.uint8), where=free[..., None])
     return drawn
 
 

@@ -31,8 +31,11 @@ def free_bytes(folder: Path) -> int:
 
 def require_room(folder: Path, needed: int = 0, free_bytes: Callable[[Path], int] = free_bytes) -> None:
     """Raise MachineError where the disk of `folder` has less room than `needed`, less what lies in its store, and RESERVE."""
+    free = free_bytes(folder)
+    if free >= needed + RESERVE:  # what lies in the store already need not be counted, of very many files
+        return
     stored = sum(path.stat().st_size for path in (folder / "store").rglob("*") if path.is_file()) if needed else 0
-    needed, free = max(0, needed - stored) + RESERVE, free_bytes(folder)
+    needed = max(0, needed - stored) + RESERVE
     if free < needed:
         raise MachineError(
             f"{folder}: needs about {needed / 1e6:,.0f} MB of space and its disk has {free / 1e6:,.0f} MB free; "

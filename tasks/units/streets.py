@@ -72,10 +72,10 @@ _taking = Lock()
 
 
 def viewpoints_unit(
-    run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str
+    run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str, alone: bool
 ) -> tuple[Any, list[dict[str, Any]]]:
     """Texture viewpoints of a street, by their numbers along it: the first of `steps`, and those after it that begin within
-    TOGETHER_S.
+    TOGETHER_S. alone: whether the street's texels stand, so that what others see of them is no matter.
 
     Their panoramas go through the fork; returns it and a record of each. One that fails after others is left to the next unit,
     so that what they made is kept.
@@ -86,7 +86,7 @@ def viewpoints_unit(
         if records and time.time() - begun > TOGETHER_S:
             break
         try:
-            records.append(_viewpoint(run, open_root(fork), street, step, street_key))
+            records.append(_viewpoint(run, open_root(fork), street, step, street_key, alone))
         except Exception:
             if not records:
                 raise
@@ -94,13 +94,13 @@ def viewpoints_unit(
     return fork, records
 
 
-def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> dict[str, Any]:
+def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str, alone: bool) -> dict[str, Any]:
     """Texture one viewpoint: render, translate, propagate, write the panorama."""
     start = time.time()
     here = context(run)
     entry = (run, street, street_key)
     # what a field answers does not depend on the viewpoints before, which the window need not have seen
-    progress, mark = _take(entry, here, group, step if here.field is None else None)
+    progress, mark = _take(entry, here, group, step if here.field is None else None, alone)
     viewpoint = here.plan.of_street(street)[step]
     size = (run.texture.panorama_width // 2, run.texture.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
@@ -116,7 +116,7 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     lap("render")
     rgb = here.translator.translate(panorama)
     lap("translate")
-    in_turn = progress.done == step
+    in_turn = progress.done == step and not alone
     if here.field is None:
         propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
     elif in_turn:
@@ -192,16 +192,19 @@ def forget_street(run: Run, street: int, street_key: str) -> None:
     _streets.pop((run, street, street_key), None)
 
 
-def _take(entry: _Street, here: Context, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
+def _take(
+    entry: _Street, here: Context, group: StoreGroup, step: int | None, alone: bool = False
+) -> tuple[_Progress, object]:
     """The street's window with its first `step` viewpoints in it, None for any number of them: from this process, else replayed
-    from panoramas. And the mark that now stands for it."""
+    from panoramas, `alone` without those of other streets. And the mark that now stands for it."""
     for other in [held for held in list(_streets) if held[0] != entry[0]]:
         _streets.pop(other, None)
     mark = object()
     with _taking:
         held, _streets[entry] = _streets.get(entry), mark
     if not isinstance(held, _Progress) or step not in (None, held.done):
-        held = _Progress(replay(here.plan, group, entry[1], step or 0, field=here.field is not None), step or 0)
+        field = here.field is not None
+        held = _Progress(replay(here.plan, group, entry[1], step or 0, field=field, alone=alone), step or 0)
     return held, mark
 
 
@@ -211,9 +214,12 @@ def _keep(entry: _Street, mark: object, progress: _Progress) -> None:
             _streets[entry] = progress
 
 
-def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, threads: int = 1) -> Window:
+def replay(
+    plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, alone: bool = False, threads: int = 1
+) -> Window:
     """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
-    one of its charts, then the street's own. field: whether the translator answers with one; its texels are left to `paint`."""
+    one of its charts, unless it is `alone`, then the street's own. field: whether the translator answers with one; its texels
+    are left to `paint`."""
     scene = plan.scene
     viewpoints = plan.of_street(street)
     charts = plan.charts_of_street(street)
@@ -223,13 +229,18 @@ def replay(plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool
     )
     window = Window.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
-    shows = np.unique(plan.views_of_charts(writable)[:, 0]).astype(np.int64)
-    shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]
-    records = read_records(group, "viewpoints", shows)
-    earlier = [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
+    earlier = [] if alone else _earlier(plan, group, street, writable)
     for viewpoint in [*earlier, *viewpoints[:step]]:
         add_viewpoint(plan, group, window, viewpoint, field=field, threads=threads)
     return window
+
+
+def _earlier(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> list[Viewpoint]:
+    """The viewpoints of earlier waves that are known and show some charts (k,)."""
+    shows = np.unique(plan.views_of_charts(charts)[:, 0]).astype(np.int64)
+    shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]
+    records = read_records(group, "viewpoints", shows)
+    return [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
 
 
 def add_viewpoint(

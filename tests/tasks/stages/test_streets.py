@@ -86,7 +86,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     """A late copy, come back to its worker while the one that was started since is at work there."""
 
     def one() -> None:
-        viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, [0], "key")
+        viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, [0], "key", False)
 
     def kept() -> list[np.ndarray]:
         held = viewpoint._streets[ready, 0, "key"]
