@@ -18,7 +18,7 @@ import os
 import statistics
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -29,7 +29,6 @@ from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.parse import elements, parse
 from facade_core.parse.model_file import read_record
 from facade_core.parse.network import Network
-from facade_core.parse.regularity import regularise
 from facade_core.parse.segmenter import SHIPPED, load_segmenter, parse_with
 from facade_core.types import Element
 
@@ -45,12 +44,12 @@ def measure(
     facades: Iterable[LabelledFacade],
     *,
     model: Path | None = None,
-    finish: Callable[[np.ndarray], np.ndarray] = regularise,
+    regular: bool = True,
     one_view: bool = False,
 ) -> dict[str, Any]:
     """Parse each facade, score the pixels whose true class is known, and the elements.
 
-    finish is the last step, which makes parses regular; one_view is without mirrored and scaled views.
+    regular: with the last step, which makes windows regular; one_view: without mirrored and scaled views.
     """
     segmenter = load_segmenter(model)
     if one_view and isinstance(segmenter, Network):
@@ -60,7 +59,7 @@ def measure(
     seconds = []
     for facade in facades:
         start = time.perf_counter()
-        labels = parse_with(facade.image, segmenter, finish).labels
+        labels = parse_with(facade.image, segmenter, regular=regular).labels
         seconds.append(time.perf_counter() - start)
         counts += confusion(facade.labels, labels)
         boxes += matches(elements(facade.labels), elements(np.where(facade.labels == UNKNOWN, UNKNOWN, labels)))
@@ -233,7 +232,7 @@ def main(arguments: list[str] | None = None) -> None:
             facades = list(unseen(read(recipe, options.data / folder), name, options.model))
             result[name] = measure(facades, model=options.model)
             if options.ablation:
-                result[f"{name} as parsed"] = measure(facades, model=options.model, finish=lambda found: found)
+                result[f"{name} as parsed"] = measure(facades, model=options.model, regular=False)
                 result[f"{name} in one view"] = measure(facades, model=options.model, one_view=True)
         elif name == "behind":
             facades = list(unseen(read(ARTDECO, options.data / "facades" / "artdeco"), "artdeco", options.model))

@@ -25,28 +25,38 @@ _FILLED_LINE = 0.7
 _FLOOR = 1e-3
 
 
-def regularise(confidence: np.ndarray) -> np.ndarray:
-    """A confidence map whose windows are rectangular and aligned: (H, W, 7) -> (H, W, 7) float32.
+def window_boxes(confidence: np.ndarray) -> np.ndarray:
+    """The windows that a confidence map (H, W, 7) float32 shows, made regular: (n, 4) x0, y0, x1, y1 in pixels, half-open."""
+    found = [
+        (e.x0, e.y0, e.x1, e.y1) for e in elements(confidence.argmax(2).astype(np.uint8)) if e.label == CLASSES[WINDOW]
+    ]
+    if not found:
+        return np.zeros((0, 4), np.intp)
+    score = np.log(np.maximum(confidence, _FLOOR))
+    gain = score[..., WINDOW] - np.delete(score, WINDOW, axis=2).max(2)
+    return _fit(np.array(found, np.intp), gain)
+
+
+def draw_windows(labels: np.ndarray, confidence: np.ndarray, boxes: np.ndarray) -> None:
+    """Draw windows (n, 4) that are mostly window already into labels (H, W) uint8, and give what was window near them but
+    outside to the next best class, in place; confidence (H, W, 7), of which labels has the strongest, goes along.
 
     Where the label changes, the new class and the one that was strongest exchange their confidence.
     """
-    before, after = confidence.argmax(2)[..., None], regular_labels(confidence)[..., None].astype(np.intp)
-    exchanged = confidence.copy()
-    strongest = np.take_along_axis(confidence, before, 2)
-    np.put_along_axis(exchanged, before, np.take_along_axis(confidence, after, 2), 2)
-    np.put_along_axis(exchanged, after, strongest, 2)
-    return exchanged
-
-
-def regular_labels(confidence: np.ndarray) -> np.ndarray:
-    """The labels that `regularise` brings about: (H, W, 7) float32 -> (H, W) uint8."""
-    labels = confidence.argmax(2).astype(np.uint8)
-    found = [(e.x0, e.y0, e.x1, e.y1) for e in elements(labels) if e.label == CLASSES[WINDOW]]
-    if not found:
-        return labels
-    score = np.log(np.maximum(confidence, _FLOOR))
-    gain = score[..., WINDOW] - np.delete(score, WINDOW, axis=2).max(2)
-    return _draw(labels, confidence, _fit(np.array(found, np.intp), gain))
+    kept, near = np.zeros(labels.shape, bool), np.zeros(labels.shape, bool)
+    for x0, y0, x1, y1 in boxes.tolist():
+        if _is_filled(labels[y0:y1, x0:x1] == WINDOW):
+            kept[y0:y1, x0:x1] = True
+            high, wide = (y1 - y0) // 3 + _LEAST_REACH, (x1 - x0) // 3 + _LEAST_REACH
+            near[max(0, y0 - high) : y1 + high, max(0, x0 - wide) : x1 + wide] = True
+    changed = np.nonzero(np.where(labels == WINDOW, near & ~kept, kept))
+    rows, before = confidence[changed], labels[changed].astype(np.intp)
+    others = rows.copy()
+    others[:, WINDOW] = -1
+    after = np.where(before == WINDOW, others.argmax(1), WINDOW)
+    at = np.arange(len(rows))
+    rows[at, before], rows[at, after] = rows[at, after], rows[at, before]
+    confidence[changed], labels[changed] = rows, after
 
 
 def _fit(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
@@ -110,23 +120,6 @@ def _common(curves: list[dict[int, float]]) -> int:
     places = sorted(set().union(*curves))
     sums = [sum(curve.get(at, low) for curve, low in zip(curves, lowest, strict=True)) for at in places]
     return places[int(np.argmax(sums))]
-
-
-def _draw(labels: np.ndarray, confidence: np.ndarray, boxes: np.ndarray) -> np.ndarray:
-    """Labels with the windows drawn, and what was window near them but outside given to the next best class."""
-    kept, near = np.zeros(labels.shape, bool), np.zeros(labels.shape, bool)
-    for x0, y0, x1, y1 in boxes:
-        if _is_filled(labels[y0:y1, x0:x1] == WINDOW):
-            kept[y0:y1, x0:x1] = True
-            high, wide = (y1 - y0) // 3 + _LEAST_REACH, (x1 - x0) // 3 + _LEAST_REACH
-            near[max(0, y0 - high) : y1 + high, max(0, x0 - wide) : x1 + wide] = True
-    drawn = labels.copy()
-    spare = near & ~kept & (labels == WINDOW)
-    rest = confidence[spare].copy()
-    rest[:, WINDOW] = -1
-    drawn[spare] = rest.argmax(1)
-    drawn[kept] = WINDOW
-    return drawn
 
 
 def _is_filled(inside: np.ndarray) -> bool:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
@@ -15,7 +14,7 @@ from facade_core.labels import CLASSES
 from facade_core.parse import forest, network
 from facade_core.parse.checks import check_image
 from facade_core.parse.model_file import read_record, stamp
-from facade_core.parse.regularity import regularise
+from facade_core.parse.regularity import draw_windows, window_boxes
 from facade_core.types import Parsing
 
 # The model that parses where none is named.
@@ -67,11 +66,11 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
     Raises ImageError for an image of another kind or without a visible pixel, ModelError for an unusable model.
     """
     check_image(image)
-    return parse_with(image, load_segmenter(model), regularise)
+    return parse_with(image, load_segmenter(model))
 
 
-def parse_with(image: np.ndarray, segmenter: Segmenter, finish: Callable[[np.ndarray], np.ndarray]) -> Parsing:
-    """`parse` by a segmenter, with another last step from confidence to confidence: to measure what each brings."""
+def parse_with(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True) -> Parsing:
+    """`parse` by a segmenter; not `regular`: windows as the segmenter sees them, to measure what regularity brings."""
     from skimage.filters import apply_hysteresis_threshold
 
     check_image(image)
@@ -81,10 +80,13 @@ def parse_with(image: np.ndarray, segmenter: Segmenter, finish: Callable[[np.nda
         raise ImageError("image: alpha hides every pixel; pass the image without its alpha channel, or a visible one")
     working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
     confidence, hidden = segmenter.segment(working)
-    confidence = finish(confidence)
+    windows = window_boxes(confidence) if regular else np.zeros((0, 4), np.intp)
     if nearest is not None:
         confidence, hidden = confidence[nearest], hidden[nearest]
+    scale = np.tile([width / confidence.shape[1], height / confidence.shape[0]], 2)
     labels, confidence = _to_full_size(confidence, height, width)
+    # at full size, where edges that were enlarged with the rest would be round at their corners
+    draw_windows(labels, confidence, np.rint(windows * scale).astype(np.intp))
     in_front = apply_hysteresis_threshold(hidden, *_IN_FRONT)
     return Parsing(labels, confidence, occluded | _enlarge(in_front, height, width))
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from facade_core.labels import BALCONY, DOOR, WALL, WINDOW
-from facade_core.parse.regularity import _groups, regular_labels, regularise
+from facade_core.parse.regularity import _groups, draw_windows, window_boxes
 
 
 def facade():
@@ -35,6 +35,17 @@ def ragged(labels, seed):
     return ndimage.gaussian_filter(confidence_of(labels[rows, columns]), (1, 1, 0))
 
 
+def regularise(confidence):
+    """Confidence and labels with regular windows, of a map at the size that it was made at."""
+    labels, confidence = confidence.argmax(2).astype(np.uint8), confidence.copy()
+    draw_windows(labels, confidence, window_boxes(confidence))
+    return confidence, labels
+
+
+def regular_labels(confidence):
+    return regularise(confidence)[1]
+
+
 def test_a_clean_parse_stays_as_it_is():
     labels = facade()
     assert (regular_labels(confidence_of(labels)) == labels).all()
@@ -42,7 +53,7 @@ def test_a_clean_parse_stays_as_it_is():
 
 def test_confidence_is_exchanged_where_the_label_changes():
     confidence = ragged(facade(), 1)
-    found, labels = regularise(confidence), regular_labels(confidence)
+    found, labels = regularise(confidence)
     assert (found.argmax(2) == labels).all()
     np.testing.assert_allclose(np.sort(found, axis=2), np.sort(confidence, axis=2))
     same = confidence.argmax(2) == labels

@@ -122,6 +122,19 @@ def test_a_facade_at_a_third_of_its_size_keeps_its_windows():
     assert 14 <= sum(element.label == "window" for element in elements(parse(small))) <= 24
 
 
+@pytest.mark.parametrize("scale", [0.7, 1.0, 1.9])
+def test_windows_are_rectangles_at_any_size(scale):
+    """Also where the picture is not of the size that it is parsed at: enlarged with the rest, their corners would be round."""
+    import cv2
+
+    image, _ = painted_facade()
+    found = parse(cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA))
+    windows = [element for element in elements(found) if element.label == "window"]
+    boxes = [found.labels[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] for e in windows]
+    assert np.mean([(box == WINDOW).all() for box in boxes]) >= 0.8
+    assert (found.labels == found.confidence.argmax(2)).all()
+
+
 def test_time_of_a_usual_facade():
     image = np.random.default_rng(0).integers(0, 256, (700, 500, 3), dtype=np.uint8)
     parse(image)
