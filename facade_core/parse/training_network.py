@@ -20,7 +20,7 @@ import numpy as np
 from facade_core.errors import ImageError, ModelError
 from facade_core.labels import CLASSES, DOOR, UNKNOWN
 from facade_core.parse.network import DOOR_WEIGHT
-from facade_core.parse.network_views import ANY_CLASS, Labelled, View, cutouts, view
+from facade_core.parse.network_views import ANY_CLASS, Cutout, Labelled, View, cutouts, view
 
 Progress = Callable[[str, int, int], None]
 
@@ -94,7 +94,7 @@ def train(
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
-    pieces = cutouts([photo for photos in sets.values() for photo in photos])
+    pieces = [cutouts(photos) for photos in sets.values()]
     parts = [network.train(), *(_twin(network) for _ in range(_PARTS - 1))]
     with ThreadPoolExecutor(_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for step in range(done, course.steps):
@@ -156,7 +156,7 @@ def _check(sets: Mapping[str, Sequence[Labelled]], course: Course) -> None:
 def _draw(
     sets: Mapping[str, Sequence[Labelled]],
     course: Course,
-    pieces: Sequence[np.ndarray],
+    pieces: Sequence[Sequence[Cutout]],
     seeds: tuple[int, int],
     part: int,
 ) -> list[View]:
