@@ -11,7 +11,7 @@ import numpy as np
 from scipy import ndimage
 
 from facade_core.labels import CLASSES, UNKNOWN
-from facade_core.parse.network import place_planes
+from facade_core.parse.network import PLACE_STRIDE, place_planes
 
 # Side of the square views, and the area in pixels that the whole photo is scaled to before one is cut out.
 VIEW = 320
@@ -19,8 +19,10 @@ _AREA = (90_000, 420_000)
 _MOST_GROWTH = 2.0
 ANY_CLASS = (1 << len(CLASSES)) - 1
 # Cut-outs smaller or larger than these shares of a photo's area say little or hide all.
-_CUTOUT_SHARE = (0.003, 0.3)
+_CUTOUT_SHARE = (0.0015, 0.3)
 _MOST_CUTOUTS = 200
+# Views that have something put in front of them, and how many of these things stand at the photo's foot.
+_PUT_IN_FRONT, _AT_FOOT = 0.6, 0.75
 
 
 class Labelled(Protocol):
@@ -46,8 +48,16 @@ class View:
     place: np.ndarray
 
 
-def cutouts(photos: Sequence[Labelled]) -> list[np.ndarray]:
-    """Trees, cars and the like that the photos show, as RGBA pieces, by photo and place."""
+@dataclass(frozen=True, slots=True)
+class Cutout:
+    """A thing in front, (h, w, 4) uint8 RGBA, and its height as a share of its photo's."""
+
+    piece: np.ndarray
+    share: float
+
+
+def cutouts(photos: Sequence[Labelled]) -> list[Cutout]:
+    """Trees, cars and the like that the photos show, by photo and place."""
     found = []
     for photo in photos:
         parts, _ = ndimage.label(photo.occluder == 1)
@@ -56,16 +66,20 @@ def cutouts(photos: Sequence[Labelled]) -> list[np.ndarray]:
             share = sizes[number] / parts.size
             if _CUTOUT_SHARE[0] <= share <= _CUTOUT_SHARE[1]:
                 alpha = np.where(parts[place] == number, 255, 0).astype(np.uint8)
-                found.append(np.dstack([photo.image[place], alpha]))
+                piece = np.dstack([photo.image[place], alpha])
+                found.append(Cutout(piece, piece.shape[0] / parts.shape[0]))
     return found[:: max(1, len(found) // _MOST_CUTOUTS)]
 
 
-def view(photo: Labelled, pieces: Sequence[np.ndarray], rng: np.random.Generator) -> View:
-    """A random view: scale, crop, mirror, a thing in front, other light, blur, noise."""
+def view(photo: Labelled, pieces: Sequence[Sequence[Cutout]], rng: np.random.Generator) -> View:
+    """A random view: scale, crop, mirror, things in front, other light, blur, noise. Each group of pieces is drawn from
+    as often as the others, however many it holds."""
     image, possible, occluder, place = _cut(photo, rng)
-    if pieces and rng.random() < 0.35:
-        for _ in range(int(rng.integers(1, 4))):
-            image, occluder = _put_in_front(image, occluder, pieces[int(rng.integers(len(pieces)))], rng)
+    groups = [group for group in pieces if group]
+    if groups and rng.random() < _PUT_IN_FRONT:
+        for _ in range(int(rng.integers(1, 5))):
+            group = groups[int(rng.integers(len(groups)))]
+            image, occluder = _put_in_front(image, occluder, place, group[int(rng.integers(len(group)))], rng)
     if rng.random() < 0.08:
         image = _paint(image, possible, rng)
     return View(_spoil(_light(image, rng), rng), possible, occluder, place)
@@ -81,7 +95,8 @@ def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, np.ndar
     stretch = math.exp(rng.normal(0, 0.08))
     across, down = scale * stretch, scale / stretch
     wide, high = min(width, math.ceil(VIEW / across)), min(height, math.ceil(VIEW / down))
-    x0, y0 = int(rng.integers(width - wide + 1)), int(rng.integers(height - high + 1))
+    # A third of the views reach down to the photo's foot, where most things stand in front.
+    x0, y0 = int(rng.integers(width - wide + 1)), min(int(rng.integers(3 * (height - high) // 2 + 1)), height - high)
     size = (min(VIEW, max(1, round(wide * across))), min(VIEW, max(1, round(high * down))))
     smooth = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
     image, possible, occluder = (
@@ -114,18 +129,29 @@ def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, np.ndar
 
 
 def _put_in_front(
-    image: np.ndarray, occluder: np.ndarray, piece: np.ndarray, rng: np.random.Generator
+    image: np.ndarray, occluder: np.ndarray, place: np.ndarray, cutout: Cutout, rng: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The view with a cut-out over it, most often near the bottom. What is behind keeps its class."""
+    """The view with a cut-out over it, most often as high as in its own photo and at the foot of this one. What is
+    behind keeps its class."""
     import cv2
 
-    factor = VIEW * rng.uniform(0.2, 0.7) / max(piece.shape[:2])
-    size = tuple(max(1, round(side * factor)) for side in piece.shape[1::-1])
+    piece = cutout.piece
+    if rng.random() < _AT_FOOT:
+        # From -1 to 1 the photo's height; the view's rows of PLACE_STRIDE pixels tell where that is.
+        step = float(place[1, 1, 0] - place[1, 0, 0]) / PLACE_STRIDE
+        foot = VIEW - PLACE_STRIDE / 2 + (1 - float(place[1, -1, 0])) / step
+        high = 2 / step * cutout.share * math.exp(rng.normal(0, 0.3))
+        bottom = round(foot + high * rng.uniform(-0.1, 0.3))
+    else:
+        high = VIEW * rng.uniform(0.2, 0.7) * piece.shape[0] / max(piece.shape[:2])
+        bottom = round(VIEW * rng.uniform(0.1, 1.2))
+    size = tuple(max(1, round(side * high / piece.shape[0])) for side in piece.shape[1::-1])
+    left = round(rng.uniform(-0.5, 1) * VIEW) if size[0] > VIEW / 2 else round(rng.uniform(-size[0] / 2, VIEW))
+    if bottom - size[1] >= VIEW or max(size) > 4 * VIEW:
+        return image, occluder
     piece = _light(cv2.resize(piece, size, interpolation=cv2.INTER_AREA), rng)
     if rng.random() < 0.5:
         piece = piece[:, ::-1]
-    bottom = round(VIEW * (rng.uniform(0.75, 1.2) if rng.random() < 0.7 else rng.uniform(0.1, 1.2)))
-    left = round(rng.uniform(-0.5, 1) * VIEW)
     y0, y1 = max(0, bottom - piece.shape[0]), min(VIEW, bottom)
     x0, x1 = max(0, left), min(VIEW, left + piece.shape[1])
     if y0 >= y1 or x0 >= x1:

@@ -19,7 +19,8 @@ import numpy as np
 
 from facade_core.errors import ImageError, ModelError
 from facade_core.labels import CLASSES, DOOR, UNKNOWN
-from facade_core.parse.network_views import ANY_CLASS, Labelled, View, cutouts, view
+from facade_core.parse.network import DOOR_WEIGHT
+from facade_core.parse.network_views import ANY_CLASS, Cutout, Labelled, View, cutouts, view
 
 Progress = Callable[[str, int, int], None]
 
@@ -32,8 +33,6 @@ _RISE, _FALL = (100, 0.25), (500, 0.4)
 # The averaged weights follow the trained ones with this memory, in steps.
 _MEMORY = 250
 _OCCLUDER_WEIGHT = 0.5
-# Doors are one pixel in seventy, and the class that every network is worst at.
-_DOOR_WEIGHT = 3.0
 _SAVE_EVERY = 100
 
 
@@ -95,7 +94,7 @@ def train(
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
-    pieces = cutouts([photo for photos in sets.values() for photo in photos])
+    pieces = [cutouts(photos) for photos in sets.values()]
     parts = [network.train(), *(_twin(network) for _ in range(_PARTS - 1))]
     with ThreadPoolExecutor(_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for step in range(done, course.steps):
@@ -157,7 +156,7 @@ def _check(sets: Mapping[str, Sequence[Labelled]], course: Course) -> None:
 def _draw(
     sets: Mapping[str, Sequence[Labelled]],
     course: Course,
-    pieces: Sequence[np.ndarray],
+    pieces: Sequence[Sequence[Cutout]],
     seeds: tuple[int, int],
     part: int,
 ) -> list[View]:
@@ -242,7 +241,7 @@ def _loss(network: Any, views: Sequence[View]) -> Any:
     bits = torch.tensor([1 << number for number in range(len(CLASSES))], dtype=torch.uint8)[:, None, None]
     may_be = (possible[:, None] & bits) != 0
     told = ((possible != ANY_CLASS) & (possible != 0)).float()
-    told = torch.where(possible == 1 << DOOR, _DOOR_WEIGHT, told)
+    told = torch.where(possible == 1 << DOOR, DOOR_WEIGHT, told)
     wrong = torch.logsumexp(classes, 1) - torch.logsumexp(classes.masked_fill(~may_be, -1e4), 1)
     loss = (wrong * told).sum() / told.sum().clamp(min=1)
     occluder = torch.from_numpy(np.stack([v.occluder for v in views]))

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.errors import ModelError
-from facade_core.labels import CLASSES, ROOF, WALL
+from facade_core.labels import CLASSES, DOOR, ROOF, WALL
 from facade_core.parse import elements, network, parse
 from facade_core.parse.model_file import write_model
 
@@ -67,6 +67,13 @@ def test_a_network_parses_through_the_same_door(model):
     np.testing.assert_allclose(found.confidence.sum(2), 1, atol=1e-5)
     assert found.confidence.dtype == np.float32
     assert not found.occluded.any()
+
+
+def test_the_doors_weight_in_training_is_taken_back(model):
+    confidence, _ = network.load(model).segment(np.zeros((64, 96, 3), np.uint8))
+    shares = np.ones(len(CLASSES))
+    shares[DOOR] /= network.DOOR_WEIGHT
+    np.testing.assert_allclose(confidence, np.broadcast_to(shares / shares.sum(), confidence.shape), atol=1e-5)
 
 
 def test_what_stands_in_front_is_occluded_and_no_observation(model):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.labels import UNKNOWN
-from facade_core.parse.network_views import ANY_CLASS, VIEW, cutouts, view
+from facade_core.parse.network_views import ANY_CLASS, VIEW, Cutout, cutouts, view
 
 
 @dataclass(frozen=True)
@@ -49,16 +49,16 @@ def test_labels_follow_the_place_in_the_photo():
 
 
 def test_equal_seeds_give_equal_views():
-    photo, piece = gradient(300, 200), np.full((40, 30, 4), 255, np.uint8)
-    first, second = (view(photo, [piece], np.random.default_rng(3)) for _ in range(2))
+    photo, piece = gradient(300, 200), Cutout(np.full((40, 30, 4), 255, np.uint8), 0.2)
+    first, second = (view(photo, [[], [piece]], np.random.default_rng(3)) for _ in range(2))
     assert (first.image == second.image).all()
     assert (first.place == second.place).all()
 
 
 def test_a_cut_out_hides_the_image_but_not_the_class():
     photo = gradient(320, 320)
-    piece = np.dstack([np.full((50, 50, 3), 7, np.uint8), np.full((50, 50), 255, np.uint8)])
-    hidden = [view(photo, [piece], np.random.default_rng(seed)) for seed in range(40)]
+    piece = Cutout(np.dstack([np.full((50, 50, 3), 7, np.uint8), np.full((50, 50), 255, np.uint8)]), 0.2)
+    hidden = [view(photo, [[piece]], np.random.default_rng(seed)) for seed in range(40)]
     hidden = [shown for shown in hidden if (shown.occluder == 1).any()]
     assert len(hidden) > 4
     for shown in hidden:
@@ -72,7 +72,24 @@ def test_cut_outs_are_the_things_in_front():
     photo.occluder[20:60, 30:50] = 1
     photo.occluder[100:101, 100:102] = 1  # too small
     photo.occluder[150:160, 150:180] = UNKNOWN
-    (piece,) = cutouts([photo])
-    assert piece.shape == (40, 20, 4)
-    assert (piece[..., 3] == 255).all()
-    assert (piece[..., :3] == photo.image[20:60, 30:50]).all()
+    (cutout,) = cutouts([photo])
+    assert cutout.share == 40 / 200
+    assert cutout.piece.shape == (40, 20, 4)
+    assert (cutout.piece[..., 3] == 255).all()
+    assert (cutout.piece[..., :3] == photo.image[20:60, 30:50]).all()
+
+
+def test_things_mostly_stand_at_the_photos_foot_as_high_as_in_their_own():
+    photo = gradient(320, 320)
+    piece = Cutout(np.full((20, 20, 4), 255, np.uint8), 0.1)
+    heights = []
+    for seed in range(300):
+        shown = view(photo, [[piece]], np.random.default_rng(seed))
+        known = shown.possible != ANY_CLASS
+        foot = np.flatnonzero(known.any(1))[-1]
+        hidden = np.flatnonzero((shown.occluder == 1).any(1))
+        if hidden.size and shown.place[1, -1, 0] >= 0.9 and hidden[0] > 0.7 * foot:
+            scale = (shown.place[1, 1, 0] - shown.place[1, 0, 0]) / 16
+            heights.append((foot - hidden[0]) * scale)
+    assert len(heights) > 40
+    assert 0.05 < np.median(heights) < 0.2

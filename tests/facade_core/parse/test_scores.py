@@ -1,9 +1,10 @@
 import numpy as np
 import pytest
 
+from benchmarks import in_front
 from benchmarks.parsing import confusion, f1, matches, measure_behind, measure_occluders, put_in_front, scores, unseen
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.labels import UNKNOWN, WALL, WINDOW
+from facade_core.labels import SHOP, UNKNOWN, WALL, WINDOW
 from facade_core.types import Element
 
 
@@ -72,3 +73,25 @@ def test_pieces_stand_on_the_bottom_and_show_their_own_pixels_only():
     assert not hidden[:49].any()
     assert (shown[hidden] == 200).all()
     assert (shown[~hidden] == 0).all()
+
+
+def test_a_thing_is_found_where_half_of_its_box_is_hidden():
+    labels = np.full((100, 80), WALL, np.uint8)
+    labels[80:] = SHOP
+    possible = (1 << labels).astype(np.uint8)
+    facade = LabelledFacade("one", np.zeros((100, 80, 3), np.uint8), labels, possible, np.zeros_like(labels))
+    boxes = {"one": [(0, 90, 20, 100, "car"), (30, 90, 50, 100, "van"), (60, 80, 70, 100, "person")]}
+
+    def hidden(image):
+        there = np.zeros(image.shape[:2], bool)
+        there[95:, :50] = True
+        there[:5, :40] = True
+        return there
+
+    figures = in_front.measure_things([facade], boxes, hidden)
+    assert figures["recall"] == {"car": [1, 1], "person": [0, 1], "van": [1, 1]}
+    assert figures["vehicles"] == [2, 2]
+    assert figures["ground_floor"] == round(5 * 50 / (20 * 80), 4)
+    assert figures["boxes"] == round(600 / (20 * 80), 4)
+    clean = in_front.false_masks([facade], hidden)
+    assert clean == {"mean": round(5 * 40 / (80 * 80), 4), "highest": 0.0312, "above_0.05": 0, "images": 1}

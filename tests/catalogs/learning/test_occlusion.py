@@ -1,0 +1,71 @@
+import numpy as np
+import pytest
+
+from benchmarks.in_front import marked
+from catalogs.learning.datasets import LabelledFacade
+from catalogs.learning.occlusion import boxes_in_front, ground_floor, with_occluders
+from facade_core.labels import DOOR, SHOP, SKY, UNKNOWN, WALL
+
+
+def facade(labels):
+    image = np.full((*labels.shape, 3), 190, np.uint8)
+    possible = np.where(labels == UNKNOWN, 127, 1 << np.minimum(labels, 6)).astype(np.uint8)
+    return LabelledFacade("one", image, labels, possible, np.zeros(labels.shape, np.uint8))
+
+
+@pytest.fixture
+def plain():
+    """200 rows: sky, wall, and from row 150 on a door and a shop."""
+    labels = np.full((200, 120), WALL, np.uint8)
+    labels[:20] = SKY
+    labels[150:, 10:60], labels[160:, 70:90] = SHOP, DOOR
+    return facade(labels)
+
+
+def test_the_ground_floor_begins_at_its_shops_and_doors(plain):
+    assert ground_floor(plain) == (150, 200)
+    plain.labels[40:60, :30] = SHOP  # far above: not of the ground floor
+    assert ground_floor(plain) == (150, 200)
+    assert ground_floor(facade(np.full((80, 40), WALL, np.uint8))) == (60, 80)
+    cut = np.full((80, 40), UNKNOWN, np.uint8)
+    cut[10:50] = WALL
+    assert ground_floor(facade(cut)) == (40, 50)
+
+
+def test_the_foot_is_not_told_where_nobody_looked(plain):
+    plain.possible[30:50, 100:] = 127
+    (told,) = with_occluders("ecp", [plain], {})
+    assert (told.occluder[150:] == UNKNOWN).all()
+    assert (told.occluder[30:50, 100:] == UNKNOWN).all()
+    assert (told.occluder[:150, :90] == 0).all()
+    assert told.labels is plain.labels
+    (looked_at,) = with_occluders("ecp", [plain], {"ecp/one": []})
+    assert (looked_at.occluder[150:175] == 0).all()
+    assert (looked_at.occluder[175:] == UNKNOWN).all()
+
+
+def test_a_thing_in_a_box_is_in_front_and_around_it_nothing_is_told(plain):
+    plain.image[172:196, 34:88] = (150, 20, 30)
+    (told,) = with_occluders("ecp", [plain], {"ecp/one": [(30, 168, 92, 200)]})
+    assert (told.occluder[176:192, 40:82] == 1).mean() > 0.95
+    assert not (told.occluder == 1)[:168].any()
+    assert (told.occluder[165:168, 30:92] == UNKNOWN).all()
+    assert (told.occluder[150:160] == 0).all()
+    (again,) = with_occluders("ecp", [plain], {"ecp/one": [(30, 168, 92, 200)]})
+    assert (again.occluder == told.occluder).all()
+
+
+def test_leaves_and_what_is_no_facade_are_not_told(plain):
+    plain.image[60:80, 20:40] = (60, 110, 50)
+    (told,) = with_occluders("cmp", [plain], {})
+    assert (told.occluder[60:80, 20:40] == UNKNOWN).all()
+    assert (told.occluder[100:140] == 0).all()
+    (empty,) = with_occluders("cmp", [facade(np.full((9, 9), UNKNOWN, np.uint8))], {})
+    assert (empty.occluder == UNKNOWN).all()
+
+
+def test_the_boxes_are_of_photos_that_are_trained_on():
+    boxes = boxes_in_front()
+    assert not {f"ecp/{name}" for name in marked()} & boxes.keys()
+    assert sum(name.startswith("ecp/") for name in boxes) == 66
+    assert all(x0 < x1 and y0 < y1 for found in boxes.values() for x0, y0, x1, y1 in found)
