@@ -12,7 +12,7 @@ LEAST = 0.0005
 # enclose is alike. Or it is of one colour but for the noise of a JPEG.
 STRAIGHT, MOST_SIDES, ALIKE = 0.008, 16, 0.9
 NOISE, FLAT = 2, 0.99
-# A corner that a warp left tapers off, or is as long as a side of the picture: one that fills its box to this share is a gateway.
+# A corner that a warp left tapers off, or is as long as a side of the picture. One that fills its box so far is a gateway.
 MOST_FILLED = 0.8
 # Pixels into which the border was mixed when the picture was warped and compressed.
 RIM = 3
