@@ -13,6 +13,7 @@ from catalogs.block import Block, read_block
 from facade_core.atlas.held import holding
 from flows.lock import locked
 from flows.log_file import log_to
+from flows.memory import give_back_large
 from tasks.keys.runs import run_of
 from tasks.outcome import raising_machine_errors, store_fault
 from tasks.run import Run
@@ -57,6 +58,7 @@ def entered(
     if (entry := _entries.get(out)) is not None and entry.source == source:
         yield entry
         return
+    give_back_large()
     block = read_block(source)
     run = run_of(block, out)
     with locked(out), log_to(out, alone=alone), faults_told(run), holding(run.store):
