@@ -71,7 +71,7 @@ def read_checked(group: StoreGroup, path: str, digest: str) -> np.ndarray:
     if path not in group:
         raise StoreError(f"{path} is not in the store; the next run makes it again")
     data = np.asarray(group[path][:])
-    if encoded_digest(memoryview(data)) != digest:
+    if encoded_digest(np.ascontiguousarray(data).data) != digest:
         raise StoreError(f"{path} is not as it was written; the next run makes it again")
     return data
 

@@ -40,7 +40,7 @@ def holding(store: Path) -> Iterator[None]:
     try:
         yield
     finally:
-        del _held[store]
+        _held.pop(store, None)
 
 
 def read_held(group: StoreGroup, path: str) -> np.ndarray:
@@ -54,7 +54,7 @@ def read_held(group: StoreGroup, path: str) -> np.ndarray:
     with _lock:
         if held.snapshot != session.snapshot_id:  # the store went back, or somebody reads what it was
             held.snapshot, held.arrays = session.snapshot_id, {}
-        values = held.arrays.get(path)
+        values = held.arrays.pop(path, None)  # until it is read: a reading that fails leaves nothing behind
         stale = np.array(sorted(held.stale.pop(path, ())), np.int64)
         if values is None or values.shape != array.shape:
             values = array[:]

@@ -56,7 +56,8 @@ def draw_windows(labels: np.ndarray, confidence: np.ndarray, boxes: np.ndarray) 
     after = np.where(before == WINDOW, others.argmax(1), WINDOW)
     at = np.arange(len(rows))
     rows[at, before], rows[at, after] = rows[at, after], rows[at, before]
-    confidence[changed], labels[changed] = rows, after
+    # of classes that are alike the first is told, as everywhere
+    confidence[changed], labels[changed] = rows, rows.argmax(1)
 
 
 def _fit(boxes: np.ndarray, gain: np.ndarray) -> np.ndarray:
@@ -123,7 +124,9 @@ def _common(curves: list[dict[int, float]]) -> int:
 
 
 def _is_filled(inside: np.ndarray) -> bool:
-    """Whether a box is well filled as a whole and in each row and column but those near its edges."""
+    """Whether a box is well filled as a whole and in each row and column but those near its edges; an empty one is not."""
+    if not inside.size:
+        return False
     lines = [inside.mean(axis) for axis in (0, 1)]
     inner = [line[len(line) // 8 : len(line) - len(line) // 8] for line in lines]
     return bool(inside.mean() >= _FILLED and min(line.min() for line in inner) >= _FILLED_LINE)

@@ -27,6 +27,8 @@ _WORKING_SIDE = 2048
 # Something is in front where its probability is above the first, in a part that somewhere reaches the second: on the Swiss
 # test photos as good as the first alone, and ornament that is only half taken for leaves is let go.
 _IN_FRONT = (0.5, 0.8)
+# Windows are drawn at the image's own size; below this share of the working size its pixels are too coarse for them.
+_COARSE = 0.5
 # Rows of the full image written at once, so that memory beyond the result is bounded.
 _BAND = 128
 
@@ -60,8 +62,9 @@ def parse(image: np.ndarray, *, model: str | Path | None = None) -> Parsing:
 
     confidence sums to 1 in each pixel. occluded marks pixels that alpha hides or where the segmenter sees a tree, a
     car or the like in front of the facade. What alpha hides takes the confidence, and so the label, of the nearest
-    visible place, and its colours are not looked at; behind a tree the label is the segmenter's guess.
-    Time and memory are bounded whatever the image's size, but for the returned arrays themselves.
+    visible place, but for windows, which are drawn whole, and its colours are not looked at; behind a tree the label is the
+    segmenter's guess. Time and memory are bounded whatever the image's size, but for the returned arrays and a few maps of a
+    byte a pixel.
 
     Raises ImageError for an image of another kind or without a visible pixel, ModelError for an unusable model.
     """
@@ -81,12 +84,14 @@ def parse_with(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True)
     working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
     confidence, hidden = segmenter.segment(working)
     windows = window_boxes(confidence) if regular else np.zeros((0, 4), np.intp)
+    scale = np.array([width / confidence.shape[1], height / confidence.shape[0]])
+    if coarse := scale.min() < _COARSE:
+        draw_windows(confidence.argmax(2).astype(np.uint8), confidence, windows)
     if nearest is not None:
         confidence, hidden = confidence[nearest], hidden[nearest]
-    scale = np.tile([width / confidence.shape[1], height / confidence.shape[0]], 2)
     labels, confidence = _to_full_size(confidence, height, width)
-    # at full size, where edges that were enlarged with the rest would be round at their corners
-    draw_windows(labels, confidence, np.rint(windows * scale).astype(np.intp))
+    if not coarse:  # at its own size: enlarged with the rest, windows would be round at their corners
+        draw_windows(labels, confidence, np.rint(windows * np.tile(scale, 2)).astype(np.intp))
     in_front = apply_hysteresis_threshold(hidden, *_IN_FRONT)
     return Parsing(labels, confidence, occluded | _enlarge(in_front, height, width))
 

@@ -12,7 +12,7 @@ LEAST = 0.0005
 # enclose is alike. Or it is of one colour but for the noise of a JPEG.
 STRAIGHT, MOST_SIDES, ALIKE = 0.008, 16, 0.9
 NOISE, FLAT = 2, 0.99
-# A corner that a warp left tapers off, or is as long as a side of the picture. One that fills its box so far is a gateway.
+# What stands upright at the picture's foot and fills its box so far is a gateway; a corner that a warp left there tapers off.
 MOST_FILLED = 0.8
 # Pixels into which the border was mixed when the picture was warped and compressed.
 RIM = 3
@@ -21,7 +21,7 @@ RIM = 3
 def no_data(image: np.ndarray) -> np.ndarray:
     """The black corners of an image (h, w, 3) uint8, (h, w) bool: flat black that hangs together with a corner of the picture.
 
-    What is dark elsewhere at the border, or in a corner and upright as a gateway is, is part of what the picture shows. A
+    What is dark elsewhere at the border, or upright at its foot as a gateway is, is part of what the picture shows. A
     picture that is black as a whole has no corners.
     """
     import cv2
@@ -37,16 +37,16 @@ def no_data(image: np.ndarray) -> np.ndarray:
         part
         for part in corners
         if stats[part, cv2.CC_STAT_AREA] >= LEAST * black.size
-        and _tapers(stats[part], black.shape)
+        and not _is_gateway(stats[part], black.shape[0])
         and _is_warped(image, (parts == part).astype(np.uint8))
     ]
     found = np.isin(parts, kept).astype(np.uint8)
     return cv2.dilate(found, np.ones((2 * RIM + 1, 2 * RIM + 1), np.uint8)).astype(bool)
 
 
-def _tapers(stats: np.ndarray, shape: tuple[int, ...]) -> bool:
-    _, _, width, height, area = stats.tolist()
-    return width == shape[1] or height == shape[0] or area < MOST_FILLED * width * height
+def _is_gateway(stats: np.ndarray, height: int) -> bool:
+    _, top, wide, high, area = stats.tolist()
+    return 0 < top == height - high and high > wide and area >= MOST_FILLED * wide * high
 
 
 def _is_warped(image: np.ndarray, part: np.ndarray) -> bool:

@@ -98,7 +98,7 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     """Texture one viewpoint: render, translate, propagate, write the panorama."""
     start = time.time()
     here = context(run)
-    entry = (run, street, street_key)
+    entry = _entry(run, street, street_key, alone)
     # what a field answers does not depend on the viewpoints before, which the window need not have seen
     progress, mark = _take(entry, here, group, step if here.field is None else None, alone)
     viewpoint = here.plan.of_street(street)[step]
@@ -143,7 +143,7 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     start = time.time()
     here = context(run)
     group = open_root(fork)
-    window = _take((run, street, street_key), here, group, steps)[0].window
+    window = _take(_entry(run, street, street_key, alone=False), here, group, steps)[0].window
     scene = here.plan.scene
     rasters = Rasters.of(scene.placement, window.writable)
     if here.field is None:
@@ -189,7 +189,13 @@ def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarra
 
 def forget_street(run: Run, street: int, street_key: str) -> None:
     """Let go of what this process keeps of a street."""
-    _streets.pop((run, street, street_key), None)
+    for alone in (False, True):
+        _streets.pop(_entry(run, street, street_key, alone), None)
+
+
+def _entry(run: Run, street: int, street_key: str, alone: bool) -> _Street:
+    """Under which a street's window is kept: one without what other streets see is not to be taken for a whole one."""
+    return run, street, f"{street_key} alone" if alone else street_key
 
 
 def _take(

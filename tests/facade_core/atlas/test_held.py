@@ -94,6 +94,20 @@ def test_a_store_that_went_back_or_was_resized_is_read_anew(store: Path) -> None
     assert _reasons(store) == ["1", None, None]
 
 
+def test_a_reading_that_fails_is_tried_again(store: Path) -> None:
+    _write(store, a="1")
+    assert _reasons(store) == ["1", None, None]
+    chunks = set((store / "chunks").iterdir())
+    _write(store, a="2")
+    (chunk,) = set((store / "chunks").iterdir()) - chunks
+    chunk.rename(store / "away")
+    for _ in range(2):
+        with pytest.raises(Exception, match=r"not found|No such|reading"):
+            _reasons(store)
+    (store / "away").rename(chunk)
+    assert _reasons(store) == ["2", None, None]
+
+
 def test_nothing_is_held_afterwards(tmp_path: Path) -> None:
     open_repository(tmp_path, create=True)
     _resize(tmp_path, 3)

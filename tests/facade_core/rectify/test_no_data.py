@@ -47,8 +47,11 @@ def test_what_is_dark_at_the_border_is_kept() -> None:
     image = np.full((200, 300, 3), 150, np.uint8)
     image[120:, 100:160] = 4
     assert not no_data(image).any()
-    image[100:, 230:] = 4  # in a corner, and upright
+    image[100:, 230:] = 4  # in a corner at the foot, and upright
     assert not no_data(image).any()
+    image[:60, :90] = 0  # in a corner above
+    assert no_data(image)[:60, :90].all()
+    assert not no_data(image)[100:].any()
     image[:, 280:] = 0  # along a whole side
     assert no_data(image)[:, 280:].all()
     assert not no_data(np.zeros_like(image)).any()

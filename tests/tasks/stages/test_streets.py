@@ -80,6 +80,13 @@ def test_a_failure_names_what_failed_and_leaves_no_window(
     assert not viewpoint._streets
 
 
+def test_a_window_without_what_others_see_is_not_kept_for_the_streets_own(ready: Run) -> None:
+    viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, [0], "key", True)
+    assert (ready, 0, "key") not in viewpoint._streets
+    viewpoint.forget_street(ready, 0, "key")
+    assert not viewpoint._streets
+
+
 def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
