@@ -31,7 +31,7 @@ setup: .venv/ready
 train-setup: setup  ## What training the shipped networks needs (torch), into the same .venv: gigabytes
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/train.txt
 
-bench: setup  ## Every figure that the README quotes
+bench: setup  ## What the demo's block takes; README names the command of each other figure
 	$(BIN)/streetloom bench block --json
 
 constraints: setup  ## Pin anew what pyproject.toml asks for

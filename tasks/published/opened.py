@@ -64,6 +64,8 @@ class Published(StoredBlock):
         for name in ids:
             if name not in known:
                 near = get_close_matches(name, known, n=1, cutoff=0.5)
+                if (of := name.rpartition("-")[0]) in known:
+                    raise InputError(f"--building {name}: that is a facade; --building {of} is its building")
                 hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
                 raise InputError(f"--building {name}: the block {self.block} has no such building; {hint}")
         return np.unique([known[name] for name in ids])

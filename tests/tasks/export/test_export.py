@@ -291,6 +291,8 @@ def test_one_building_alone_has_no_ground(found: Published, undisturbed: Run, tm
     assert list(trimesh.load(one.files[0]).graph.nodes_geometry) == [name]
     with pytest.raises(InputError, match=f"--building {name}x: .* did you mean {name}"):
         export(undisturbed[0], "glb", tmp_path / "two", [name + "x"])
+    with pytest.raises(InputError, match=f"--building {name}-1: that is a facade; --building {name} is its building"):
+        export(undisturbed[0], "glb", tmp_path / "two", [name + "-1"])
     assert not (tmp_path / "two").exists()
 
 
