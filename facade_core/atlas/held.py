@@ -47,9 +47,8 @@ def read_held(group: StoreGroup, path: str) -> np.ndarray:
     """An array (n,) of a chunk for each element, as the group has it. It is not to be written to.
 
     The folder of a store is told by its root group (`facade_core.atlas.store`)."""
-    array, session = group[path], group.store.session
-    held = _held.get(getattr(group.store, "folder", Path()))
-    if held is None or session.has_uncommitted_changes:
+    array, held = group[path], _held.get(getattr(group.store, "folder", Path()))
+    if held is None or (session := group.store.session).has_uncommitted_changes:
         return array[:]
     with _lock:
         if held.snapshot != session.snapshot_id:  # the store went back, or somebody reads what it was
