@@ -15,21 +15,17 @@ import numpy as np
 from scipy import ndimage
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.labels import CLASSES, DOOR, SHOP, UNKNOWN
-
-# x0, y0, x1, y1 in pixels of the photo, half-open.
-Box = tuple[int, int, int, int]
+from facade_core.labels import DOOR, SHOP, UNKNOWN
+from facade_core.parse.cut_out import Box, cut_out
+from facade_core.parse.network_views import ANY_CLASS
 
 _BOXES = Path(__file__).with_name("in_front.json")
-_ANY_CLASS = (1 << len(CLASSES)) - 1
 # The ground floor, as a share of the labelled rows: where no door or shop tells it, and at most.
 _GROUND, _HIGHEST_GROUND = 0.25, 0.4
 # Around a box not everything is wall yet: wheels, bags and shadows reach beyond it. Shares of its sides.
 _MARGIN = 0.12
 # Twice green less red and blue, of leaves.
 _GREEN = 24
-# A mask that fills less of its box than this has lost the thing; an ellipse is nearer to it.
-_LEAST_FILLED = 0.35
 
 
 def boxes_in_front() -> dict[str, list[Box]]:
@@ -53,7 +49,7 @@ def with_occluders(
 
 
 def _occluder(facade: LabelledFacade, boxes: Sequence[Box] | None) -> np.ndarray:
-    labelled = facade.possible != _ANY_CLASS
+    labelled = facade.possible != ANY_CLASS
     if not labelled.any():
         return np.full(labelled.shape, UNKNOWN, np.uint8)
     top, bottom = ground_floor(facade)
@@ -70,39 +66,16 @@ def _occluder(facade: LabelledFacade, boxes: Sequence[Box] | None) -> np.ndarray
     for box in boxes or ():
         x0, y0, x1, y1 = np.clip(box, 0, (width, height, width, height)).tolist()
         if x1 - x0 > 2 and y1 - y0 > 2:
-            occluder[y0:y1, x0:x1][_thing(facade.image, (x0, y0, x1, y1))] = 1
+            occluder[y0:y1, x0:x1][cut_out(facade.image, (x0, y0, x1, y1))] = 1
     return occluder
 
 
 def ground_floor(facade: LabelledFacade) -> tuple[int, int]:
     """First row of the ground floor and the row below its last, by doors and shops in the lower part of the facade."""
-    rows = np.flatnonzero((facade.possible != _ANY_CLASS).any(1))
+    rows = np.flatnonzero((facade.possible != ANY_CLASS).any(1))
     high, bottom = int(rows[0]), int(rows[-1]) + 1
     highest = bottom - round(_HIGHEST_GROUND * (bottom - high))
     telling = (facade.labels == DOOR) | (facade.labels == SHOP)
     foot = highest + np.flatnonzero(telling[highest:bottom].any(1))
     top = bottom - round(_GROUND * (bottom - high))
     return (int(foot[0]) if foot.size else top), bottom
-
-
-def _thing(image: np.ndarray, box: Box) -> np.ndarray:
-    """(h, w) bool, the thing in a box (h, w): GrabCut, which learns its colours from what is around the box."""
-    import cv2
-
-    x0, y0, x1, y1 = box
-    across, down = (max(4, (side + 1) // 3) for side in (x1 - x0, y1 - y0))
-    left, up = max(0, x0 - across), max(0, y0 - down)
-    around = np.ascontiguousarray(image[up : y1 + down, left : x1 + across])
-    told = np.full(around.shape[:2], cv2.GC_BGD, np.uint8)
-    inside = np.s_[y0 - up : y1 - up, x0 - left : x1 - left]
-    told[inside] = cv2.GC_PR_FGD
-    height, width = y1 - y0, x1 - x0
-    y, x = np.mgrid[0:height, 0:width]
-    oval = ((2 * x + 1) / width - 1) ** 4 + ((2 * y + 1) / height - 1) ** 4
-    told[inside][oval < 0.1] = cv2.GC_FGD
-    told[inside][oval > 1.5] = cv2.GC_BGD
-    cv2.setRNGSeed(0)
-    cv2.grabCut(around, told, (0, 0, 0, 0), np.zeros((1, 65)), np.zeros((1, 65)), 3, cv2.GC_INIT_WITH_MASK)
-    seen = np.isin(told[inside], (cv2.GC_FGD, cv2.GC_PR_FGD))
-    seen = ndimage.binary_fill_holes(ndimage.binary_closing(np.pad(seen, 5), iterations=3))[5:-5, 5:-5]
-    return seen if seen.mean() >= _LEAST_FILLED else oval <= 1

@@ -79,7 +79,6 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
     held = read_records(group, "viewpoints", np.array(own, np.int64))
     due = [k for k in range(len(own)) if not is_done(held[k], keys[k])]
     done = is_done(read_records(group, "streets", np.array([street]))[0], street_key)
-    stands = done and not found.chain  # its texels are made of none of its panoramas
     outcome = Outcome(skipped=len(own) - len(due) + done)
     advance("viewpoints", earlier=len(own) - len(due))
     if done and not due:
@@ -96,8 +95,7 @@ def texture_street(run: Run, street: int, title: str, memory: int, compute: Comp
             while due:
                 at = f"viewpoint {due[0]}"
                 session, fork = begin(run.store)
-                of = (street, due, street_key, stands)
-                fork, made = compute.submit(viewpoints_unit, run, fork, *of, worker=worker).result()
+                fork, made = compute.submit(viewpoints_unit, run, fork, street, due, street_key, worker=worker).result()
                 records = {
                     own[k]: record | {"unit": f"{name}/{k}", "key": keys[k], "status": "done"}
                     for k, record in zip(due, made, strict=False)

@@ -5,16 +5,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from pathlib import Path
 
-import numpy as np
-
 from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
 from catalogs.learning.occlusion import boxes_in_front, with_occluders
-from facade_core.labels import CLASSES
+from catalogs.learning.painted import painted
 from facade_core.parse import network_export, training, training_network
 from facade_core.parse.model_file import read_record
-from facade_core.parse.network_views import ANY_CLASS
 from facade_core.parse.training_network import Course
-from facade_core.synth import exemplars
 from tasks.progress import advance, begin_stage
 
 Sets = dict[str, list[LabelledFacade]]
@@ -79,20 +75,6 @@ def train_fold(data: Path, out: Path, name: str, *, seed: int) -> Path:
     return path
 
 
-def painted(number: int, *, seed: int) -> list[LabelledFacade]:
-    """Facades painted with their truth; trees, cars and lamps stand before a fourth of them."""
-    return [
-        LabelledFacade(
-            f"{seed}-{index}",
-            facade.image,
-            facade.labels,
-            np.where(facade.labels < len(CLASSES), 1 << np.minimum(facade.labels, 7), ANY_CLASS).astype(np.uint8),
-            facade.occluded.astype(np.uint8),
-        )
-        for index, facade in enumerate(exemplars(number, seed=seed, occluded_share=0.25))
-    ]
-
-
 def _names(sets: Sets) -> list[str]:
     return [f"{name}/{photo.name}" for name, photos in sets.items() for photo in photos]
 
@@ -103,8 +85,9 @@ def stage_progress() -> Callable[[str, int, int], None]:
 
     def progress(step: str, done: int, total: int) -> None:
         if step not in reached:
-            begin_stage(step, total)
-        advance(step, done - reached.get(step, 0))
+            begin_stage(step, total, earlier=done)
+        else:
+            advance(step, done - reached[step])
         reached[step] = done
 
     return progress

@@ -72,10 +72,10 @@ _taking = Lock()
 
 
 def viewpoints_unit(
-    run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str, alone: bool
+    run: Run, fork: Any, street: int, steps: Sequence[int], street_key: str
 ) -> tuple[Any, list[dict[str, Any]]]:
     """Texture viewpoints of a street, by their numbers along it: the first of `steps`, and those after it that begin within
-    TOGETHER_S. alone: whether the street's texels stand, so that what others see of them is no matter.
+    TOGETHER_S.
 
     Their panoramas go through the fork; returns it and a record of each. One that fails after others is left to the next unit,
     so that what they made is kept.
@@ -86,7 +86,7 @@ def viewpoints_unit(
         if records and time.time() - begun > TOGETHER_S:
             break
         try:
-            records.append(_viewpoint(run, open_root(fork), street, step, street_key, alone))
+            records.append(_viewpoint(run, open_root(fork), street, step, street_key))
         except Exception:
             if not records:
                 raise
@@ -94,13 +94,13 @@ def viewpoints_unit(
     return fork, records
 
 
-def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str, alone: bool) -> dict[str, Any]:
+def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: str) -> dict[str, Any]:
     """Texture one viewpoint: render, translate, propagate, write the panorama."""
     start = time.time()
     here = context(run)
-    entry = _entry(run, street, street_key, alone)
+    entry = (run, street, street_key)
     # what a field answers does not depend on the viewpoints before, which the window need not have seen
-    progress, mark = _take(entry, here, group, step if here.field is None else None, alone)
+    progress, mark = _take(entry, here, group, step if here.field is None else None)
     viewpoint = here.plan.of_street(street)[step]
     size = (run.texture.panorama_width // 2, run.texture.panorama_width)
     seconds: dict[str, float] = {"prepare": time.time() - start}
@@ -116,7 +116,7 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
     lap("render")
     rgb = here.translator.translate(panorama)
     lap("translate")
-    in_turn = progress.done == step and not alone
+    in_turn = progress.done == step
     if here.field is None:
         propagate(here.plan.scene, progress.window, viewpoint, rgb, seen=panorama.chart)
     elif in_turn:
@@ -143,12 +143,14 @@ def street_unit(run: Run, fork: Any, street: int, steps: int, street_key: str) -
     start = time.time()
     here = context(run)
     group = open_root(fork)
-    window = _take(_entry(run, street, street_key, alone=False), here, group, steps)[0].window
+    window = _take((run, street, street_key), here, group, steps)[0].window
     scene = here.plan.scene
     rasters = Rasters.of(scene.placement, window.writable)
     if here.field is None:
         colour, views = blend(window.state)
     else:
+        for viewpoint in _earlier(here.plan, group, street, window.writable):
+            add_viewpoint(here.plan, group, window, viewpoint, field=True)
         paint(window, scene.placement, here.field)
         views = window.state.views
         colour = np.where((views > 0)[:, None], window.colour[: rasters.total], np.uint8(0))
@@ -189,20 +191,13 @@ def _held_by_later(plan: Plan, group: StoreGroup, street: int, charts: np.ndarra
 
 def forget_street(run: Run, street: int, street_key: str) -> None:
     """Let go of what this process keeps of a street."""
-    for alone in (False, True):
-        _streets.pop(_entry(run, street, street_key, alone), None)
+    _streets.pop((run, street, street_key), None)
 
 
-def _entry(run: Run, street: int, street_key: str, alone: bool) -> _Street:
-    """Under which a street's window is kept: one without what other streets see is not to be taken for a whole one."""
-    return run, street, f"{street_key} alone" if alone else street_key
-
-
-def _take(
-    entry: _Street, here: Context, group: StoreGroup, step: int | None, alone: bool = False
-) -> tuple[_Progress, object]:
+def _take(entry: _Street, here: Context, group: StoreGroup, step: int | None) -> tuple[_Progress, object]:
     """The street's window with its first `step` viewpoints in it, None for any number of them: from this process, else replayed
-    from panoramas, `alone` without those of other streets. And the mark that now stands for it."""
+    from panoramas. And the mark that now stands for it. Where a field answers, what other streets see is not in it: only the
+    street's end needs that."""
     for other in [held for held in list(_streets) if held[0] != entry[0]]:
         _streets.pop(other, None)
     mark = object()
@@ -210,7 +205,7 @@ def _take(
         held, _streets[entry] = _streets.get(entry), mark
     if not isinstance(held, _Progress) or step not in (None, held.done):
         field = here.field is not None
-        held = _Progress(replay(here.plan, group, entry[1], step or 0, field=field, alone=alone), step or 0)
+        held = _Progress(replay(here.plan, group, entry[1], step or 0, field=field, own=field), step or 0)
     return held, mark
 
 
@@ -221,11 +216,11 @@ def _keep(entry: _Street, mark: object, progress: _Progress) -> None:
 
 
 def replay(
-    plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, alone: bool = False, threads: int = 1
+    plan: Plan, group: StoreGroup, street: int, step: int, *, field: bool, own: bool = False, threads: int = 1
 ) -> Window:
     """A street's window after its first `step` viewpoints: seeds, every panorama of earlier waves that there is and that shows
-    one of its charts, unless it is `alone`, then the street's own. field: whether the translator answers with one; its texels
-    are left to `paint`."""
+    one of its charts, then the street's own, or its `own` alone. field: whether the translator answers with one; its texels are
+    left to `paint`."""
     scene = plan.scene
     viewpoints = plan.of_street(street)
     charts = plan.charts_of_street(street)
@@ -235,7 +230,7 @@ def replay(
     )
     window = Window.of(scene.placement, rasters, writable, seed, evidence, visibility_range=scene.visibility_range)
 
-    earlier = [] if alone else _earlier(plan, group, street, writable)
+    earlier = [] if own else _earlier(plan, group, street, writable)
     for viewpoint in [*earlier, *viewpoints[:step]]:
         add_viewpoint(plan, group, window, viewpoint, field=field, threads=threads)
     return window

@@ -80,20 +80,13 @@ def test_a_failure_names_what_failed_and_leaves_no_window(
     assert not viewpoint._streets
 
 
-def test_a_window_without_what_others_see_is_not_kept_for_the_streets_own(ready: Run) -> None:
-    viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, [0], "key", True)
-    assert (ready, 0, "key") not in viewpoint._streets
-    viewpoint.forget_street(ready, 0, "key")
-    assert not viewpoint._streets
-
-
 def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     ready: Run, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """A late copy, come back to its worker while the one that was started since is at work there."""
 
     def one() -> None:
-        viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, [0], "key", False)
+        viewpoint.viewpoints_unit(ready, begin(ready.store)[1], 0, [0], "key")
 
     def kept() -> list[np.ndarray]:
         held = viewpoint._streets[ready, 0, "key"]
@@ -104,13 +97,13 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     one()
     alone = kept()
     viewpoint.forget_street(ready, 0, "key")
-    both, propagate = threading.Barrier(2), viewpoint.propagate
+    both, see = threading.Barrier(2), viewpoint.see
 
     def together(*arguments: Any, **named: Any) -> None:
         both.wait(60)
-        propagate(*arguments, **named)
+        see(*arguments, **named)
 
-    monkeypatch.setattr(viewpoint, "propagate", together)
+    monkeypatch.setattr(viewpoint, "see", together)
     copies = [threading.Thread(target=one) for _ in range(2)]
     for copy in copies:
         copy.start()

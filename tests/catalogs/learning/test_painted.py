@@ -1,8 +1,8 @@
 import numpy as np
 
+from catalogs.learning.painted import painted
 from facade_core.labels import CLASSES
 from facade_core.parse.network_views import ANY_CLASS
-from tasks.training.parser import painted
 
 
 def test_painted_facades_tell_their_classes_and_what_is_in_front():
