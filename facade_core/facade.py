@@ -31,8 +31,6 @@ HIDDEN_SHARE = 0.3
 LEAST_THING, THING_RIM = 0.0005, 0.006
 # The parser, which sees a hole filled from its border, takes some of that border for a thing: not within this share.
 SPILL = 0.05
-# What the parser guesses behind a tree is kept for these; windows and balconies come from the completed layout.
-GUESSED = (classes.ROOF, classes.SKY, classes.SHOP, classes.DOOR)
 
 # The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
 VARIED = 0.75
@@ -86,12 +84,11 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
         parsing = parse(np.dstack([image, alpha]))
         found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
         in_front, masked = things_in_front(found)
-        given, hidden = hidden, hidden | in_front
+        hidden = hidden | in_front
     _require_seen(hidden, "beside trees, cars and the like")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if _share(hidden, e) <= HIDDEN_SHARE]
-    completion, complete_labels, result = None, parsing.labels, image
-    layout = tuple(observed)
+    completion, label_map, result, layout = None, parsing.labels, image, tuple(observed)
     if hidden.any():
         height, width = hidden.shape
         with _timed(seconds, "complete"):
@@ -101,12 +98,15 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
                 shown = replace(parsing, occluded=hidden | parsing.occluded)
                 completion = complete(observed, (0, 0, width, height), seen, seed=seed, evidence=shown)[0]
                 layout = completion.elements
-            guessed = in_front & ~given & np.isin(parsing.labels, GUESSED)
-            complete_labels = _draw(parsing.labels, hidden & ~guessed, layout)
         with _timed(seconds, "inpaint"):
-            result = inpaint(image, hidden, labels=complete_labels, elements=list(layout), method="floors", seed=seed)
+            result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
+        # The finished picture is what is shown, not the layout by which it was made: its labels and elements are read from it.
+        with _timed(seconds, "parse"):
+            label_map = parse(result).labels
+        with _timed(seconds, "elements"):
+            layout = tuple(elements(label_map))
     provenance = np.where(hidden, INPAINTED, PHOTO).astype(np.uint8)
-    return _finish(image, result, complete_labels, hidden, provenance, masked, layout, completion, seconds, seed)
+    return _finish(image, result, label_map, hidden, provenance, masked, layout, completion, seconds, seed)
 
 
 def _require_seen(hidden: np.ndarray, what: str) -> None:
@@ -250,18 +250,6 @@ def _finish(
 def _share(hidden: np.ndarray, element: Element) -> float:
     part = hidden[int(element.y0) : int(np.ceil(element.y1)), int(element.x0) : int(np.ceil(element.x1))]
     return float(part.mean()) if part.size else 0.0
-
-
-def _draw(label_map: np.ndarray, hidden: np.ndarray, layout: Sequence[Element]) -> np.ndarray:
-    """Labels with the hidden part drawn anew from a completed layout: wall, and the elements on it."""
-    drawn = label_map.copy()
-    drawn[hidden] = classes.WALL
-    for name in ("shop", "window", "door", "balcony"):
-        for e in (e for e in layout if e.label == name):
-            box = (slice(round(e.y0), round(e.y1)), slice(round(e.x0), round(e.x1)))
-            part = drawn[box]
-            part[hidden[box]] = classes.CLASSES.index(name)
-    return drawn
 
 
 def _below_sky(label_map: np.ndarray) -> int:

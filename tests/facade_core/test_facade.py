@@ -9,7 +9,7 @@ import facade_core.facade
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
-from facade_core.labels import SKY, WALL
+from facade_core.labels import SKY, WALL, WINDOW
 from facade_core.style import choose_exemplars
 from facade_core.synth import facade as paint
 from facade_core.types import Element, Parsing
@@ -32,6 +32,18 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
     with_things = np.abs(PAINTED.image[~seen].astype(int) - clean.image[~seen]).mean()
     completed = np.abs(made.image[~seen].astype(int) - clean.image[~seen]).mean()
     assert completed < 0.8 * with_things
+
+
+@pytest.mark.parametrize(("style", "seed"), [("brick", 2), ("haussmann", 7)])
+def test_labels_and_elements_of_what_is_completed_are_those_of_its_picture(style: str, seed: int) -> None:
+    painted = paint((13.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=seed, occluders=2)
+    made = from_photo(painted.image, painted.occluded, clean=True, seed=1)
+    hidden = painted.occluded
+    assert (made.labels[hidden] == painted.labels[hidden]).mean() > 0.9
+    windows = [e for e in made.elements if e.label == "window"]
+    assert windows
+    for e in windows:
+        assert (made.labels[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] == WINDOW).mean() > 0.9
 
 
 def test_the_same_photo_and_seed_make_the_same_bits() -> None:
