@@ -6,12 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
-from catalogs.learning.occlusion import boxes_in_front, with_occluders
-from catalogs.learning.painted import painted
+from catalogs.learning.in_front import boxes_in_front
 from facade_core.parse import network_export, training, training_network
 from facade_core.parse.model_file import read_record
 from facade_core.parse.training_network import Course
 from tasks.progress import advance, begin_stage
+from tasks.training.labelled import painted, with_occluders
 
 Sets = dict[str, list[LabelledFacade]]
 

@@ -1,13 +1,30 @@
-"""Painted facades as a training set: their labels are true and without number."""
+"""Labelled facades with what can be said of what stands in front of them."""
 
 from __future__ import annotations
+
+import dataclasses
+from collections.abc import Iterable, Mapping, Sequence
 
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.labels import CLASSES
+from facade_core.parse.in_front import Box, told_in_front
 from facade_core.parse.network_views import ANY_CLASS
 from facade_core.synth import exemplars
+
+
+def with_occluders(
+    name: str, facades: Iterable[LabelledFacade], boxes: Mapping[str, Sequence[Box]]
+) -> list[LabelledFacade]:
+    """The facades of a set with another occluder map, by the boxes found before the photos "set/name"."""
+    return [
+        dataclasses.replace(
+            facade,
+            occluder=told_in_front(facade.image, facade.labels, facade.possible, boxes.get(f"{name}/{facade.name}")),
+        )
+        for facade in facades
+    ]
 
 
 def painted(number: int, *, seed: int) -> list[LabelledFacade]:

@@ -3,8 +3,11 @@ import pytest
 
 from benchmarks.in_front import marked
 from catalogs.learning.datasets import LabelledFacade
-from catalogs.learning.occlusion import boxes_in_front, ground_floor, with_occluders
-from facade_core.labels import DOOR, SHOP, SKY, UNKNOWN, WALL
+from catalogs.learning.in_front import boxes_in_front
+from facade_core.labels import CLASSES, DOOR, SHOP, SKY, UNKNOWN, WALL
+from facade_core.parse.in_front import ground_floor
+from facade_core.parse.network_views import ANY_CLASS
+from tasks.training.labelled import painted, with_occluders
 
 
 def facade(labels):
@@ -23,13 +26,13 @@ def plain():
 
 
 def test_the_ground_floor_begins_at_its_shops_and_doors(plain):
-    assert ground_floor(plain) == (150, 200)
+    assert ground_floor(plain.labels, plain.possible) == (150, 200)
     plain.labels[40:60, :30] = SHOP  # far above: not of the ground floor
-    assert ground_floor(plain) == (150, 200)
-    assert ground_floor(facade(np.full((80, 40), WALL, np.uint8))) == (60, 80)
+    assert ground_floor(plain.labels, plain.possible) == (150, 200)
+    assert ground_floor(*[np.full((80, 40), WALL, np.uint8)] * 2) == (60, 80)
     cut = np.full((80, 40), UNKNOWN, np.uint8)
     cut[10:50] = WALL
-    assert ground_floor(facade(cut)) == (40, 50)
+    assert ground_floor(cut, facade(cut).possible) == (40, 50)
 
 
 def test_the_foot_is_not_told_where_nobody_looked(plain):
@@ -69,3 +72,14 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
     assert not {f"ecp/{name}" for name in marked()} & boxes.keys()
     assert sum(name.startswith("ecp/") for name in boxes) == 66
     assert all(x0 < x1 and y0 < y1 for found in boxes.values() for x0, y0, x1, y1 in found)
+
+
+def test_painted_facades_tell_their_classes_and_what_is_in_front():
+    facades = painted(4, seed=3)
+    assert [facade.name for facade in facades] == ["3-0", "3-1", "3-2", "3-3"]
+    for facade in facades:
+        known = facade.labels < len(CLASSES)
+        assert (facade.possible[known] == 1 << facade.labels[known]).all()
+        assert (facade.possible[~known] == ANY_CLASS).all()
+        assert set(np.unique(facade.occluder)) <= {0, 1}
+    assert sum((facade.occluder == 1).any() for facade in facades) == 1
