@@ -37,11 +37,12 @@ def measure_things(
     """How many marked things of each kind are found: at least half of the pixels of their box are told to be hidden.
 
     hidden: (H, W, 3) uint8 -> (H, W) bool, where something is seen in front. ground_floor is the share of the ground
-    floors that is told to be hidden, in the boxes or not, and boxes the share of these floors that boxes cover.
+    floors that is told to be hidden, in the boxes or not, beside_boxes the same of the columns that no box reaches into,
+    where next to nothing is, and boxes the share of these floors that boxes cover.
     """
     found: Counter[str] = Counter()
     true: Counter[str] = Counter()
-    seen, covered, floors = 0, 0, 0
+    seen, covered, floors, beside = 0, 0, 0, np.zeros(2, np.int64)
     for facade in facades:
         there = hidden(facade.image)
         inside = np.zeros(there.shape, bool)
@@ -52,11 +53,14 @@ def measure_things(
         top, bottom = ground_floor(facade.labels, facade.possible)
         seen, covered = seen + int(there[top:bottom].sum()), covered + int(inside[top:bottom].sum())
         floors += there[top:bottom].size
+        free = there[top:bottom, ~inside.any(0)]
+        beside += (int(free.sum()), free.size)
     vehicles = [kind for kind in true if kind != "person"]
     return {
         "recall": {kind: [found[kind], true[kind]] for kind in sorted(true)},
         "vehicles": [sum(found[kind] for kind in vehicles), sum(true[kind] for kind in vehicles)],
         "ground_floor": round(seen / max(1, floors), 4),
+        "beside_boxes": round(float(beside[0] / max(1, beside[1])), 4),
         "boxes": round(covered / max(1, floors), 4),
     }
 

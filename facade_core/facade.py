@@ -102,9 +102,10 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
             result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
         # The finished picture is what is shown, not the layout by which it was made: its labels and elements are read from it.
         with _timed(seconds, "parse"):
-            label_map = parse(result).labels
+            made = parse(result)
+            label_map = made.labels
         with _timed(seconds, "elements"):
-            layout = tuple(elements(label_map))
+            layout = tuple(elements(replace(made, occluded=np.zeros_like(hidden))))
     provenance = np.where(hidden, INPAINTED, PHOTO).astype(np.uint8)
     return _finish(image, result, label_map, hidden, provenance, masked, layout, completion, seconds, seed)
 

@@ -53,7 +53,7 @@ class Catalogue:
     def facade(self, id: str, *, run: str | None = None) -> xr.Dataset:
         """A facade's rasters (y, x) in the snapshot that was published, in metres along the wall and down from its top.
 
-        attrs: id, crs, origin (3,) of its upper left corner, axis_x and axis_y (3,), elements of its completed layout as JSON.
+        attrs: id, crs, origin (3,) of its upper left corner, axis_x and axis_y (3,), elements of the completed facade as JSON.
         to_zarr keeps it as it is. NetCDF 3, which is what xarray writes where neither netCDF4 nor h5netcdf is installed, has no
         unsigned bytes: `facade.astype("int16").to_netcdf(path)` works everywhere.
         run: name of the run, as in the column `run`, where more than one has a facade of that id. Raises InputError for a

@@ -95,7 +95,7 @@ class Atlas:
 
     def facade(self, id: str) -> xr.Dataset:
         """The rasters of a facade's chart, as of `chart`; in attrs also facade, building, street, width and height (m), floors,
-        seen, and elements: those of its completed layout as JSON, in texels. Raises InputError where there is no such facade.
+        seen, and elements: those of the completed facade as JSON, in texels. Raises InputError where there is no such facade.
         """
         facades = self.tables["facades"]
         if id not in facades["id"]:

@@ -19,7 +19,7 @@ from facade_core.types import Lattice
 
 # Pixels to a side of the squares in which what hides a wall is shown.
 MOSAIC = 12
-# An element of which more than this share was hidden comes from the completed layout.
+# An element of which more than this share was hidden is one that the completion made.
 COMPLETED = 0.3
 # Layouts are drawn at least so many pixels high: lines over small facades stay thin.
 LAYOUT_HEIGHT = 480
@@ -109,7 +109,7 @@ def overlay_hidden(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
 
 
 def draw_layout(image: np.ndarray, hidden: np.ndarray, elements: Sequence[Sequence[Any]]) -> np.ndarray:
-    """Elements over a texture (h, w, 3): outlined where they were seen, filled where the completed layout put them.
+    """Elements over a texture (h, w, 3): outlined where they were seen, filled where the completion made them.
 
     elements: rows of label, x0, y0, x1, y1 in texels and confidence. The texture is enlarged by a whole number.
     """

@@ -26,7 +26,7 @@ def write_cityjson(found: Published, buildings: np.ndarray, folder: Path) -> tup
 
 
 def write_lod3(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """BLOCK.lod3.city.json: the windows and doors of completed layouts cut out of their walls."""
+    """BLOCK.lod3.city.json: the windows and doors of completed facades cut out of their walls."""
     return _write_document(found, buildings, folder, f"{found.block}.lod3.city.json", openings=True)
 
 

@@ -24,7 +24,7 @@ def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
     (folder / "images").mkdir()
     facades = list(_annotated(found, buildings, folder, "images/"))
     density = found.plan.scene.spec.texels_per_metre
-    value = coco(facades, f"Facades of {found.block}, elements of their completed layouts", 1 / density)
+    value = coco(facades, f"Facades of {found.block}, elements of the completed facades", 1 / density)
     (folder / "annotations.json").write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     return ["annotations.json"], _left_out(found, buildings, len(facades))
 

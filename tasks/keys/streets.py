@@ -105,7 +105,7 @@ def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tup
     pairs = pairs[plan.wave[plan.street_of_viewpoints[pairs[:, 0]]] < plan.wave[street]]
     viewpoints = np.unique(pairs[:, 0]).astype(np.int64)
     return pairs, {
-        viewpoint: record["passes"] if record else None
+        viewpoint: record["passes"] if record and record["status"] == "done" else None
         for viewpoint, record in zip(viewpoints.tolist(), records("viewpoints", viewpoints), strict=True)
     }
 

@@ -50,7 +50,14 @@ OF_FACADES = (
     Shipped(
         NETWORK,
         "facade parser",
-        {"ECP": "MIT (the copy used)", "CMP": "CC BY-SA", "Swiss street photos": "CC BY 4.0", "ImageNet": "Apache-2.0"},
+        {
+            "ECP": "MIT (the copy used)",
+            "CMP": "CC BY-SA",
+            "Swiss street photos": "CC BY 4.0",
+            "painted facades": "Apache-2.0",
+            "boxes by NanoDet, taught by COCO": "Apache-2.0",
+            "ImageNet": "Apache-2.0",
+        },
     ),
     Shipped(
         LAYOUTS,

@@ -71,7 +71,7 @@ class Published(StoredBlock):
         return np.unique([known[name] for name in ids])
 
     def elements(self, facade: int) -> list[Element]:
-        """The elements of a facade's completed layout, in texels, y down."""
+        """The elements of a completed facade, in texels, y down."""
         record = self.records[facade]
         rows = record.get("elements", []) if record else []
         return [Element(row[0], *map(float, row[1:6])) for row in rows]

@@ -237,11 +237,13 @@ def replay(
 
 
 def _earlier(plan: Plan, group: StoreGroup, street: int, charts: np.ndarray) -> list[Viewpoint]:
-    """The viewpoints of earlier waves that are known and show some charts (k,)."""
+    """The viewpoints of earlier waves that are done and show some charts (k,)."""
     shows = np.unique(plan.views_of_charts(charts)[:, 0]).astype(np.int64)
     shows = shows[plan.wave[plan.street_of_viewpoints[shows]] < plan.wave[street]]
     records = read_records(group, "viewpoints", shows)
-    return [plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record is not None]
+    return [
+        plan.viewpoints[v] for v, record in zip(shows, records, strict=True) if record and record["status"] == "done"
+    ]
 
 
 def add_viewpoint(

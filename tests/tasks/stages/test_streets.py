@@ -12,6 +12,8 @@ import numpy as np
 import pytest
 
 from catalogs.block import read_block
+from facade_core.atlas.journal import forget_record, read_journal
+from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.errors import StoreError
 from facade_core.street.blend import blend
 from tasks.compute.connect import Serial
@@ -99,7 +101,10 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
     viewpoint.forget_street(ready, 0, "key")
     both, see = threading.Barrier(2), viewpoint.see
 
+    windows: list[Any] = []
+
     def together(*arguments: Any, **named: Any) -> None:
+        windows.append(arguments[1])
         both.wait(60)
         see(*arguments, **named)
 
@@ -109,9 +114,28 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
         copy.start()
     for copy in copies:
         copy.join()
+    assert windows[0] is not windows[1]
     assert all(np.array_equal(a, b) for a, b in zip(alone, kept(), strict=True))
     viewpoint.forget_street(ready, 0, "key")
     assert not viewpoint._streets
+
+
+def test_a_viewpoint_that_failed_on_a_street_that_stands_is_done_by_the_next_run(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block = write_block(tmp_path / "in", streets={k: STREETS[k] for k in "12"}, texture={"walls": "translate"})
+    run = texture(block, tmp_path / "out").run
+    plan = plan_of_run(run)
+    first = int(np.argmin(plan.wave))
+    session = open_repository(run.store).writable_session(BRANCH)
+    forget_record(open_root(session), "viewpoints", plan.of_street(first)[0].id)
+    commit(session, "one viewpoint is due")
+    with monkeypatch.context() as broken:
+        broken.setattr(streets, "viewpoints_unit", fail)
+        assert texture_street.fn(run, first, "1", 0, Serial()).failed
+    texture(block, tmp_path / "out")
+    group = open_root(open_repository(run.store).readonly_session(BRANCH))
+    assert {record["status"] for record in read_journal(group, "viewpoints") if record} == {"done"}
 
 
 def test_a_street_waits_for_those_of_earlier_waves_whose_chunks_it_touches(tmp_path: Path) -> None:
