@@ -3,12 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
+
+
+# What is kept of things in front of facades, people among them. blur: unreadable, but a thing can still be told; mask:
+# nothing is left of it; keep: as the picture shows it.
+Privacy = Literal["blur", "mask", "keep"]
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from facade_core.types import Privacy
+
 if TYPE_CHECKING:
     from catalogs.block import Material, TextureSettings
     from catalogs.readers.pictures.aerial import Aerial
@@ -18,6 +20,7 @@ class Run:
     block: the block's name.
     key: of its ingest, a digest of the block's inputs and settings and of the code that ingests them.
     texture: the block's settings; what they name as files is read: roof_material.
+    privacy: what is kept of things in front of facades.
     failed_limit: the share of units that may fail for what is published to become current.
     ingested: when the store's plan was written, 0 before: a process that serves many runs keeps what it read of one plan from
         the next.
@@ -30,6 +33,7 @@ class Run:
     seed: int
     storey: float
     texture: TextureSettings
+    privacy: Privacy = "blur"
     aerial: Aerial | None = None
     roof_material: Material | None = None
     failed_limit: float = 0.2

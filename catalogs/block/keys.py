@@ -11,6 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from catalogs.visible import shown
+from facade_core.types import Privacy
 
 
 def _even(value: int) -> int:
@@ -102,6 +103,7 @@ class ImageryKeys(_Keys):
     panoramas: PanoramaKeys | None = None
     photos: PhotoKeys | None = None
     aerial: AerialKeys | None = None
+    privacy: Privacy = "blur"
 
 
 class BlockKeys(_Keys):

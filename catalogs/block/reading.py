@@ -19,7 +19,7 @@ from catalogs.features import Fault, by_reason, notes_by_reason
 from catalogs.frames import known_frame
 from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
 from facade_core.errors import BlockFileError
-from facade_core.types import Building, Elevation, Street
+from facade_core.types import Building, Elevation, Privacy, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -39,10 +39,10 @@ class Block:
 
     crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
     streets they are derived from the gaps between the buildings when the block is ingested. photos: facade id -> file, as taken
-    from the street unless photos_rectified; textures: the pictures that the buildings' own texture indices count; aerial: the
-    block from straight above; roof_material: a picture of one, and its metres per pixel. notes says
-    what was left out or assumed, one line each; faults are the units that are broken. digest is the sha256 of all of that: of
-    what was read, not of files, their names or dates.
+    from the street unless photos_rectified; privacy: what is kept of things in front; textures: the pictures that the
+    buildings' own texture indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres
+    per pixel. notes says what was left out or assumed, one line each; faults are the units that are broken. digest is the
+    sha256 of all of that: of what was read, not of files, their names or dates.
     """
 
     name: str
@@ -53,6 +53,7 @@ class Block:
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
     photos_rectified: bool
+    privacy: Privacy
     panoramas: tuple[PosedPanorama, ...]
     textures: tuple[Path, ...]
     aerial: Aerial | None
@@ -111,6 +112,7 @@ def read_block(path: Path | str) -> Block:
         exemplars=exemplars,
         photos=photos,
         photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
+        privacy=keys.imagery.privacy,
         panoramas=panoramas,
         textures=built.textures,
         aerial=_aerial(keys, files, frame, built.items, file),

@@ -24,6 +24,7 @@ def run_of(block: Block, out: Path) -> Run:
         seed=block.seed,
         storey=block.storey,
         texture=block.texture,
+        privacy=block.privacy,
         aerial=block.aerial,
         roof_material=block.roof_material,
         failed_limit=block.failed_limit,

@@ -99,6 +99,8 @@ def facade_keys(
     }
     keys = []
     for source in imagery.sources():
+        if source in ("photo", "panoramas"):
+            parts["privacy"] = run.privacy
         if source == "photo" and imagery.photo is not None:
             parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
         elif source == "panoramas":

@@ -199,6 +199,7 @@ _FROM_RECORD = (
     "shops",
     "window_to_wall",
     "occluded",
+    "privacy",
     "source",
     "variation_types",
     "variation_levels",

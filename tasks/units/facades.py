@@ -20,6 +20,7 @@ from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
 from facade_core.labels import CLASSES
 from facade_core.plan import Plan
+from facade_core.privacy import shielded
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
@@ -60,9 +61,10 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
         if result is not None:
             begun = time.time()
-            digests = _write(group, plan, facade, result, confidence)
+            evidence = shielded(result.evidence, result.occluded, run.privacy, run.texture.texels_per_metre)
+            digests = _write(group, plan, facade, result, evidence, confidence)
             seconds["write"] = time.time() - begun
-            about |= _summary(result) | {"digests": digests}
+            about |= _summary(result) | {"privacy": run.privacy, "digests": digests}
         about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
         records[facade] = Record(unit=unit.name, key=unit.keys[depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
@@ -132,8 +134,10 @@ def _make(
     return depth, result, imagery.exemplar[1], nothing
 
 
-def _write(group: StoreGroup, plan: Plan, facade: int, result: Facade, confidence: np.ndarray) -> dict[str, str]:
-    """Write a facade's rasters and hierarchy; returns the digest of its chart."""
+def _write(
+    group: StoreGroup, plan: Plan, facade: int, result: Facade, shown: np.ndarray, confidence: np.ndarray
+) -> dict[str, str]:
+    """Write a facade's rasters, with what may be shown (h, w, 3) of its evidence, and hierarchy; returns its chart's digest."""
     scene, chart = plan.scene, int(plan.facades.chart[facade])
     rasters = Rasters.of(scene.placement, [chart])
     seed = result.image.reshape(-1, 3)
@@ -141,7 +145,7 @@ def _write(group: StoreGroup, plan: Plan, facade: int, result: Facade, confidenc
     arrays = {
         "atlas/seed": seed,
         "atlas/seed_evidence": evidence,
-        "facade_maps/evidence": result.evidence.reshape(-1, 3),
+        "facade_maps/evidence": shown.reshape(-1, 3),
         "facade_maps/labels": result.labels.reshape(-1),
         "facade_maps/occluded": result.occluded.reshape(-1),
         "facade_maps/confidence": confidence.reshape(-1),

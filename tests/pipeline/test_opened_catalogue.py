@@ -41,6 +41,10 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
     seen = ~facade.occluded.values
     assert np.abs(facade.evidence.values[seen].astype(int) - facade.texture.values[seen]).mean() < 1
 
+    assert row["privacy"] == "blur"
+    hidden = facade.evidence.values[~seen]
+    assert len(np.unique(hidden, axis=0)) < 0.1 * len(hidden), "nothing can be read of what stood in front"
+
     published = (undisturbed[0] / "current").read_text().strip()
     same = open_atlas(undisturbed[0], chunks=None).at(published).facade(row["id"])
     for name in ("colour", "provenance", "labels", "occluded", "y", "x"):

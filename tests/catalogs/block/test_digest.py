@@ -193,6 +193,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "exemplars": (picture,),
         "photos": {"a-0": picture},
         "photos_rectified": not block.photos_rectified,
+        "privacy": "mask",
         "panoramas": read_block(panoramas(tmp_path)).panoramas,
         "textures": (picture,),
         "aerial": read_block(above(tmp_path)).aerial,

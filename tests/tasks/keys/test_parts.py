@@ -187,6 +187,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
             "walls": (of_run(walls="exemplar"), {"walls"}),
             "photo": (of_file("photo.jpg"), {"photo"}),
             "rectified": (of_inputs(rectified=False), {"photo"}),
+            "privacy": (of_run(privacy="keep"), {"privacy"}),
             "panorama": (of_file("panorama.jpg"), {"panoramas"}),
             "pose": (of_inputs(pose=replace(POSE, roll=3.0)), {"panoramas"}),
             "what is between": (of_kinds("near"), {"between"}),

@@ -84,7 +84,7 @@ def test_streets_are_found_again_by_line_and_then_by_id() -> None:
 def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> None:
     picture = tmp_path / "panorama.jpg"
     picture.write_bytes(b"")
-    run: Any = Value(seed=1, texture=TextureSettings(texels_per_metre=4.0, walls="translate"))
+    run: Any = Value(seed=1, privacy="blur", texture=TextureSettings(texels_per_metre=4.0, walls="translate"))
 
     def key(buildings: list[Building], pose: Pose) -> str:
         plan = _plan(buildings)
