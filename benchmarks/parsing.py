@@ -8,8 +8,9 @@ occluders is measured on street photos of labelmefacade: vegetation and vehicles
 behind is what is guessed behind trees, cars and people: cut-outs of occluders/ put in front of artdeco's facades,
 whose labels run on behind what their photos show (`--model` with the fold's network is the amodal model).
 in_front is how many of the vehicles and people marked before the held-out facades of ecp are found, and clean how much is
-taken for something in front where nothing is: above the ground floor of these facades and of every fifth of cmp, which the
-shipped network is trained on, and on painted facades (`benchmarks.in_front`).
+taken for something in front where nothing is: above the ground floor of these facades and of cmp's held-out ones, and on
+painted facades (`benchmarks.in_front`). outline is where facades end: cmp's held-out pictures cut to them, and sky, street and
+neighbours of street photos (`benchmarks.outline`).
 """
 
 from __future__ import annotations
@@ -27,13 +28,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks import in_front
-from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read, split
+from benchmarks import in_front, outline
+from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read, split, swiss
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.parse import elements, parse
 from facade_core.parse.model_file import read_record
 from facade_core.parse.network import Network
-from facade_core.parse.segmenter import SHIPPED, load_segmenter, parse_with
+from facade_core.parse.segmenter import SHIPPED, load_segmenter, parse_with, seen_outside
 from facade_core.types import Element
 
 SETS = {
@@ -41,7 +42,7 @@ SETS = {
     "artdeco": (ARTDECO, "facades/artdeco"),
     "ruemonge2014": (RUEMONGE, "facades/ruemonge2014/val"),
 }
-OTHERS = ("labelmefacade", "behind", "in_front", "clean")
+OTHERS = ("labelmefacade", "behind", "in_front", "clean", "outline")
 _LEAST_OVERLAP = 0.5
 
 
@@ -173,8 +174,23 @@ def measure_in_front(data: Path, name: str, model: Path | None) -> dict[str, Any
         return in_front.measure_things(held_out, in_front.marked(), hidden)
     return {
         "ecp": in_front.false_masks(held_out, hidden),
-        "cmp": in_front.false_masks(list(read(CMP, data / "facades" / "cmp"))[::5], hidden),
+        "cmp": in_front.false_masks(split(list(read(CMP, data / "facades" / "cmp")))[1], hidden),
         "painted": in_front.false_masks_painted(hidden),
+    }
+
+
+def measure_outline(data: Path, model: Path | None) -> dict[str, Any]:
+    """The figures of outline."""
+
+    def outside(image: np.ndarray) -> np.ndarray:
+        return seen_outside(image, model=model)
+
+    _, held_out = split(list(read(CMP, data / "facades" / "cmp")))
+    photos = data / "streetphotos"
+    return {
+        "cmp": outline.measure_outside(held_out, outside) | outline.measure_boxes(held_out, outside),
+        "swiss": outline.measure_outside(swiss(photos / "swiss" / "test"), outside),
+        "labelmefacade": outline.measure_outside(read(LABELMEFACADE, photos / "labelmefacade"), outside),
     }
 
 
@@ -260,6 +276,8 @@ def main(arguments: list[str] | None = None) -> None:
             result["behind"] = measure_behind(facades, _pieces(options.data / "occluders"), model=options.model)
         elif name in ("in_front", "clean"):
             result[name] = measure_in_front(options.data, name, options.model)
+        elif name == "outline":
+            result[name] = measure_outline(options.data, options.model)
         else:
             photos = read(LABELMEFACADE, options.data / "streetphotos" / "labelmefacade")
             result["occluders"] = measure_occluders(photos, model=options.model)

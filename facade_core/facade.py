@@ -9,11 +9,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from facade_core import labels as classes
 from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
+from facade_core.rectify.cut import Box, cut_to_facade
 from facade_core.resizing import resized
 from facade_core.texture import exemplar_scale, inpaint, retarget
 from facade_core.texture.structure import structure
@@ -22,8 +22,6 @@ from facade_core.variation import Hierarchy, encode, exchange_in_photo
 
 # A facade of which less than this is seen is not completed from it: what is made would be a guess.
 LEAST_SEEN = 0.05
-# A row is sky, for cutting an exemplar below it, when more than this share of it is.
-SKY_ROW = 0.5
 # An element hidden by more than this share was not observed.
 HIDDEN_SHARE = 0.3
 # What the parser sees in front of a facade counts from this share of the image on, and hides a rim of this share of
@@ -34,8 +32,6 @@ SPILL = 0.05
 
 # The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
 VARIED = 0.75
-
-Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True)
@@ -62,9 +58,11 @@ class Facade:
 
 @dataclass(frozen=True)
 class Exemplar:
-    """A facade image prepared for retargeting: complete, labelled, without sky, at its metric scale."""
+    """A facade image prepared for retargeting: complete, labelled, cut to the facade, which was the box (x0, y0, x1, y1) of
+    it, at its metric scale."""
 
     facade: Facade
+    box: Box
     metres_per_pixel: float
     floors: int
     columns: int
@@ -140,32 +138,17 @@ def _grown(mask: np.ndarray, share: float) -> np.ndarray:
 
 
 def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, seed: int = 0) -> Exemplar:
-    """The stages on an exemplar, then cut below its sky and measured: its scale is from its floor pitch. Raises ImageError
+    """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch. Raises ImageError
     where it shows too little, or no window."""
-    facade = from_photo(image, hidden, seed=seed)
-    top = _below_sky(facade.labels)
-    layout = tuple(
-        Element(e.label, e.x0, max(0.0, e.y0 - top), e.x1, e.y1 - top) for e in facade.elements if e.y1 > top
-    )
-    cut = _finish(
-        facade.evidence[top:],
-        facade.image[top:],
-        facade.labels[top:],
-        facade.occluded[top:],
-        facade.provenance[top:],
-        tuple((x0, max(0, y0 - top), x1, y1 - top) for x0, y0, x1, y1 in facade.masked if y1 > top),
-        layout,
-        facade.completion,
-        dict(facade.seconds),
-        seed,
-    )
-    if structure(cut.labels) is None:
+    cut = cut_to_facade(image, hidden)
+    facade = from_photo(cut.image, cut.hidden, seed=seed)
+    if structure(facade.labels) is None:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
-    with _timed(cut.seconds, "scale"):
-        scale = exemplar_scale(cut.image, cut.labels, storey=storey)
-    height, _ = cut.labels.shape
+    with _timed(facade.seconds, "scale"):
+        scale = exemplar_scale(facade.image, facade.labels, storey=storey)
+    height, _ = facade.labels.shape
     floors = max(1, round(height * scale / storey))
-    return Exemplar(cut, scale, floors, count_columns(layout))
+    return Exemplar(facade, cut.box, scale, floors, count_columns(facade.elements))
 
 
 def from_exemplar(
@@ -251,13 +234,6 @@ def _finish(
 def _share(hidden: np.ndarray, element: Element) -> float:
     part = hidden[int(element.y0) : int(np.ceil(element.y1)), int(element.x0) : int(np.ceil(element.x1))]
     return float(part.mean()) if part.size else 0.0
-
-
-def _below_sky(label_map: np.ndarray) -> int:
-    """The first row that is not mostly sky; 0 when that would leave less than half of the image."""
-    sky = (label_map == classes.SKY).mean(axis=1) > SKY_ROW
-    top = int(np.argmin(sky)) if sky[0] else 0
-    return top if top < len(sky) / 2 else 0
 
 
 @contextmanager

@@ -57,11 +57,11 @@ def _clean(recipe: DatasetRecipe, folder: Path) -> Iterator[LabelledFacade]:
         scale = min(1.0, _SIDE / max(facade.labels.shape))
         size = round(facade.labels.shape[1] * scale), round(facade.labels.shape[0] * scale)
         image = cv2.resize(facade.image, size, interpolation=cv2.INTER_AREA)
-        labels, possible, occluder = (
+        maps = [
             cv2.resize(of, size, interpolation=cv2.INTER_NEAREST)
-            for of in (facade.labels, facade.possible, facade.occluder)
-        )
-        yield LabelledFacade(facade.name, image, labels, possible, occluder)
+            for of in (facade.labels, facade.possible, facade.occluder, facade.outside)
+        ]
+        yield LabelledFacade(facade.name, image, *maps)
 
 
 def _pieces(folder: Path) -> dict[str, np.ndarray]:

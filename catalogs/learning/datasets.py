@@ -17,10 +17,11 @@ from facade_core.labels import BALCONY, CLASSES, DOOR, ROOF, SHOP, SKY, UNKNOWN,
 
 @dataclass(frozen=True, slots=True)
 class LabelledFacade:
-    """A labelled photo: image (H, W, 3) uint8 RGB and three (H, W) uint8 maps.
+    """A labelled photo: image (H, W, 3) uint8 RGB and four (H, W) uint8 maps.
 
     labels: class ids, UNKNOWN where the set does not tell one. possible: bit i is set where class i may be; all bits
-    where nothing is told. occluder: 1 where something stands in front of the facade, 0 where not, else UNKNOWN.
+    where nothing is told. occluder: 1 where something stands in front of the facade, 0 where not, else UNKNOWN. outside: 1
+    where sky, street or neighbours are seen beside the facade, 0 where the facade is, or is behind, else UNKNOWN.
     """
 
     name: str
@@ -28,22 +29,25 @@ class LabelledFacade:
     labels: np.ndarray
     possible: np.ndarray
     occluder: np.ndarray
+    outside: np.ndarray
 
 
 @dataclass(frozen=True, slots=True)
 class Meaning:
-    """What a set's id says of its pixels: the classes they may be (none: not told), and whether they show something
-    in front of the facade (None: not told)."""
+    """What a set's id says of its pixels: the classes they may be (none: not told), whether they show something in front of
+    the facade (None: not told), and whether what is beside it; what has classes does not, but for the sky."""
 
     classes: tuple[int, ...] = ()
     occluder: bool | None = None
+    outside: bool = False
 
     @property
-    def values(self) -> tuple[int, int, int]:
-        """The values of LabelledFacade's labels, possible and occluder."""
+    def values(self) -> tuple[int, int, int, int]:
+        """The values of LabelledFacade's labels, possible, occluder and outside."""
         label = self.classes[0] if len(self.classes) == 1 else UNKNOWN
         possible = sum(1 << number for number in self.classes or range(len(CLASSES)))
-        return label, possible, UNKNOWN if self.occluder is None else int(self.occluder)
+        outside = 1 if self.outside or self.classes == (SKY,) else 0 if self.classes else UNKNOWN
+        return label, possible, UNKNOWN if self.occluder is None else int(self.occluder), outside
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +87,7 @@ CMP = DatasetRecipe(
     "images",
     "labels",
     {
-        1: _NOTHING,  # what is not the facade: sky, neighbours, street
+        1: Meaning(outside=True),  # sky, neighbours, street
         2: Meaning((WALL,)),
         3: Meaning((WINDOW,)),
         4: Meaning((DOOR,)),
@@ -117,8 +121,8 @@ LABELMEFACADE = DatasetRecipe(
         1: _shows(WALL, WINDOW, BALCONY, DOOR, ROOF, SHOP),
         2: _IN_FRONT,  # cars
         3: _shows(DOOR),
-        4: Meaning(occluder=False),  # pavement
-        5: Meaning(occluder=False),  # road
+        4: Meaning(occluder=False, outside=True),  # pavement
+        5: Meaning(occluder=False, outside=True),  # road
         6: _shows(SKY),
         7: _IN_FRONT,  # vegetation
         8: _shows(WINDOW),
@@ -134,14 +138,14 @@ _SWISS = {
     "window": _shows(WINDOW),
     "balcony-fence": _shows(BALCONY),
     "shop": _shows(SHOP),
-    "street": Meaning(occluder=False),
+    "street": Meaning(occluder=False, outside=True),
     "non-building-infrastructure": _NOTHING,
     "vegetation": _IN_FRONT,
     "car": _IN_FRONT,
     "fence": _IN_FRONT,
     "traffic-infrastructure": _IN_FRONT,
 }
-_SWISS_REST = Meaning(occluder=False)
+_SWISS_REST = Meaning(occluder=False, outside=True)
 
 _IMAGE_SUFFIXES = (".jpg", ".jpeg", ".png")
 
@@ -223,9 +227,9 @@ def _map_labels(recipe: DatasetRecipe, path: Path, label_map: np.ndarray, size: 
     strange = sorted(set(np.unique(label_map).tolist()) - recipe.classes.keys())
     if strange:
         raise ImageError(f"{path}: label ids {strange} are not in the table of {recipe.name}; add or correct them")
-    table = np.zeros((256, 3), np.uint8)
+    table = np.zeros((256, 4), np.uint8)
     table[list(recipe.classes)] = [meaning.values for meaning in recipe.classes.values()]
-    return [table[:, part][label_map] for part in range(3)]
+    return [table[:, part][label_map] for part in range(4)]
 
 
 def _draw(
@@ -233,7 +237,7 @@ def _draw(
 ) -> list[np.ndarray]:
     import cv2
 
-    labels, possible, occluder = (np.full(size, value, np.uint8) for value in _SWISS_REST.values)
+    labels, possible, occluder, outside = (np.full(size, value, np.uint8) for value in _SWISS_REST.values)
     for polygon in polygons:
         try:
             corners = np.rint(np.array(polygon["segmentation"], np.float64).reshape(-1, 1, 2)).astype(np.int32)
@@ -244,7 +248,7 @@ def _draw(
             ) from error
         inside = cv2.fillPoly(np.zeros(size, np.uint8), [corners], 1) == 1
         behind = inside & (occluder == 1) if told.occluder is False else np.zeros(size, bool)
-        for layer, value in zip((labels, possible, occluder), told.values, strict=True):
+        for layer, value in zip((labels, possible, occluder, outside), told.values, strict=True):
             layer[inside] = value
         occluder[behind] = UNKNOWN
-    return [labels, possible, occluder]
+    return [labels, possible, occluder, outside]

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 
 from facade_core.errors import ModelError
-from facade_core.labels import CLASSES
+from facade_core.labels import CLASSES, SKY
 from facade_core.parse import features
 from facade_core.parse.model_file import open_session, read_record, stamp
+from facade_core.parse.segmented import Segmented
 
 SHIPPED = Path(__file__).parent / "models" / "forest.onnx"
 
@@ -37,13 +38,13 @@ class Forests:
     # 68 % of their pixels right; enlarged first, 85 %.
     working_area = (150_000, 250_000)
 
-    def segment(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(H, W, 3) uint8 -> confidence (H, W, 7) float32, and hidden (H, W) float32: nothing is thought hidden."""
+    def segment(self, image: np.ndarray) -> Segmented:
+        """Of an image (H, W, 3) uint8; nothing is thought hidden, and what is sky outside."""
         seen = features.appearance(image)
         first = self.vote(FIRST, seen)
         second = self.vote(SECOND, features.context(first, seen))
         confidence = _average_in_segments(image, _cells_to_pixels(second, *image.shape[:2]))
-        return confidence, np.zeros(image.shape[:2], np.float32)
+        return Segmented(confidence, np.zeros(image.shape[:2], np.float32), confidence[..., SKY])
 
     def vote(self, name: str, rows: np.ndarray) -> np.ndarray:
         """Votes of one forest, averaged over its trees: (h, w, n) float32 -> (h, w, 7) float32."""

@@ -30,7 +30,8 @@ def told_in_front(
 
     image (H, W, 3) uint8; labels, possible (H, W) uint8, the class, and bit i where class i may be. boxes: of a detector,
     None where none has looked. Above the ground floor nothing is in front, but where leaves may be; what is in a box is. Of the
-    ground floor, only the upper half is clear, where it is labelled and no box is near; the rest is not told.
+    ground floor what is labelled is clear where a detector has looked: the upper half but near a box, the lower half in
+    columns that no box is near.
     """
     labelled = possible != ANY_CLASS
     if not labelled.any():
@@ -40,12 +41,14 @@ def told_in_front(
     leaves = ndimage.maximum_filter(2 * colours[..., 1] - colours[..., 0] - colours[..., 2] > _GREEN, 9)
     occluder = np.where(labelled & ~leaves, 0, UNKNOWN).astype(np.uint8)
     # Without a detector's look the whole ground floor is not told.
-    occluder[top if boxes is None else (top + bottom) // 2 :] = UNKNOWN
+    occluder[top if boxes is None else bottom :] = UNKNOWN
     height, width = occluder.shape
     for box in boxes or ():
         across, down = (round(_MARGIN * side) + 2 for side in (box[2] - box[0], box[3] - box[1]))
-        near = np.s_[max(0, box[1] - down) : box[3] + down, max(0, box[0] - across) : box[2] + across]
-        occluder[near] = UNKNOWN
+        columns = slice(max(0, box[0] - across), box[2] + across)
+        occluder[max(0, box[1] - down) : box[3] + down, columns] = UNKNOWN
+        # Shadows, wheels and what else stands with it reach down to the ground.
+        occluder[(top + bottom) // 2 :, columns] = UNKNOWN
     for box in boxes or ():
         x0, y0, x1, y1 = np.clip(box, 0, (width, height, width, height)).tolist()
         if x1 - x0 > 2 and y1 - y0 > 2:

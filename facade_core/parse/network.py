@@ -14,11 +14,15 @@ from scipy import special
 from facade_core.errors import ModelError
 from facade_core.labels import CLASSES, DOOR
 from facade_core.parse.model_file import open_session, read_record, stamp
+from facade_core.parse.segmented import Segmented
 
 SHIPPED = Path(__file__).parent / "models" / "network.onnx"
 
 # Raised whenever the meaning of the inputs or outputs changes.
-NETWORK_VERSION = 1
+NETWORK_VERSION = 2
+
+# The logits after those of the classes: something stands in front of the facade; sky, street or neighbours beside it are seen.
+IN_FRONT, OUTSIDE = len(CLASSES), len(CLASSES) + 1
 
 # Image sides are multiples of COARSEST; position is given, and logits are returned, at these strides.
 COARSEST, PLACE_STRIDE, LOGIT_STRIDE = 32, 8, 2
@@ -44,18 +48,20 @@ class Network:
     views: tuple[tuple[float, bool], ...] = VIEWS
     working_area = (150_000, 250_000)
 
-    def segment(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(H, W, 3) uint8 -> confidence (H, W, 7) float32, rows sum to 1, and hidden (H, W) float32: the probability
-        that something stands in front of the facade. Both are means over mirrored and scaled views."""
+    def segment(self, image: np.ndarray) -> Segmented:
+        """Of an image (H, W, 3) uint8, means over mirrored and scaled views."""
         height, width = image.shape[:2]
-        classes, hidden = np.zeros((height, width, len(CLASSES)), np.float32), np.zeros((height, width), np.float32)
+        classes = np.zeros((height, width, len(CLASSES)), np.float32)
+        hidden, outside = np.zeros((2, height, width), np.float32)
         for scale, mirrored in self.views:
-            seen, front = self._view(image, scale, mirrored)
-            classes += seen
-            hidden += front
-        return classes / classes.sum(2, keepdims=True), hidden / len(self.views)
+            logits = self._view(image, scale, mirrored)
+            classes += special.softmax(logits[..., : len(CLASSES)] - _LOG_WEIGHTS, axis=2)
+            hidden += special.expit(logits[..., IN_FRONT])
+            outside += special.expit(logits[..., OUTSIDE])
+        views = len(self.views)
+        return Segmented(classes / classes.sum(2, keepdims=True), hidden / views, outside / views)
 
-    def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> tuple[np.ndarray, np.ndarray]:
+    def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> np.ndarray:
         import cv2
 
         height, width = image.shape[:2]
@@ -69,9 +75,7 @@ class Network:
         logits = self.session.run(None, feed)[0][0].transpose(1, 2, 0)
         if mirrored:
             logits = logits[:, ::-1]
-        logits = cv2.resize(np.ascontiguousarray(logits), (width, height), interpolation=cv2.INTER_LINEAR)
-        classes = special.softmax(logits[..., : len(CLASSES)] - _LOG_WEIGHTS, axis=2)
-        return classes, special.expit(logits[..., len(CLASSES)])
+        return cv2.resize(np.ascontiguousarray(logits), (width, height), interpolation=cv2.INTER_LINEAR)
 
 
 def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:

@@ -13,8 +13,8 @@ from torch.nn import functional
 
 from facade_core.labels import CLASSES
 
-# One logit for each class and one for "something stands in front of the facade".
-OUTPUTS = len(CLASSES) + 1
+# One logit for each class, one for "something stands in front of the facade", one for "this is beside the facade".
+OUTPUTS = len(CLASSES) + 2
 # Image sides must be multiples of the coarsest stride; position is given at PLACE_STRIDE.
 COARSEST, PLACE_STRIDE = 32, 8
 
@@ -29,7 +29,7 @@ _WIDTH, _FINE_WIDTH = 64, 32
 
 
 class ParserNetwork(nn.Module):
-    """(N, 3, H, W) RGB in 0..255 and (N, 2, H/8, W/8) position in -1..1 -> (N, 8, H/2, W/2) logits.
+    """(N, 3, H, W) RGB in 0..255 and (N, 2, H/8, W/8) position in -1..1 -> (N, 9, H/2, W/2) logits.
 
     H and W are multiples of 32. The encoder has no batch normalisation: it is folded into the convolutions when the
     ImageNet weights are read, as it would be frozen in fine-tuning with small batches anyway.

@@ -35,7 +35,7 @@ def save(
 
 def to_onnx(weights: Mapping[str, Any]) -> bytes:
     """The network with these weights as an ONNX file: inputs image (1, 3, H, W), place (1, 2, H / 8, W / 8), float32;
-    output logits (1, 8, H / 2, W / 2). H and W are multiples of 32."""
+    output logits (1, 9, H / 2, W / 2). H and W are multiples of 32."""
     import torch
 
     from facade_core.parse.network_architecture import ParserNetwork

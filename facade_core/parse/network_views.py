@@ -26,8 +26,9 @@ _PUT_IN_FRONT, _AT_FOOT = 0.6, 0.75
 
 
 class Labelled(Protocol):
-    """A photo (H, W, 3) uint8 RGB; possible (H, W) uint8, bit i set where class i may be; occluder (H, W) uint8:
-    1 where something stands in front of the facade, 0 where nothing does, UNKNOWN where that is not known."""
+    """A photo (H, W, 3) uint8 RGB; possible (H, W) uint8, bit i set where class i may be; occluder and outside (H, W) uint8:
+    1 where something stands in front of the facade, and where sky, street or neighbours are seen beside it, 0 where not,
+    UNKNOWN where that is not known."""
 
     @property
     def image(self) -> np.ndarray: ...
@@ -35,16 +36,19 @@ class Labelled(Protocol):
     def possible(self) -> np.ndarray: ...
     @property
     def occluder(self) -> np.ndarray: ...
+    @property
+    def outside(self) -> np.ndarray: ...
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """image (VIEW, VIEW, 3), possible and occluder (VIEW, VIEW), all uint8; place (2, VIEW / 8, VIEW / 8) float32:
+    """image (VIEW, VIEW, 3), possible, occluder and outside (VIEW, VIEW), all uint8; place (2, VIEW / 8, VIEW / 8) float32:
     where in the photo, across and down, from -1 to 1."""
 
     image: np.ndarray
     possible: np.ndarray
     occluder: np.ndarray
+    outside: np.ndarray
     place: np.ndarray
 
 
@@ -74,7 +78,7 @@ def cutouts(photos: Sequence[Labelled]) -> list[Cutout]:
 def view(photo: Labelled, pieces: Sequence[Sequence[Cutout]], rng: np.random.Generator) -> View:
     """A random view: scale, crop, mirror, things in front, other light, blur, noise. Each group of pieces is drawn from
     as often as the others, however many it holds."""
-    image, possible, occluder, place = _cut(photo, rng)
+    image, possible, occluder, outside, place = _cut(photo, rng)
     groups = [group for group in pieces if group]
     if groups and rng.random() < _PUT_IN_FRONT:
         for _ in range(int(rng.integers(1, 5))):
@@ -82,10 +86,10 @@ def view(photo: Labelled, pieces: Sequence[Sequence[Cutout]], rng: np.random.Gen
             image, occluder = _put_in_front(image, occluder, place, group[int(rng.integers(len(group)))], rng)
     if rng.random() < 0.08:
         image = _paint(image, possible, rng)
-    return View(_spoil(_light(image, rng), rng), possible, occluder, place)
+    return View(_spoil(_light(image, rng), rng), possible, occluder, outside, place)
 
 
-def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, np.ndarray, np.ndarray, np.ndarray]:
+def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
     """A square of the scaled photo, and where in the photo it lies; beyond the photo's border nothing is known."""
     import cv2
 
@@ -99,12 +103,13 @@ def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, np.ndar
     x0, y0 = int(rng.integers(width - wide + 1)), min(int(rng.integers(3 * (height - high) // 2 + 1)), height - high)
     size = (min(VIEW, max(1, round(wide * across))), min(VIEW, max(1, round(high * down))))
     smooth = cv2.INTER_AREA if scale < 1 else cv2.INTER_LINEAR
-    image, possible, occluder = (
+    image, possible, occluder, outside = (
         cv2.resize(np.ascontiguousarray(layer[y0 : y0 + high, x0 : x0 + wide]), size, interpolation=mode)
         for layer, mode in (
             (photo.image, smooth),
             (photo.possible, cv2.INTER_NEAREST),
             (photo.occluder, cv2.INTER_NEAREST),
+            (photo.outside, cv2.INTER_NEAREST),
         )
     )
     left, top, whole = x0 * across, y0 * down, (width * across, height * down)
@@ -116,16 +121,12 @@ def _cut(photo: Labelled, rng: np.random.Generator) -> tuple[np.ndarray, np.ndar
     pad = ((0, VIEW - size[1]), (0, VIEW - size[0]))
     image = np.pad(image, (*pad, (0, 0)), mode="edge")
     possible = np.pad(possible, pad, constant_values=ANY_CLASS)
-    occluder = np.pad(occluder, pad, constant_values=UNKNOWN)
+    occluder, outside = (np.pad(layer, pad, constant_values=UNKNOWN) for layer in (occluder, outside))
+    layers = [image, possible, occluder, outside]
     if rng.random() < 0.5:
-        image, possible, occluder, place = (
-            image[:, ::-1],
-            possible[:, ::-1],
-            occluder[:, ::-1],
-            place[:, :, ::-1].copy(),
-        )
+        layers, place = [layer[:, ::-1] for layer in layers], place[:, :, ::-1].copy()
         place[0] *= -1
-    return image.copy(), possible.copy(), occluder.copy(), place
+    return *(layer.copy() for layer in layers), place
 
 
 def _put_in_front(

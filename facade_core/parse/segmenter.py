@@ -15,6 +15,7 @@ from facade_core.parse import forest, network
 from facade_core.parse.checks import check_image
 from facade_core.parse.model_file import read_record, stamp
 from facade_core.parse.regularity import draw_windows, window_boxes
+from facade_core.parse.segmented import Segmented
 from facade_core.types import Parsing
 
 # The model that parses where none is named.
@@ -27,6 +28,8 @@ _WORKING_SIDE = 2048
 # Something is in front where its probability is above the first, in a part that somewhere reaches the second: on the Swiss
 # test photos as good as the first alone, and ornament that is only half taken for leaves is let go.
 _IN_FRONT = (0.5, 0.8)
+# What is likelier beside the facade than on it is outside.
+_OUTSIDE = 0.5
 # Windows are drawn at the image's own size; below this share of the working size its pixels are too coarse for them.
 _COARSE = 0.5
 # Rows of the full image written at once, so that memory beyond the result is bounded.
@@ -40,9 +43,8 @@ class Segmenter(Protocol):
     def working_area(self) -> tuple[int, int]:
         """Least and most pixels of an image that it is meant for."""
 
-    def segment(self, image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """(H, W, 3) uint8 RGB -> confidence (H, W, 7) float32, rows sum to 1, and (H, W) float32, the probability that
-        something in front hides the facade."""
+    def segment(self, image: np.ndarray) -> Segmented:
+        """Of an image (H, W, 3) uint8 RGB."""
 
 
 def load_segmenter(model: str | Path | None = None) -> Segmenter:
@@ -78,11 +80,9 @@ def parse_with(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True)
 
     check_image(image)
     height, width = image.shape[:2]
-    occluded = image[..., 3] < 128 if image.shape[2] == 4 else np.zeros((height, width), bool)
-    if occluded.all():
-        raise ImageError("image: alpha hides every pixel; pass the image without its alpha channel, or a visible one")
+    occluded = _hidden_by_alpha(image)
     working, nearest = _to_working_size(image[..., :3], occluded, segmenter.working_area)
-    confidence, hidden = segmenter.segment(working)
+    confidence, hidden, _ = segmenter.segment(working)
     windows = window_boxes(confidence) if regular else np.zeros((0, 4), np.intp)
     scale = np.array([width / confidence.shape[1], height / confidence.shape[0]])
     if coarse := scale.min() < _COARSE:
@@ -94,6 +94,24 @@ def parse_with(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True)
         draw_windows(labels, confidence, np.rint(windows * np.tile(scale, 2)).astype(np.intp))
     in_front = apply_hysteresis_threshold(hidden, *_IN_FRONT)
     return Parsing(labels, confidence, occluded | _enlarge(in_front, height, width))
+
+
+def seen_outside(image: np.ndarray, *, model: str | Path | None = None) -> np.ndarray:
+    """Where a picture of a facade shows sky, street or neighbours beside it, (H, W) bool; what alpha hides is told by what is
+    seen nearest to it. image, model, time, memory and errors as of `parse`.
+    """
+    check_image(image)
+    segmenter = load_segmenter(model)
+    working, nearest = _to_working_size(image[..., :3], _hidden_by_alpha(image), segmenter.working_area)
+    outside = segmenter.segment(working).outside >= _OUTSIDE
+    return _enlarge(outside if nearest is None else outside[nearest], *image.shape[:2])
+
+
+def _hidden_by_alpha(image: np.ndarray) -> np.ndarray:
+    hidden = image[..., 3] < 128 if image.shape[2] == 4 else np.zeros(image.shape[:2], bool)
+    if hidden.all():
+        raise ImageError("image: alpha hides every pixel; pass the image without its alpha channel, or a visible one")
+    return hidden
 
 
 def _to_working_size(

@@ -19,7 +19,7 @@ import numpy as np
 
 from facade_core.errors import ImageError, ModelError
 from facade_core.labels import CLASSES, DOOR, UNKNOWN
-from facade_core.parse.network import DOOR_WEIGHT
+from facade_core.parse.network import DOOR_WEIGHT, IN_FRONT, OUTSIDE
 from facade_core.parse.network_views import ANY_CLASS, Cutout, Labelled, View, cutouts, view
 
 Progress = Callable[[str, int, int], None]
@@ -32,7 +32,8 @@ _ENCODER_SHARE = 0.15
 _RISE, _FALL = (100, 0.25), (500, 0.4)
 # The averaged weights follow the trained ones with this memory, in steps.
 _MEMORY = 250
-_OCCLUDER_WEIGHT = 0.5
+# What the two yes-or-no questions, in front and outside, count beside the classes.
+_QUESTION_WEIGHT = 0.5
 _SAVE_EVERY = 100
 
 
@@ -149,7 +150,7 @@ def _check(sets: Mapping[str, Sequence[Labelled]], course: Course) -> None:
             shape = photo.image.shape[:2]
             if photo.image.dtype != np.uint8 or photo.image.shape != (*shape, 3) or not photo.image.size:
                 raise ImageError(f"training photo {name} {number}: must be uint8 RGB (H, W, 3), not {shape}")
-            if photo.possible.shape != shape or photo.occluder.shape != shape:
+            if any(layer.shape != shape for layer in (photo.possible, photo.occluder, photo.outside)):
                 raise ImageError(f"training photo {name} {number}: its label maps must have the photo's size {shape}")
 
 
@@ -228,7 +229,8 @@ def _optimiser(network: Any, course: Course) -> Any:
 
 
 def _loss(network: Any, views: Sequence[View]) -> Any:
-    """Minus the log of the summed probability of the classes a pixel may be, and the occluder's cross-entropy."""
+    """Minus the log of the summed probability of the classes a pixel may be, and the cross-entropies of what is in front and
+    of what is outside."""
     import torch
     from torch.nn import functional
 
@@ -236,7 +238,7 @@ def _loss(network: Any, views: Sequence[View]) -> Any:
     place = torch.from_numpy(np.stack([v.place for v in views]))
     logits = network(image.contiguous(memory_format=torch.channels_last), place)
     logits = functional.interpolate(logits, scale_factor=2.0, mode="bilinear", align_corners=False)
-    classes, hidden = logits[:, : len(CLASSES)], logits[:, len(CLASSES)]
+    classes = logits[:, : len(CLASSES)]
     possible = torch.from_numpy(np.stack([v.possible for v in views]))
     bits = torch.tensor([1 << number for number in range(len(CLASSES))], dtype=torch.uint8)[:, None, None]
     may_be = (possible[:, None] & bits) != 0
@@ -244,10 +246,12 @@ def _loss(network: Any, views: Sequence[View]) -> Any:
     told = torch.where(possible == 1 << DOOR, DOOR_WEIGHT, told)
     wrong = torch.logsumexp(classes, 1) - torch.logsumexp(classes.masked_fill(~may_be, -1e4), 1)
     loss = (wrong * told).sum() / told.sum().clamp(min=1)
-    occluder = torch.from_numpy(np.stack([v.occluder for v in views]))
-    seen = occluder != UNKNOWN
-    off = functional.binary_cross_entropy_with_logits(hidden, (occluder == 1).float(), reduction="none")
-    return loss + _OCCLUDER_WEIGHT * (off * seen).sum() / seen.sum().clamp(min=1)
+    for output, answers in ((IN_FRONT, [v.occluder for v in views]), (OUTSIDE, [v.outside for v in views])):
+        truth = torch.from_numpy(np.stack(answers))
+        known = truth != UNKNOWN
+        off = functional.binary_cross_entropy_with_logits(logits[:, output], (truth == 1).float(), reduction="none")
+        loss = loss + _QUESTION_WEIGHT * (off * known).sum() / known.sum().clamp(min=1)
+    return loss
 
 
 def _follow(average: dict[str, Any], current: Mapping[str, Any], memory: float) -> None:

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Mapping, Sequence
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
-from facade_core.labels import CLASSES
+from facade_core.labels import CLASSES, SKY
 from facade_core.parse.in_front import Box, told_in_front
 from facade_core.parse.network_views import ANY_CLASS
 from facade_core.synth import exemplars
@@ -36,6 +36,7 @@ def painted(number: int, *, seed: int) -> list[LabelledFacade]:
             facade.labels,
             np.where(facade.labels < len(CLASSES), 1 << np.minimum(facade.labels, 7), ANY_CLASS).astype(np.uint8),
             facade.occluded.astype(np.uint8),
+            (facade.labels == SKY).astype(np.uint8),
         )
         for index, facade in enumerate(exemplars(number, seed=seed, occluded_share=0.25))
     ]

@@ -37,13 +37,13 @@ def train_forest(data: Path, out: Path, *, seed: int) -> Path:
 def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_COURSE) -> Path:
     """Train the shipped network; writes network.onnx and network.json into `out`.
 
-    It learns from facades/ecp without the held-out fold, facades/cmp, streetphotos/swiss/train and painted facades.
+    It learns from facades/ecp and facades/cmp without their held-out folds, streetphotos/swiss/train and painted facades.
     network.state, kept beside, is where an interrupted run goes on.
     """
     boxes = boxes_in_front()
     sets: Sets = {
         "ecp": with_occluders("ecp", split(list(ecp(data / "facades" / "ecp")))[0], boxes),
-        "cmp": with_occluders("cmp", read(CMP, data / "facades" / "cmp"), boxes),
+        "cmp": with_occluders("cmp", split(list(read(CMP, data / "facades" / "cmp")))[0], boxes),
         "swiss": list(swiss(data / "streetphotos" / "swiss" / "train")),
         "painted": painted(PAINTED, seed=PAINTED_SEED),
     }

@@ -15,6 +15,7 @@ from facade_core.facade import Box, things_in_front
 from facade_core.parse import parse
 from facade_core.plan import Plan
 from facade_core.rectify import View, fuse_views, own_texture, rectify, rectify_view
+from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
 from facade_core.types import Pose
@@ -97,7 +98,8 @@ def _of_panoramas(
 
 
 def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """A photo of a facade at a size, and what it does not show of it; rectified first where it is as taken."""
+    """A photo of a facade at a size, and what it does not show of it; rectified first where it is as taken, and cut to the
+    facade."""
     import cv2
 
     picture = read_whole(path, least=LEAST_SIDE)
@@ -112,7 +114,8 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.nda
         except ImageError as error:
             raise ImageError(f"{path.name}: {error}") from error
         image, hidden = found.image, ~found.seen
-    image = resized(image, size)
+    cut = cut_to_facade(image, hidden)
+    image, hidden = resized(cut.image, size), cut.hidden
     hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
     return image, hidden
 

@@ -41,6 +41,7 @@ def test_reads_in_name_order_and_maps_chimney_and_void(tmp_path):
     assert second.labels.tolist() == [[WINDOW, ROOF], [UNKNOWN, ROOF]]
     assert second.possible.tolist() == [[1 << WINDOW, 1 << ROOF], [ANY, 1 << ROOF]]
     assert second.occluder.tolist() == [[0, 0], [UNKNOWN, 0]]
+    assert second.outside.tolist() == [[0, 0], [UNKNOWN, 0]]
 
 
 def test_ids_that_may_be_one_of_several_classes(tmp_path):
@@ -51,6 +52,7 @@ def test_ids_that_may_be_one_of_several_classes(tmp_path):
     assert facade.possible[1, 0] == 1 << WALL | 1 << ROOF
     assert facade.possible[1, 2] == 1 << WALL | 1 << WINDOW
     assert (facade.occluder == UNKNOWN).all()
+    assert facade.outside.tolist() == [[1, 0, 0, 0], [0, 0, 0, 0]]
 
 
 def test_the_ids_of_street_photos(tmp_path):
@@ -60,6 +62,7 @@ def test_the_ids_of_street_photos(tmp_path):
     write(tmp_path, "a", np.array([[0, 1, 2, 5, 6, 7]], np.uint8))
     (photo,) = read(LABELMEFACADE, tmp_path)
     assert photo.occluder.tolist() == [[UNKNOWN, 0, 1, 0, 0, 1]]
+    assert photo.outside.tolist() == [[UNKNOWN, 0, UNKNOWN, 1, 1, UNKNOWN]]
     assert photo.labels.tolist() == [[UNKNOWN, UNKNOWN, UNKNOWN, UNKNOWN, SKY, UNKNOWN]]
 
 
@@ -98,7 +101,8 @@ def test_polygons_small_over_large(swiss_folder):
         UNKNOWN,
     )  # a window over the tree: which is in front?
     assert (photo.possible[15, 5], photo.occluder[15, 5]) == (1 << WALL | 1 << ROOF | 1 << DOOR, 0)
-    assert (photo.possible[5, 5], photo.occluder[5, 5]) == (ANY, 0)  # nothing drawn
+    assert (photo.possible[5, 5], photo.occluder[5, 5], photo.outside[5, 5]) == (ANY, 0, 1)  # nothing drawn
+    assert (photo.outside[15, 5], photo.outside[22, 25]) == (0, UNKNOWN)
 
 
 @pytest.mark.parametrize(

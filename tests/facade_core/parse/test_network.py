@@ -16,13 +16,14 @@ RECORD = {"network_version": network.NETWORK_VERSION, "training_set": []}
 
 
 def tiny_network(inputs=("image", "place"), steep=1.0):
-    """Mean of 2 x 2 pixels, then: red speaks for wall, green for roof, blue for something in front; the place across
-    speaks for sky, weakly and only so that it is used."""
-    weights = np.zeros((len(CLASSES) + 1, 3, 1, 1), np.float32)
-    weights[WALL, 0], weights[ROOF, 1], weights[-1, 2] = steep, steep, steep
-    bias = np.zeros(len(CLASSES) + 1, np.float32)
-    bias[-1] = -128 * steep
-    aside = np.zeros((len(CLASSES) + 1, 2, 1, 1), np.float32)
+    """Mean of 2 x 2 pixels, then: red speaks for wall, green for roof and for outside, blue for something in front; the place
+    across speaks for sky, weakly and only so that it is used."""
+    outputs = len(CLASSES) + 2
+    weights = np.zeros((outputs, 3, 1, 1), np.float32)
+    weights[WALL, 0], weights[[ROOF, network.OUTSIDE], 1], weights[network.IN_FRONT, 2] = steep, steep, steep
+    bias = np.zeros(outputs, np.float32)
+    bias[[network.IN_FRONT, network.OUTSIDE]] = -128 * steep
+    aside = np.zeros((outputs, 2, 1, 1), np.float32)
     nodes = [
         helper.make_node("AveragePool", [inputs[0]], ["half"], kernel_shape=[2, 2], strides=[2, 2]),
         helper.make_node("Conv", ["half", "weights", "bias"], ["colour"]),
@@ -38,7 +39,7 @@ def tiny_network(inputs=("image", "place"), steep=1.0):
             helper.make_tensor_value_info(inputs[0], TensorProto.FLOAT, [1, 3, "h", "w"]),
             helper.make_tensor_value_info(inputs[1], TensorProto.FLOAT, [1, 2, "h8", "w8"]),
         ],
-        [helper.make_tensor_value_info("logits", TensorProto.FLOAT, [1, len(CLASSES) + 1, "h2", "w2"])],
+        [helper.make_tensor_value_info("logits", TensorProto.FLOAT, [1, outputs, "h2", "w2"])],
         [numpy_helper.from_array(value, name) for name, value in values.items()],
     )
     model = helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)])
@@ -70,7 +71,7 @@ def test_a_network_parses_through_the_same_door(model):
 
 
 def test_the_doors_weight_in_training_is_taken_back(model):
-    confidence, _ = network.load(model).segment(np.zeros((64, 96, 3), np.uint8))
+    confidence = network.load(model).segment(np.zeros((64, 96, 3), np.uint8)).confidence
     shares = np.ones(len(CLASSES))
     shares[DOOR] /= network.DOOR_WEIGHT
     np.testing.assert_allclose(confidence, np.broadcast_to(shares / shares.sum(), confidence.shape), atol=1e-5)

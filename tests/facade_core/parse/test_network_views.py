@@ -12,6 +12,7 @@ class Photo:
     image: np.ndarray
     possible: np.ndarray
     occluder: np.ndarray
+    outside: np.ndarray
 
 
 def gradient(height, width):
@@ -19,7 +20,10 @@ def gradient(height, width):
     y, x = np.mgrid[0:height, 0:width]
     image = np.dstack([y * 255 // max(1, height - 1), x * 255 // max(1, width - 1), np.full_like(y, 128)])
     possible = np.where(y < height // 2, 0b1, 0b110).astype(np.uint8)
-    return Photo(image.astype(np.uint8), possible, np.zeros((height, width), np.uint8))
+    # Outside is what may be class 1 or 2, so that it can be followed with the class.
+    return Photo(
+        image.astype(np.uint8), possible, np.zeros((height, width), np.uint8), (possible != 1).astype(np.uint8)
+    )
 
 
 @pytest.mark.parametrize("shape", [(541, 328), (1024, 1024), (60, 2000), (7, 3)])
@@ -31,6 +35,8 @@ def test_views_have_one_size_and_keep_the_values(shape):
         assert shown.place.shape == (2, VIEW // 8, VIEW // 8)
         assert set(np.unique(shown.possible)) <= {0b1, 0b110, ANY_CLASS}
         assert ((shown.possible == ANY_CLASS) == (shown.occluder == UNKNOWN)).all()
+        assert ((shown.possible == 0b110) == (shown.outside == 1)).all()
+        assert ((shown.possible == ANY_CLASS) == (shown.outside == UNKNOWN)).all()
         assert (shown.possible != ANY_CLASS).any()
 
 

@@ -37,7 +37,7 @@ def test_facades_trained_on_are_left_out():
 
     trained_on = next(name for name in read_record(SHIPPED)["training_set"] if name.startswith("ecp/"))
     empty = np.zeros((2, 2), np.uint8)
-    facades = [LabelledFacade(name, empty, empty, empty, empty) for name in (trained_on[4:], "new")]
+    facades = [LabelledFacade(name, empty, empty, empty, empty, empty) for name in (trained_on[4:], "new")]
     assert [facade.name for facade in unseen(facades, "ecp", None)] == ["new"]
     assert len(list(unseen(facades, "artdeco", None))) == 2
 
@@ -46,7 +46,7 @@ def test_occluders_where_it_is_known():
     image = np.random.default_rng(0).integers(0, 256, (64, 64, 3), dtype=np.uint8)
     occluder = np.zeros((64, 64), np.uint8)
     occluder[:16], occluder[16:32] = 1, UNKNOWN
-    photo = LabelledFacade("a", image, occluder, occluder, occluder)
+    photo = LabelledFacade("a", image, *[occluder] * 4)
     found = measure_occluders([photo])
     assert found["images"] == 1
     assert 0 <= found["iou"] <= found["recall"] <= 1
@@ -56,7 +56,7 @@ def test_what_is_guessed_behind_pieces_is_scored_apart():
     rng = np.random.default_rng(0)
     labels = np.full((120, 90), WALL, np.uint8)
     labels[:60] = UNKNOWN
-    facade = LabelledFacade("a", rng.integers(90, 160, (120, 90, 3), dtype=np.uint8), labels, labels, labels)
+    facade = LabelledFacade("a", rng.integers(90, 160, (120, 90, 3), dtype=np.uint8), *[labels] * 4)
     pieces = [np.full((40, 20, 4), 255, np.uint8) for _ in range(3)]
     found = measure_behind([facade], pieces)
     assert found["images"] == 1
@@ -79,7 +79,7 @@ def test_a_thing_is_found_where_half_of_its_box_is_hidden():
     labels = np.full((100, 80), WALL, np.uint8)
     labels[80:] = SHOP
     possible = (1 << labels).astype(np.uint8)
-    facade = LabelledFacade("one", np.zeros((100, 80, 3), np.uint8), labels, possible, np.zeros_like(labels))
+    facade = LabelledFacade("one", np.zeros((100, 80, 3), np.uint8), labels, possible, *[np.zeros_like(labels)] * 2)
     boxes = {"one": [(0, 90, 20, 100, "car"), (30, 90, 50, 100, "van"), (60, 80, 70, 100, "person")]}
 
     def hidden(image):
@@ -95,3 +95,21 @@ def test_a_thing_is_found_where_half_of_its_box_is_hidden():
     assert figures["boxes"] == round(600 / (20 * 80), 4)
     clean = in_front.false_masks([facade], hidden)
     assert clean == {"mean": round(5 * 40 / (80 * 80), 4), "highest": 0.0312, "above_0.05": 0, "images": 1}
+
+
+def test_a_box_is_measured_by_its_sides():
+    from benchmarks import outline
+
+    labels = np.full((100, 80), WALL, np.uint8)
+    beside = np.zeros_like(labels)
+    beside[:10], beside[:, :8] = 1, 1
+    facade = LabelledFacade(
+        "one", np.zeros((100, 80, 3), np.uint8), labels, *np.zeros((2, *labels.shape), np.uint8), beside
+    )
+    seen = beside.astype(bool)
+    seen[:22] = True
+    found = outline.measure_boxes([facade], lambda image: seen)
+    assert (found["sides"], found["sides_uncut"]) == (0.75, 0.5)
+    assert found["facade_lost"] == round(12 / 90, 4)
+    assert (found["outside_before"], found["outside_after"]) == (round(1 - 72 * 90 / 8000, 4), 0)
+    assert outline.measure_outside([facade], lambda image: seen)["recall"] == 1

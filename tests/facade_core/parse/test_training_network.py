@@ -23,6 +23,7 @@ class Photo:
     image: np.ndarray
     possible: np.ndarray
     occluder: np.ndarray
+    outside: np.ndarray
 
 
 def photo(seed, classes=((WALL,), (WINDOW,), (SKY,))):
@@ -34,7 +35,7 @@ def photo(seed, classes=((WALL,), (WINDOW,), (SKY,))):
     possible = np.array([sum(1 << n for n in some) for some in classes], np.uint8)[part]
     occluder = np.zeros((96, 80), np.uint8)
     occluder[70:90, 30:60] = 1
-    return Photo(image, possible, occluder)
+    return Photo(image, possible, occluder, (part == 2).astype(np.uint8))
 
 
 @pytest.fixture(scope="module")
@@ -131,7 +132,7 @@ def test_the_file_computes_what_the_network_does(weights, tmp_path):
     with torch.no_grad():
         expected = trained.eval()(torch.from_numpy(image), torch.from_numpy(place)).numpy()
     found = network.load(path).session.run(None, {"image": image, "place": place})[0]
-    assert found.shape == (1, len(CLASSES) + 1, 64, 48)
+    assert found.shape == (1, len(CLASSES) + 2, 64, 48)
     np.testing.assert_allclose(found, expected, atol=1e-3)
     assert parse(photo(3).image, model=path).labels.shape == (96, 80)
 
@@ -156,28 +157,31 @@ class Fixed:
     """A network whose logits are given."""
 
     def __init__(self, logits):
-        self.logits = torch.tensor(logits, dtype=torch.float32)[None, :, None, None].expand(1, 8, 4, 4)
+        self.logits = torch.tensor(logits, dtype=torch.float32)[None, :, None, None].expand(1, 9, 4, 4)
 
     def __call__(self, image, place):
         return self.logits
 
 
-def loss(logits, possible, occluder):
+def loss(logits, possible, occluder, outside=UNKNOWN):
     from facade_core.parse.network_views import View
 
-    maps = [np.full((8, 8), value, np.uint8) for value in (possible, occluder)]
+    maps = [np.full((8, 8), value, np.uint8) for value in (possible, occluder, outside)]
     view = View(np.zeros((8, 8, 3), np.uint8), *maps, np.zeros((2, 1, 1), np.float32))
     return training_network._loss(Fixed(logits), [view]).item()
 
 
 def test_the_loss_sums_over_the_classes_that_a_pixel_may_be():
-    logits = [1.0, 2.0, 0, 0, 0, 0, 0, 0]
+    logits = [1.0, 2.0, 0, 0, 0, 0, 0, 0, 0]
     share = np.exp(logits[:7]) / np.exp(logits[:7]).sum()
     assert loss(logits, 0b1, UNKNOWN) == pytest.approx(-np.log(share[0]), abs=1e-5)
     assert loss(logits, 0b11, UNKNOWN) == pytest.approx(-np.log(share[:2].sum()), abs=1e-5)
     assert loss(logits, ANY_CLASS, UNKNOWN) == 0
-    assert loss([*logits[:7], 50], ANY_CLASS, 1) == pytest.approx(0, abs=1e-5)
-    assert loss([*logits[:7], 50], ANY_CLASS, 0) > 1
+    for place in (0, 1):
+        sure = [*logits[:7], *(50 if place == number else 0 for number in (0, 1))]
+        answers = [[value if place == number else UNKNOWN for number in (0, 1)] for value in (1, 0)]
+        assert loss(sure, ANY_CLASS, *answers[0]) == pytest.approx(0, abs=1e-5)
+        assert loss(sure, ANY_CLASS, *answers[1]) > 1
 
 
 def test_batch_normalisation_is_folded_in():
@@ -204,7 +208,9 @@ def test_batch_normalisation_is_folded_in():
     ],
 )
 def test_refuses_unusable_photos(start, change, message):
-    broken = Photo(**{name: change.get(name, getattr(photo(0), name)) for name in ("image", "possible", "occluder")})
+    broken = Photo(
+        **{name: change.get(name, getattr(photo(0), name)) for name in ("image", "possible", "occluder", "outside")}
+    )
     with pytest.raises(ImageError, match=f"facades 0.*{message}"):
         training_network.train({"facades": [broken]}, COURSE, seed=0, start=copy(start))
 

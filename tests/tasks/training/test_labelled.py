@@ -13,7 +13,7 @@ from tasks.training.labelled import painted, with_occluders
 def facade(labels):
     image = np.full((*labels.shape, 3), 190, np.uint8)
     possible = np.where(labels == UNKNOWN, 127, 1 << np.minimum(labels, 6)).astype(np.uint8)
-    return LabelledFacade("one", image, labels, possible, np.zeros(labels.shape, np.uint8))
+    return LabelledFacade("one", image, labels, possible, *np.zeros((2, *labels.shape), np.uint8))
 
 
 @pytest.fixture
@@ -43,8 +43,10 @@ def test_the_foot_is_not_told_where_nobody_looked(plain):
     assert (told.occluder[:150, :90] == 0).all()
     assert told.labels is plain.labels
     (looked_at,) = with_occluders("ecp", [plain], {"ecp/one": []})
-    assert (looked_at.occluder[150:175] == 0).all()
-    assert (looked_at.occluder[175:] == UNKNOWN).all()
+    assert (looked_at.occluder[50:] == 0).all()
+    (beside,) = with_occluders("ecp", [plain], {"ecp/one": [(10, 180, 30, 196)]})
+    assert (beside.occluder[175:, 36:] == 0).all(), "clear where no box is near"
+    assert (beside.occluder[196:, 10:30] == UNKNOWN).all()
 
 
 def test_a_thing_in_a_box_is_in_front_and_around_it_nothing_is_told(plain):

@@ -1,0 +1,16 @@
+"""What a segmenter tells of an image."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+
+class Segmented(NamedTuple):
+    """confidence (H, W, 7) float32, rows sum to 1; hidden and outside (H, W) float32, the probabilities that something stands
+    in front of the facade, and that sky, street or neighbours are seen beside it."""
+
+    confidence: np.ndarray
+    hidden: np.ndarray
+    outside: np.ndarray
