@@ -36,7 +36,8 @@ def measure_outside(photos: Iterable[LabelledFacade], outside: Outside) -> dict[
 
 def measure_boxes(facades: Iterable[LabelledFacade], outside: Outside) -> dict[str, Any]:
     """Of rectified pictures cut to the facade: how many of their sides lie within 3 % of the true box's, and how many do of
-    the picture as it is; the mean share of the facade that is cut off, and of what is kept that is outside, before and after."""
+    the picture as it is; the mean share of the facade that is cut off, and of what is outside, before
+    and after."""
     sides = np.zeros(2, np.int64)
     lost, before, after = [], [], []
     for facade in facades:
