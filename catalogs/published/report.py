@@ -48,14 +48,16 @@ def write_report(
     panoramas: Sequence[tuple[str, str]],
     sheets: Mapping[str, Sequence[tuple[str, str]]],
     textures_only: frozenset[str],
+    exemplars: Sequence[Mapping[str, Any]],
     poses: Sequence[Mapping[str, Any]],
     heights: Mapping[str, int],
     models: Sequence[str],
 ) -> None:
-    """Write index.html and streets/ into `folder`, beside its images/, which are there already.
+    """Write index.html, exemplars.html and streets/ into `folder`, beside its images/, which are there already.
 
     Those are given by their names: views along streets, panoramas (name, title), and by facade its sheets (name, title);
-    textures_only: the facades of which no other stage is shown. models: files of the snapshot, from its folder.
+    textures_only: the facades of which no other stage is shown. exemplars: their records, with `pictures` (name, title) and
+    how many facades are made of each, `used`. models: files of the snapshot, from its folder.
     """
     environment = _environment()
     pages = street_pages(rows)
@@ -71,9 +73,16 @@ def write_report(
             )
             (folder / path).parent.mkdir(parents=True, exist_ok=True)
             (folder / path).write_text(page, encoding="utf-8")
+    if exemplars:
+        page = environment.get_template("report_exemplars.html.j2").render(
+            summary=summary,
+            exemplars=[{**one, "pictures": _linked("images", one["pictures"])} for one in exemplars],
+        )
+        (folder / "exemplars.html").write_text(page, encoding="utf-8")
     page = environment.get_template("report.html.j2").render(
         summary=summary,
         index=[_line(street) for street in pages],
+        exemplars=len(exemplars),
         set_aside=[*set_aside, *(row for row in rows if row["status"] == "failed")],
         streets=streets,
         above=(folder / "images" / "above.jpg").is_file(),
@@ -133,8 +142,11 @@ def _line(street: StreetPages) -> dict[str, Any]:
 
 
 def _facade(row: Mapping[str, Any], record: Mapping[str, Any], sheets: Sequence[tuple[str, str]]) -> dict[str, Any]:
-    pictures = [{"path": f"../../images/{quote(name)}", "title": title} for name, title in sheets]
-    return {"row": row, "pictures": pictures, "seconds": record.get("seconds", {})}
+    return {"row": row, "pictures": _linked("../../images", sheets), "seconds": record.get("seconds", {})}
+
+
+def _linked(folder: str, pictures: Sequence[tuple[str, str]]) -> list[dict[str, str]]:
+    return [{"path": f"{folder}/{quote(name)}", "title": title} for name, title in pictures]
 
 
 def _timings(kind: str, records: Any) -> Iterator[dict[str, Any]]:

@@ -27,13 +27,14 @@ Titled = tuple[str, str]
 
 @dataclass(frozen=True)
 class Images:
-    """What is in report/images: views along streets by their names, panoramas, the sheets of facades by their ids, and the
-    facades of which only the texture is shown."""
+    """What is in report/images: views along streets by their names, panoramas, the sheets of facades by their ids, the
+    facades of which only the texture is shown, and the pictures of exemplars by their names."""
 
     views: tuple[str, ...]
     panoramas: tuple[Titled, ...]
     sheets: Mapping[str, tuple[Titled, ...]]
     textures_only: frozenset[str]
+    exemplars: Mapping[str, tuple[Titled, ...]]
 
 
 def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside) -> Images:
@@ -57,6 +58,7 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside
         tuple(_panoramas(folder, block, made, aside)),
         sheets,
         frozenset(r["unit"] for r in _done(journal[first:]) if len(r["pictures"]) == 1),
+        _exemplars(folder, block, made, aside),
     )
 
 
@@ -81,6 +83,31 @@ def _sheets(folder: str, block: StoredBlock, record: Record, made: Made) -> Iter
 
 def _cut(whole: Callable[[], bytes], offset: int, length: int) -> bytes:
     return whole()[offset : offset + length]
+
+
+def _exemplars(folder: str, block: StoredBlock, made: Made, aside: Aside) -> dict[str, tuple[Titled, ...]]:
+    """Two WebPs for each exemplar that is done: the picture as it was given, and what walls are made of."""
+    found = {}
+    for index, record in enumerate(block.journals["exemplars"]):
+        if record is None or record["status"] != "done":
+            continue
+        pictures = [
+            ("preview", "As given: dark is cut off, red is made anew"),
+            ("image", "What walls are made of"),
+        ]
+        with aside.trying(f"pictures of exemplar {record['unit']}"):
+            titled = []
+            for array, title in pictures:
+                file = f"exemplar-{index}-{array}.webp"
+                of = unit_key(stage_code("publish"), record["key"], array)
+                made.put(f"{folder}/{file}", of, partial(_exemplar, block, f"exemplars/{index}/{array}"))
+                titled.append((file, title))
+            found[record["unit"]] = tuple(titled)
+    return found
+
+
+def _exemplar(block: StoredBlock, path: str) -> bytes:
+    return file_of(block.group[path][:], "WEBP", quality=82, method=2)
 
 
 def _panoramas(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterator[Titled]:

@@ -25,6 +25,7 @@ def write_block_report(
 ) -> None:
     """Write the report into its folder, in which its images are already. models: files of the snapshot, from its folder."""
     journals = {stage: [record for record in journal if record] for stage, journal in block.journals.items()}
+    used = Counter(row["source"] for row in rows.facades if row["synthesised"])
     notes = block.group.attrs.get("notes", [])
     write_report(
         folder,
@@ -40,5 +41,10 @@ def write_block_report(
         panoramas=images.panoramas,
         sheets=images.sheets,
         textures_only=images.textures_only,
+        exemplars=[
+            {**record, "pictures": images.exemplars.get(record["unit"], ()), "used": used[record["unit"]]}
+            for record in journals["exemplars"]
+            if record["status"] == "done"
+        ],
         models=models,
     )

@@ -12,6 +12,7 @@ from facade_core.atlas.spec import Array
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
+from facade_core.export import draw_cut
 from facade_core.facade import prepare_exemplar
 from facade_core.labels import FLAGS
 from facade_core.rectify.no_data import no_data
@@ -24,7 +25,11 @@ from tasks.units.unit import Piece
 IMAGE = Array(
     "image", ("row", "column", "band"), "uint8", "exemplar at the block's density or coarser, without what hid it"
 )
+PREVIEW = Array("preview", ("row", "column", "band"), "uint8", "picture as given: cut off dark, made anew tinted")
 LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.labels, 255 unknown", FLAGS)
+
+# Side in pixels of what the report shows of a picture as given.
+LONGEST_PREVIEW = 640
 
 
 def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -51,6 +56,8 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     group = open_root(fork)
     IMAGE.write(group, f"exemplars/{unit.index}", texture)
     LABELS.write(group, f"exemplars/{unit.index}", labels)
+    shown = draw_cut(picture.rgb, prepared.facade.occluded, prepared.box, LONGEST_PREVIEW)
+    PREVIEW.write(group, f"exemplars/{unit.index}", shown)
     seconds["write"] = time.time() - begun
     record: Record = {
         "unit": unit.name,

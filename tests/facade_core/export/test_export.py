@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from facade_core.atlas import AtlasSpec
-from facade_core.export import Camera, aerial, aim, draw_facade, overlay_hidden
+from facade_core.export import Camera, aerial, aim, draw_cut, draw_facade, overlay_hidden
 from facade_core.export.pages import between_charts
 from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import CORNERS
@@ -97,3 +97,16 @@ def test_stage_pictures() -> None:
     tinted = overlay_hidden(image, hidden)
     assert tinted[3, 4, 0] > 100 > tinted[3, 4, 2]
     assert (tinted[~hidden] == 100).all()
+
+
+def test_a_cut_is_drawn_with_what_is_left_out_dark_and_what_is_made_anew_tinted() -> None:
+    image = np.full((200, 100, 3), 100, np.uint8)
+    hidden = np.zeros((120, 60), bool)
+    hidden[:20] = True
+    drawn = draw_cut(image, hidden, (20, 40, 80, 160), 200)
+    assert drawn.shape == image.shape
+    assert (drawn[:40] == 25).all()
+    assert (drawn[:, 80:] == 25).all()
+    assert (drawn[60:160, 20:80] == 100).all()
+    assert (drawn[40:60, 20:80, 0] > 100).all()
+    assert draw_cut(image, hidden, (20, 40, 80, 160), 50).shape == (50, 25, 3)
