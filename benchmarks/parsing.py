@@ -32,6 +32,7 @@ from benchmarks import in_front, outline
 from catalogs.learning.datasets import ARTDECO, CMP, ECP, LABELMEFACADE, RUEMONGE, LabelledFacade, read, split, swiss
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN
 from facade_core.parse import elements, parse
+from facade_core.parse.certainty import right
 from facade_core.parse.model_file import read_record
 from facade_core.parse.network import Network
 from facade_core.parse.segmenter import SHIPPED, load_segmenter, parse_with, seen_outside
@@ -43,7 +44,6 @@ SETS = {
     "ruemonge2014": (RUEMONGE, "facades/ruemonge2014/val"),
 }
 OTHERS = ("labelmefacade", "behind", "in_front", "clean", "outline")
-_LEAST_OVERLAP = 0.5
 
 
 def measure(
@@ -102,19 +102,14 @@ def scores(counts: np.ndarray) -> dict[str, Any]:
 def matches(true: Sequence[Element], elements: Sequence[Element]) -> Counter[tuple[str, str]]:
     """How many elements of a class are (class, "true"), (class, "found") and (class, "both"): paired one to one for
     the greatest sum of IoU, where it is at least 0.5."""
-    from scipy.optimize import linear_sum_assignment
-
     counts: Counter[tuple[str, str]] = Counter()
+    good = right(elements, true)
     for name in ELEMENT_CLASSES:
-        one, other = (
-            np.array([(e.x0, e.y0, e.x1, e.y1) for e in boxes if e.label == name]).reshape(-1, 4)
-            for boxes in (true, elements)
+        counts[name, "true"] = sum(element.label == name for element in true)
+        counts[name, "found"] = sum(element.label == name for element in elements)
+        counts[name, "both"] = sum(
+            bool(is_right) and one.label == name for one, is_right in zip(elements, good, strict=True)
         )
-        overlap = _overlaps(one, other)
-        overlap[overlap < _LEAST_OVERLAP] = 0
-        rows, columns = linear_sum_assignment(overlap, maximize=True)
-        counts[name, "true"], counts[name, "found"] = len(one), len(other)
-        counts[name, "both"] = int(np.count_nonzero(overlap[rows, columns]))
     return counts
 
 
@@ -228,15 +223,6 @@ def seconds_of_a_large_facade(model: Path | None) -> float:
         parse(image, model=model)
         times.append(time.perf_counter() - start)
     return round(statistics.median(times[1:]), 3)
-
-
-def _overlaps(one: np.ndarray, other: np.ndarray) -> np.ndarray:
-    """IoU of every box (x0, y0, x1, y1) with every other: (n, 4), (m, 4) -> (n, m)."""
-    low = np.maximum(one[:, None, :2], other[None, :, :2])
-    high = np.minimum(one[:, None, 2:], other[None, :, 2:])
-    shared = np.clip(high - low, 0, None).prod(2)
-    areas = [(boxes[:, 2:] - boxes[:, :2]).prod(1) for boxes in (one, other)]
-    return shared / np.maximum(areas[0][:, None] + areas[1][None] - shared, 1e-9)
 
 
 def _pieces(folder: Path) -> list[np.ndarray]:

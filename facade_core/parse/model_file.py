@@ -53,6 +53,12 @@ def open_session(path: Path, record: Mapping[str, Any], *, threads: int) -> Any:
         raise ModelError(f"{path}: not a model that onnxruntime reads; fetch it again or train it anew") from error
 
 
+def add_to_record(path: Path, **more: Any) -> None:
+    """Add to the .json beside an .onnx file."""
+    text = json.dumps(read_record(path) | more, indent=1) + "\n"
+    path.with_suffix(".json").write_text(text, encoding="utf-8")
+
+
 def write_model(content: bytes, path: Path, record: Mapping[str, Any]) -> None:
     """Write an .onnx file and the .json beside it, checksum and classes added to the record."""
     path.parent.mkdir(parents=True, exist_ok=True)

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from catalogs.learning.datasets import ARTDECO, CMP, RUEMONGE, LabelledFacade, ecp, read, split, swiss
 from catalogs.learning.in_front import boxes_in_front
-from facade_core.parse import network_export, training, training_network
-from facade_core.parse.model_file import read_record
+from facade_core.parse import certainty, network_export, parse, training, training_network
+from facade_core.parse.model_file import add_to_record, read_record
 from facade_core.parse.training_network import Course
 from tasks.progress import advance, begin_stage
 from tasks.training.labelled import painted, with_occluders
@@ -52,7 +52,22 @@ def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_
     weights = training_network.train(taught, course, seed=seed, state=out / "network.state", progress=stage_progress())
     path = out / "network.onnx"
     network_export.save(weights, path, training_set=_names(sets), seed=seed)
+    measure_certainty(path, cmp_photos(data)[1])
     return path
+
+
+def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
+    """Measure on photos how sure a network's parses may be, and write that beside it."""
+    report = stage_progress()
+    seen: dict[str, list[tuple[float, bool]]] = {}
+    misses = []
+    for number, photo in enumerate(photos):
+        report("certainty", number, len(photos))
+        found, good, miss, doubt = certainty.observed(parse(photo.image, model=model), photo.labels)
+        misses.append((miss, doubt))
+        for element, is_right in zip(found, good.tolist(), strict=True):
+            seen.setdefault(element.label, []).append((element.confidence, is_right))
+    add_to_record(model, certainty=certainty.fit(seen, misses))
 
 
 def cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:

@@ -1,0 +1,92 @@
+"""How far what is told of facades can be trusted: `python -m benchmarks.elements --data DIR` prints one JSON object.
+
+Of photos that the parser neither learnt from nor was measured on for its certainty (`facade_core.parse.certainty`): cmp's and
+ecp's held-out folds, and artdeco, a style that it never saw. By class of elements: how often those found are right (IoU of a
+half with a true one) and the expected calibration error, over tenths, of the network's own confidence and of what is
+published. Of the window share: how many facades are within five points of the truth, and how many intervals of 90 % hold it.
+What is not labelled is left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read, split
+from facade_core.parse import parse
+from facade_core.parse.certainty import certainty, observed
+
+_BINS = 10
+_NEAR = 0.05
+
+
+def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, Any]:
+    sure = certainty(model)
+    said: dict[str, list[tuple[float, float, bool]]] = {}
+    misses, halves = [], []
+    for facade in facades:
+        found, good, miss, doubt = observed(parse(facade.image, model=model), facade.labels)
+        misses.append(miss)
+        halves.append(sure.width * doubt)
+        for element, is_right in zip(found, good.tolist(), strict=True):
+            said.setdefault(element.label, []).append((element.confidence, sure.probability(element), is_right))
+    every = [one for of_class in said.values() for one in of_class]
+    return {
+        "elements": {name: calibration(of_class) for name, of_class in {**said, "all": every}.items()},
+        "window_share": {
+            "within_5_points": round(float(np.mean(np.array(misses) <= _NEAR)), 4),
+            "mean_miss": round(float(np.mean(misses)), 4),
+            "held_by_90_percent": round(float(np.mean(np.array(misses) <= halves)), 4),
+            "mean_half_width": round(float(np.mean(halves)), 4),
+        },
+        "images": len(misses),
+    }
+
+
+def calibration(said: list[tuple[float, float, bool]]) -> dict[str, float]:
+    """Of confidence, probability and truth of elements: how many, the share that is right, the expected calibration errors."""
+    confidence, probability, good = np.array(said, float).T
+    return {
+        "found": len(good),
+        "right": round(float(good.mean()), 4),
+        "error_of_confidence": expected_error(confidence, good),
+        "error_of_probability": expected_error(probability, good),
+    }
+
+
+def expected_error(probability: np.ndarray, good: np.ndarray) -> float:
+    """The expected calibration error (Guo et al. 2017): over tenths of probability, how far its mean is from the share that
+    came true, weighed by how many there are."""
+    tenth = np.minimum((probability * _BINS).astype(int), _BINS - 1)
+    off = [abs(probability[tenth == b].sum() - good[tenth == b].sum()) for b in range(_BINS)]
+    return round(float(sum(off) / len(good)), 4)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description="Score how sure the parser says that it is.")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")),
+        help="folder with facades/",
+    )
+    parser.add_argument("--model", type=Path, help="another .onnx file, with its .json beside it")
+    options = parser.parse_args(arguments)
+    folder = options.data / "facades"
+    sets = {
+        "cmp": split(list(read(CMP, folder / "cmp")))[1],
+        "ecp": split(list(read(ECP, folder / "ecp")))[1],
+        "artdeco": read(ARTDECO, folder / "artdeco"),
+    }
+    result = {name: measure(facades, options.model) for name, facades in sets.items()}
+    print(json.dumps({"benchmark": "elements", **result}))
+
+
+if __name__ == "__main__":
+    main()
