@@ -13,6 +13,7 @@ from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
+from facade_core.parse.certainty import certainty, with_probabilities
 from facade_core.rectify.cut import Box, cut_to_facade
 from facade_core.resizing import resized
 from facade_core.texture import exemplar_scale, inpaint, retarget
@@ -40,7 +41,9 @@ class Facade:
 
     evidence (h, w, 3) uint8, the image before completion; image (h, w, 3) uint8, complete; labels (h, w) uint8, complete;
     occluded (h, w) bool; provenance (h, w) uint8; masked, boxes (x0, y0, x1, y1) of the trees, cars, people and the like
-    that the parser saw in front and that are no longer in the image; seconds per stage.
+    that the parser saw in front and that are no longer in the image; window_share, the share of it that its windows are, and
+    the least and most that it may be (`facade_core.parse.certainty`), None where no picture tells; the elements' confidence is
+    the probability that they are there, 1 where no picture tells; seconds per stage.
     """
 
     evidence: np.ndarray
@@ -53,6 +56,7 @@ class Facade:
     elements: tuple[Element, ...]
     hierarchy: Hierarchy
     completion: Completion | None
+    window_share: tuple[float, float, float] | None
     seconds: dict[str, float] = field(compare=False)
 
 
@@ -86,7 +90,7 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
     _require_seen(hidden, "beside trees, cars and the like")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if _share(hidden, e) <= HIDDEN_SHARE]
-    completion, label_map, result, layout = None, parsing.labels, image, tuple(observed)
+    completion, made, result, layout = None, parsing, image, observed
     if hidden.any():
         height, width = hidden.shape
         with _timed(seconds, "complete"):
@@ -95,17 +99,20 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
                 seen = visible_boxes(hidden) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
                 shown = replace(parsing, occluded=hidden | parsing.occluded)
                 completion = complete(observed, (0, 0, width, height), seen, seed=seed, evidence=shown)[0]
-                layout = completion.elements
+                layout = list(completion.elements)
         with _timed(seconds, "inpaint"):
             result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
         # The finished picture is what is shown, not the layout by which it was made: its labels and elements are read from it.
         with _timed(seconds, "parse"):
             made = parse(result)
-            label_map = made.labels
         with _timed(seconds, "elements"):
-            layout = tuple(elements(replace(made, occluded=np.zeros_like(hidden))))
+            layout = elements(replace(made, occluded=np.zeros_like(hidden)))
+    sure = certainty()
+    layout, share = with_probabilities(layout, sure), sure.window_share(made, hidden)
     provenance = np.where(hidden, INPAINTED, PHOTO).astype(np.uint8)
-    return _finish(image, result, label_map, hidden, provenance, masked, layout, completion, seconds, seed)
+    return _finish(
+        image, result, made.labels, hidden, provenance, masked, tuple(layout), completion, share, seconds, seed
+    )
 
 
 def _require_seen(hidden: np.ndarray, what: str) -> None:
@@ -180,7 +187,7 @@ def from_exemplar(
         texture = exchange_in_photo(texture, coded, round(VARIED * (len(coded.levels) - 1)), seed)
     nothing = np.zeros(size, bool)
     provenance = np.full(size, SYNTHESISED, np.uint8)
-    return _finish(texture, texture, labels, nothing, provenance, (), layout, None, seconds, seed)
+    return _finish(texture, texture, labels, nothing, provenance, (), layout, None, None, seconds, seed)
 
 
 def count_columns(layout: Sequence[Element]) -> int:
@@ -221,6 +228,7 @@ def _finish(
     masked: tuple[Box, ...],
     layout: tuple[Element, ...],
     completion: Completion | None,
+    window_share: tuple[float, float, float] | None,
     seconds: dict[str, float],
     seed: int,
 ) -> Facade:
@@ -228,7 +236,20 @@ def _finish(
         split = lattice(label_map)
     with _timed(seconds, "encode"):
         hierarchy = encode(image, list(layout), seed=seed)
-    return Facade(evidence, image, label_map, hidden, provenance, masked, split, layout, hierarchy, completion, seconds)
+    return Facade(
+        evidence,
+        image,
+        label_map,
+        hidden,
+        provenance,
+        masked,
+        split,
+        layout,
+        hierarchy,
+        completion,
+        window_share,
+        seconds,
+    )
 
 
 def _share(hidden: np.ndarray, element: Element) -> float:

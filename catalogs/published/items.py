@@ -63,6 +63,12 @@ COLUMNS = (
     Column("balconies", "int32", "", "balconies of the completed facade"),
     Column("shops", "int32", "", "shop fronts of the completed facade"),
     Column("window_to_wall", "double", "0 to 1", "window area over facade area"),
+    Column(
+        "window_to_wall_low", "double", "0 to 1", "the least it is in nine of ten facades; none where no picture tells"
+    ),
+    Column(
+        "window_to_wall_high", "double", "0 to 1", "the most it is in nine of ten facades; none where no picture tells"
+    ),
     Column("occluded", "double", "0 to 1", "share of the evidence that was hidden"),
     Column(
         "masked", "int32", "", "things in front (trees, cars, people) that the parser found and that were made anew"

@@ -48,6 +48,8 @@ class Record(TypedDict, total=False):
     hidden: float
     metres_per_pixel: float
     metres_per_texel: float
+    # exemplars: the box of the picture that is the facade
+    cut: list[int]
     # textured buildings: how many charts
     charts: int
     # facades, and floors and columns of exemplars too
@@ -61,8 +63,11 @@ class Record(TypedDict, total=False):
     balconies: int
     shops: int
     window_to_wall: float
+    window_to_wall_low: float | None
+    window_to_wall_high: float | None
     occluded: float
     masked: list[list[int]]
+    privacy: str
     provenance: list[float]
     variation_types: int
     variation_levels: int

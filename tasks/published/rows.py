@@ -198,6 +198,8 @@ _FROM_RECORD = (
     "balconies",
     "shops",
     "window_to_wall",
+    "window_to_wall_low",
+    "window_to_wall_high",
     "occluded",
     "privacy",
     "source",

@@ -144,7 +144,7 @@ def _write(run: Run, session: icechunk.Session, made: Made, block_file: Path | N
         write_overview(snapshot, block, tiles, made, aside)
     advance("publish", 1)
     snapshot.report.mkdir(exist_ok=True)
-    images = Images((), (), {}, frozenset())
+    images = Images((), (), {}, frozenset(), {})
     with aside.trying("pictures"):
         images = write_images(snapshot, block, made, aside)
     advance("publish", 1)

@@ -18,7 +18,7 @@ from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
-from facade_core.labels import CLASSES
+from facade_core.labels import WINDOW
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
@@ -161,8 +161,7 @@ def _summary(result: Facade) -> dict[str, Any]:
     counts = {f"{c}s" if c != "balcony" else "balconies": 0 for c in ("window", "door", "balcony", "shop")}
     for element in result.elements:
         counts["balconies" if element.label == "balcony" else f"{element.label}s"] += 1
-    labels = np.bincount(result.labels.reshape(-1), minlength=256)
-    window = labels[CLASSES.index("window")]
+    share, low, high = result.window_share or (float((result.labels == WINDOW).mean()), None, None)
     return {
         "elements": [
             [e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1)), round(e.confidence, 3)] for e in result.elements
@@ -170,7 +169,9 @@ def _summary(result: Facade) -> dict[str, Any]:
         "lattice": {"rows": list(map(int, result.lattice.rows)), "columns": list(map(int, result.lattice.columns))},
         "columns": count_columns(result.elements),
         **counts,
-        "window_to_wall": round(float(window / labels.sum()), 4),
+        "window_to_wall": round(share, 4),
+        "window_to_wall_low": None if low is None else round(low, 4),
+        "window_to_wall_high": None if high is None else round(high, 4),
         "occluded": round(float(result.occluded.mean()), 4),
         "masked": [list(map(int, box)) for box in result.masked],
         "provenance": [
