@@ -8,6 +8,8 @@ import numpy as np
 
 # How much chance may outweigh fit: neighbours of one size should not all take the same exemplar.
 VARIETY = 0.8
+# The share of an exemplar that was made anew counts so many times: one of which half was guessed is taken where no other fits.
+GUESSED = 4.0
 
 
 def choose_exemplars(
@@ -16,13 +18,15 @@ def choose_exemplars(
     building: np.ndarray,
     exemplar_width: Sequence[float],
     exemplar_floors: Sequence[float],
+    exemplar_hidden: Sequence[float],
     *,
     seed: int,
 ) -> np.ndarray:
     """Index of the exemplar for each facade, (n,) int64; the facades of one building share theirs.
 
-    width (n,) metres, floors (n,), building (n,) of the facades, and the same of the exemplars. The fit is of the building's
-    widest facade: log ratios of floors and width; chance, by (seed, building), chooses among those that fit.
+    width (n,) metres, floors (n,), building (n,) of the facades; of the exemplars width, floors and the share of them that was
+    hidden and made anew. The fit is of the building's widest facade: log ratios of floors and width, and that share; chance, by
+    (seed, building), chooses among those that fit.
     """
     chosen = np.zeros(len(width), np.int64)
     for one in np.unique(building):
@@ -30,6 +34,7 @@ def choose_exemplars(
         main = facades[np.argmax(width[facades])]
         misfit = np.abs(np.log(floors[main] / np.asarray(exemplar_floors, float)))
         misfit += 0.5 * np.abs(np.log(width[main] / np.asarray(exemplar_width, float)))
+        misfit += GUESSED * np.asarray(exemplar_hidden, float)
         chance = np.random.default_rng([seed, int(one)]).random(len(misfit))
         chosen[facades] = int(np.argmin(misfit + VARIETY * chance))
     return chosen

@@ -120,10 +120,12 @@ def test_columns_are_counted_in_the_fullest_row() -> None:
 
 def test_one_building_one_exemplar_and_size_decides() -> None:
     width, floors, building = np.array([20.0, 8.0, 20.0]), np.array([6, 6, 2]), np.array([3, 3, 4])
-    chosen = choose_exemplars(width, floors, building, [20.0, 20.0], [6, 1], seed=1)
+    chosen = choose_exemplars(width, floors, building, [20.0, 20.0], [6, 1], [0.0, 0.0], seed=1)
     assert chosen[0] == chosen[1] == 0
-    many = choose_exemplars(np.full(40, 20.0), np.full(40, 5), np.arange(40), [20.0] * 6, [5] * 6, seed=1)
+    same = (np.full(40, 20.0), np.full(40, 5), np.arange(40), [20.0] * 6, [5] * 6)
+    many = choose_exemplars(*same, [0.0] * 6, seed=1)
     assert len(set(many.tolist())) >= 4
+    assert 2 not in choose_exemplars(*same, [0.0, 0.0, 0.4, 0.0, 0.0, 0.0], seed=1), "much of it is a guess"
 
 
 def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:
