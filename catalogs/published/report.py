@@ -19,8 +19,9 @@ from catalogs.visible import visible
 if TYPE_CHECKING:
     from jinja2 import Environment
 
-# Facades on a page at most.
+# Facades on a page at most, and of those that somebody should look at.
 ON_PAGE = 40
+LOOKED_AT = 60
 
 
 class StreetPages(NamedTuple):
@@ -79,9 +80,21 @@ def write_report(
             exemplars=[{**one, "pictures": _linked("images", one["pictures"])} for one in exemplars],
         )
         (folder / "exemplars.html").write_text(page, encoding="utf-8")
+    links = {
+        row["id"]: f"{quote(path)}#{quote(row['id'])}"
+        for street in pages
+        for path, shown in zip(street.paths, street.rows, strict=True)
+        for row in shown
+    }
+    doubtful = sorted(
+        (row for row in rows if row["quality"] not in (None, "good")),
+        key=lambda row: (-row["quality"].count(","), -(row["occluded"] or 0), row["id"]),
+    )
     page = environment.get_template("report.html.j2").render(
         summary=summary,
         index=[_line(street) for street in pages],
+        doubtful=doubtful,
+        most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:LOOKED_AT]],
         exemplars=len(exemplars),
         set_aside=[*set_aside, *(row for row in rows if row["status"] == "failed")],
         streets=streets,

@@ -319,6 +319,9 @@ def test_the_report_is_an_index_with_pages_for_each_street(
     assert set(shown) == set(facades["id"])
     assert len(set(shown.values())) == len(facades), "one to a page"
     assert sorted(drawn) == sorted((report / "images").iterdir()), "each is shown once"
+    index = lxml.html.document_fromstring((report / "index.html").read_text("utf-8"))
+    to_look_at = {urlparse(one.get("href")).fragment for one in index.iter("a")} - {""}
+    assert to_look_at == set(facades["id"][facades["quality"] != "good"]), "those to look at"
     for street, own in facades.groupby("street"):
         page = shown[own["id"].iloc[-1]].read_text()
         others = [id for id, photo in zip(own["id"], own["photo"], strict=True) if not photo > 0]

@@ -1,0 +1,121 @@
+"""Whether people and vehicles stay in textures: `python -m benchmarks.privacy --data DIR` prints one JSON object.
+
+pasted: cut-outs of occluders/, which no model learnt from, stand at the foot of held-out facades of ecp and cmp, people 1.2 to
+2 metres high and vehicles as high as they are, a storey taken for three metres and a half. A thing is gone where at least half
+of its pixels were made anew, and `left` is the share of all their pixels that was not. found_again: how many parts of the
+finished pictures the parser takes for something in front once more; nothing stood in most of them but what was pasted.
+marked: the vehicles and people before ecp's held-out facades, marked by eye.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from collections import Counter
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks import in_front
+from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read, split
+from facade_core.errors import ImageError
+from facade_core.facade import from_photo, things_in_front
+from facade_core.parse import parse
+from facade_core.texture import exemplar_scale
+
+_HEIGHTS_M = {"ppl": (1.2, 2.0), "car": (1.4, 1.7), "truck": (2.4, 3.2)}
+_STOREY_M = 3.5
+_THINGS = 3
+_GONE = 0.5
+
+
+def measure_pasted(facades: Sequence[LabelledFacade], pieces: Sequence[tuple[str, np.ndarray]]) -> dict[str, Any]:
+    """By kind of things pasted before the facades: how many are gone of how many, and what share of their pixels is left."""
+    gone: Counter[str] = Counter()
+    there: Counter[str] = Counter()
+    left: Counter[str] = Counter()
+    pixels: Counter[str] = Counter()
+    again = images = 0
+    for number, facade in enumerate(facades):
+        try:
+            scale = exemplar_scale(facade.image, facade.labels, storey=_STOREY_M)
+        except ImageError:
+            continue  # neither windows nor a door tell its scale
+        rng = np.random.default_rng(number)
+        image, things = _with_things(facade.image, scale, pieces, rng)
+        made = from_photo(image, np.zeros(facade.labels.shape, bool), seed=number)
+        for kind, solid in things:
+            share = float(made.occluded[solid].mean())
+            there[kind] += 1
+            gone[kind] += share >= _GONE
+            left[kind] += round((1 - share) * int(solid.sum()))
+            pixels[kind] += int(solid.sum())
+        again += len(things_in_front(parse(made.image).occluded)[1])
+        images += 1
+    return {
+        "gone": {kind: [gone[kind], there[kind]] for kind in sorted(there)},
+        "left": {kind: round(left[kind] / pixels[kind], 4) for kind in sorted(there)},
+        "found_again": again,
+        "images": images,
+    }
+
+
+def _with_things(
+    image: np.ndarray, metres_per_pixel: float, pieces: Sequence[tuple[str, np.ndarray]], rng: np.random.Generator
+) -> tuple[np.ndarray, list[tuple[str, np.ndarray]]]:
+    """A facade with things at its foot that do not hide each other, and the mask of each."""
+    import cv2
+
+    image, things = image.copy(), []
+    height, width = image.shape[:2]
+    taken = np.zeros(width, bool)
+    for choice in rng.choice(len(pieces), _THINGS, replace=False):
+        kind, piece = pieces[choice]
+        high = min(height, max(8, round(rng.uniform(*_HEIGHTS_M[kind]) / metres_per_pixel)))
+        wide = max(4, round(piece.shape[1] * high / piece.shape[0]))
+        if wide >= width:
+            continue
+        x = int(rng.integers(width - wide))
+        if taken[x : x + wide].any():
+            continue
+        taken[x : x + wide] = True
+        small = cv2.resize(piece, (wide, high), interpolation=cv2.INTER_AREA)
+        place, alpha = np.s_[height - high :, x : x + wide], small[..., 3:] / 255.0
+        image[place] = np.rint(image[place] + alpha * (small[..., :3] - image[place].astype(float))).astype(np.uint8)
+        solid = np.zeros((height, width), bool)
+        solid[place] = alpha[..., 0] > 0.5
+        things.append((kind, solid))
+    return image, things
+
+
+def main(arguments: list[str] | None = None) -> None:
+    from PIL import Image
+
+    parser = argparse.ArgumentParser(description="Count the people and vehicles that stay in textures.")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")),
+        help="folder with facades/ and occluders/",
+    )
+    options = parser.parse_args(arguments)
+    pieces = [
+        (path.stem.partition("_")[0], np.asarray(Image.open(path).convert("RGBA")))
+        for path in sorted((options.data / "occluders").glob("*.png"))
+        if path.stem.partition("_")[0] in _HEIGHTS_M
+    ]
+    folder = options.data / "facades"
+    held_out = {
+        "ecp": split(list(read(ECP, folder / "ecp")))[1],
+        "cmp": split(list(read(CMP, folder / "cmp")))[1],
+    }
+    result: dict[str, Any] = {name: measure_pasted(facades, pieces) for name, facades in held_out.items()}
+    marked = in_front.measure_things(held_out["ecp"], in_front.marked(), lambda image: parse(image).occluded)
+    print(json.dumps({"benchmark": "privacy", "pasted": result, "marked": marked["recall"]}))
+
+
+if __name__ == "__main__":
+    main()
