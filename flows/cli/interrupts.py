@@ -8,12 +8,13 @@ import sys
 from typing import NoReturn
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
+INTERRUPTED = "interrupted; what is done is kept, run the same command to go on"
 
 
-def end_early() -> None:
+def end_early(said: str = INTERRUPTED) -> None:
     """Exit with 128 + signal and one line as soon as the interpreter heeds a signal; until `end_on_interrupt` takes over."""
     for number in ENDING:
-        signal.signal(number, lambda received, _: _end(received))
+        signal.signal(number, lambda received, _: _end(received, said))
 
 
 def end_on_interrupt() -> None:
@@ -36,14 +37,12 @@ def end_on_interrupt() -> None:
         with write:  # keeps the descriptor open as long as the thread runs
             while (number := read.recv(1)[0]) not in ENDING:
                 continue
-        _end(number)
+        _end(number, INTERRUPTED)
 
     threading.Thread(target=watch, daemon=True, name="interrupts").start()
 
 
-def _end(number: int) -> NoReturn:
+def _end(number: int, said: str) -> NoReturn:
     show_cursor = "\x1b[?25h" if sys.stderr and sys.stderr.isatty() else ""
-    os.write(
-        2, f"{show_cursor}\nstreetloom: interrupted; what is done is kept, run the same command to go on\n".encode()
-    )
+    os.write(2, f"{show_cursor}\nstreetloom: {said}\n".encode())
     os._exit(128 + number)

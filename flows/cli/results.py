@@ -150,6 +150,7 @@ def view(out: Path, port: int, host: str, opened: bool) -> None:
       streetloom view out/mine --port 0 --no-open      beside a run that is still going
     """
     from facade_core.errors import InputError
+    from flows.cli.interrupts import end_early
 
     if not host.strip():  # it would be every address of the machine
         raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
@@ -168,6 +169,7 @@ def view(out: Path, port: int, host: str, opened: bool) -> None:
 
             webbrowser.open(address)
 
+    end_early("the viewer is closed; the run is as it was")
     serve(out, host, port, ready)
 
 
