@@ -54,6 +54,7 @@ class Record(TypedDict, total=False):
     charts: int
     # facades, and floors and columns of exemplars too
     source: str
+    capture_date: str | None
     floors: int
     columns: int
     elements: list[list[Any]]

@@ -203,6 +203,7 @@ _FROM_RECORD = (
     "occluded",
     "privacy",
     "source",
+    "capture_date",
     "variation_types",
     "variation_levels",
     "variation_bytes",

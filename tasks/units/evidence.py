@@ -20,7 +20,7 @@ from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
 from facade_core.types import Pose
 from tasks.outcome import refusing
-from tasks.units.images import focal_length, read_panorama, read_textures, read_whole
+from tasks.units.images import capture_date, focal_length, read_panorama, read_textures, read_whole
 
 if TYPE_CHECKING:
     from tasks.units.imagery import Imagery
@@ -42,6 +42,7 @@ class Evidence:
         source: the name of the pictures.
         masked: boxes of things masked.
         clean: whether nothing else can be in front.
+        captured: the day of the newest of the pictures, where they tell.
     """
 
     image: np.ndarray
@@ -50,6 +51,7 @@ class Evidence:
     source: str
     masked: tuple[Box, ...] = ()
     clean: bool = False
+    captured: str | None = None
 
 
 def evidence_of(
@@ -68,7 +70,7 @@ def evidence_of(
     if source == "photo" and imagery.photo is not None:
         image, hidden = photo_of(imagery.photo, imagery.rectified, size)
         hidden = _widened(hidden)
-        return Evidence(image, hidden, ~hidden, imagery.photo.name)
+        return Evidence(image, hidden, ~hidden, imagery.photo.name, captured=capture_date(imagery.photo))
     if source == "panoramas":
         return _of_panoramas(plan, chart, size, imagery, refused)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.triangles_of(chart)], refused)
@@ -82,11 +84,11 @@ def evidence_of(
 def _of_panoramas(
     plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception]
 ) -> Evidence | None:
-    views, names = [], []
+    views, used = [], []
     for path, pose in imagery.panoramas:
         with refusing(refused):
             views.append(_view(plan, chart, path, pose, size))
-            names.append(path.name)
+            used.append(path)
     if not views:
         return None
     fused = fuse_views(views)
@@ -94,7 +96,8 @@ def _of_panoramas(
         return None
     _, masked = things_in_front(fused.occluded)
     hidden = _widened(~fused.seen) | fused.occluded
-    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked)
+    captured = max(filter(None, map(capture_date, used)), default=None)
+    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(p.name for p in used), masked, captured=captured)
 
 
 def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:

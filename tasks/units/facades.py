@@ -7,7 +7,7 @@ import time
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
@@ -32,6 +32,17 @@ if TYPE_CHECKING:
     from tasks.units.imagery import Imagery
 
 
+class _Made(NamedTuple):
+    """A facade, None where it is left to the street stage; which source it is from, by its place in the order and by name; how
+    well that shows each texel, (h, w) uint8; the day it was taken, where that is known."""
+
+    depth: int
+    facade: Facade | None
+    source: str
+    confidence: np.ndarray
+    captured: str | None = None
+
+
 def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
     """All facades of one building that are due, which may share chunks. Arguments: the pictures of the facade, and the textures
     that the block brings.
@@ -49,24 +60,26 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         about: dict[str, Any] = {"worker": worker_name(), "started": start}
         refused: list[Exception] = []
         try:
-            depth, result, source, confidence = _make(run, plan, group, facade, imagery, textures, refused)
+            made = _make(run, plan, group, facade, imagery, textures, refused)
         except Exception as error:
             if machine_fault(error):
                 raise
             records[facade] = failure(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
             start = prepared = time.time()
             continue
-        about |= {"source": source} | refusal(refused, _told(imagery, depth, source))
+        result = made.facade
+        about |= {"source": made.source, "capture_date": made.captured}
+        about |= refusal(refused, _told(imagery, made.depth, made.source))
         stages = result.seconds if result is not None else {}
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
         if result is not None:
             begun = time.time()
             evidence = shielded(result.evidence, result.occluded, run.privacy, run.texture.texels_per_metre)
-            digests = _write(group, plan, facade, result, evidence, confidence)
+            digests = _write(group, plan, facade, result, evidence, made.confidence)
             seconds["write"] = time.time() - begun
             about |= _summary(result) | {"privacy": run.privacy, "digests": digests}
         about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
-        records[facade] = Record(unit=unit.name, key=unit.keys[depth], status="done", **about)  # type: ignore[typeddict-item]
+        records[facade] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
     return fork, records
 
@@ -95,10 +108,8 @@ def _make(
     imagery: Imagery,
     textures: Sequence[Path],
     refused: list[Exception],
-) -> tuple[int, Facade | None, str, np.ndarray]:
-    """The facade from the best source there is of it; which one that was, by its place in the order and by name; how well it
-    shows each texel, 0 to 255. None where it is left to the street stage. Why pictures were refused is added to `refused`.
-    """
+) -> _Made:
+    """The facade from the best source there is of it. Why pictures were refused is added to `refused`."""
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
     size = (int(placement.height[chart]), int(placement.width[chart]))
@@ -113,10 +124,11 @@ def _make(
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
                 confidence = np.where(result.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
-                return depth, replace(result, masked=evidence.masked + result.masked), evidence.source, confidence
+                result = replace(result, masked=evidence.masked + result.masked)
+                return _Made(depth, result, evidence.source, confidence, evidence.captured)
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
     if run.texture.walls == "translate":
-        return depth, None, "translator", nothing
+        return _Made(depth, None, "translator", nothing)
     if imagery.exemplar is None:
         raise FacadeError(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
@@ -131,7 +143,7 @@ def _make(
         metres_per_pixel=metres_per_texel,
         seed=seed,
     )
-    return depth, result, imagery.exemplar[1], nothing
+    return _Made(depth, result, imagery.exemplar[1], nothing)
 
 
 def _write(

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
+from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 
@@ -37,6 +38,21 @@ def focal_length(path: Path) -> float | None:
         except Exception:  # damaged in any way
             return None
     return told * diagonal / DIAGONAL_35MM if 0 < told < math.inf else None
+
+
+def capture_date(path: Path) -> str | None:
+    """The day that a picture was taken, as "2024-05-17", from its EXIF; None where that does not tell."""
+    from PIL import ExifTags
+
+    with opened(path) as image:
+        try:
+            exif = image.getexif()
+            told = exif.get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.DateTimeOriginal) or exif.get(
+                ExifTags.Base.DateTime
+            )
+            return datetime.strptime(str(told)[:10], "%Y:%m:%d").date().isoformat()
+        except Exception:  # damaged in any way, or no such day
+            return None
 
 
 def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:

@@ -12,7 +12,7 @@ from PIL import Image
 from facade_core.errors import ImageError
 from facade_core.synth import facade as paint
 from tasks.units.evidence import photo_of
-from tasks.units.images import focal_length
+from tasks.units.images import capture_date, focal_length
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
 
@@ -59,3 +59,16 @@ def test_focal_length_is_that_of_the_exif(tmp_path: Path) -> None:
     exif.get_ifd(0x8769)[0xA405] = 28
     image.save(path, exif=exif)
     assert focal_length(path) == pytest.approx(2800)
+
+
+@pytest.mark.parametrize(
+    ("told", "day"),
+    [("2024:05:17 10:31:00", "2024-05-17"), ("0000:00:00 00:00:00", None), ("yesterday", None), (None, None)],
+)
+def test_the_day_is_that_of_the_exif(tmp_path: Path, told: str | None, day: str | None) -> None:
+    path, image = tmp_path / "a.jpg", Image.new("RGB", (40, 40))
+    exif = image.getexif()
+    if told is not None:
+        exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal] = told
+    image.save(path, exif=exif)
+    assert capture_date(path) == day
