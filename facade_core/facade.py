@@ -109,9 +109,20 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
             layout = elements(replace(made, occluded=np.zeros_like(hidden)))
     sure = certainty()
     layout, share = with_probabilities(layout, sure), sure.window_share(made, hidden)
-    provenance = np.where(hidden, INPAINTED, PHOTO).astype(np.uint8)
-    return _finish(
-        image, result, made.labels, hidden, provenance, masked, tuple(layout), completion, share, seconds, seed
+    split, hierarchy = _split_and_coded(result, made.labels, layout, seconds, seed)
+    return Facade(
+        evidence=image,
+        image=result,
+        labels=made.labels,
+        occluded=hidden,
+        provenance=np.where(hidden, INPAINTED, PHOTO).astype(np.uint8),
+        masked=masked,
+        lattice=split,
+        elements=tuple(layout),
+        hierarchy=hierarchy,
+        completion=completion,
+        window_share=share,
+        seconds=seconds,
     )
 
 
@@ -185,9 +196,21 @@ def from_exemplar(
         # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
         coded = encode(texture, layout)
         texture = exchange_in_photo(texture, coded, round(VARIED * (len(coded.levels) - 1)), seed)
-    nothing = np.zeros(size, bool)
-    provenance = np.full(size, SYNTHESISED, np.uint8)
-    return _finish(texture, texture, labels, nothing, provenance, (), layout, None, None, seconds, seed)
+    split, hierarchy = _split_and_coded(texture, labels, layout, seconds, seed)
+    return Facade(
+        evidence=texture,
+        image=texture,
+        labels=labels,
+        occluded=np.zeros(size, bool),
+        provenance=np.full(size, SYNTHESISED, np.uint8),
+        masked=(),
+        lattice=split,
+        elements=layout,
+        hierarchy=hierarchy,
+        completion=None,
+        window_share=None,
+        seconds=seconds,
+    )
 
 
 def count_columns(layout: Sequence[Element]) -> int:
@@ -219,37 +242,13 @@ def visible_boxes(hidden: np.ndarray) -> list[tuple[float, float, float, float]]
     return boxes
 
 
-def _finish(
-    evidence: np.ndarray,
-    image: np.ndarray,
-    label_map: np.ndarray,
-    hidden: np.ndarray,
-    provenance: np.ndarray,
-    masked: tuple[Box, ...],
-    layout: tuple[Element, ...],
-    completion: Completion | None,
-    window_share: tuple[float, float, float] | None,
-    seconds: dict[str, float],
-    seed: int,
-) -> Facade:
+def _split_and_coded(
+    image: np.ndarray, label_map: np.ndarray, layout: Sequence[Element], seconds: dict[str, float], seed: int
+) -> tuple[Lattice, Hierarchy]:
     with _timed(seconds, "lattice"):
         split = lattice(label_map)
     with _timed(seconds, "encode"):
-        hierarchy = encode(image, list(layout), seed=seed)
-    return Facade(
-        evidence,
-        image,
-        label_map,
-        hidden,
-        provenance,
-        masked,
-        split,
-        layout,
-        hierarchy,
-        completion,
-        window_share,
-        seconds,
-    )
+        return split, encode(image, list(layout), seed=seed)
 
 
 def _share(hidden: np.ndarray, element: Element) -> float:
