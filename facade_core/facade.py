@@ -72,8 +72,16 @@ class Exemplar:
     columns: int
 
 
-def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, seed: int = 0) -> Facade:
-    """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade.
+def from_photo(
+    image: np.ndarray,
+    hidden: np.ndarray,
+    *,
+    outside: np.ndarray | None = None,
+    clean: bool = False,
+    seed: int = 0,
+) -> Facade:
+    """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade; nor does what is
+    `outside` (h, w) bool, sky or street, which the parser may look at.
 
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
     number plate. A clean photo is known to show the facade alone. Raises ImageError where less than LEAST_SEEN of the facade is
@@ -86,7 +94,7 @@ def from_photo(image: np.ndarray, hidden: np.ndarray, *, clean: bool = False, se
         parsing = parse(np.dstack([image, alpha]))
         found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
         in_front, masked = things_in_front(found)
-        hidden = hidden | in_front
+        hidden = hidden | in_front if outside is None else hidden | in_front | outside
     _require_seen(hidden, "beside trees, cars and the like")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if _share(hidden, e) <= HIDDEN_SHARE]
@@ -159,7 +167,7 @@ def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, se
     """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch. Raises ImageError
     where it shows too little, or no window."""
     cut = cut_to_facade(image, hidden)
-    facade = from_photo(cut.image, cut.hidden, seed=seed)
+    facade = from_photo(cut.image, cut.hidden, outside=cut.outside, seed=seed)
     if structure(facade.labels) is None:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with _timed(facade.seconds, "scale"):

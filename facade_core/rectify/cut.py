@@ -19,11 +19,12 @@ Box = tuple[int, int, int, int]
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Cut:
-    """The part of a picture that is the facade: image (h, w, 3) uint8; hidden (h, w) bool, what does not show it, with
-    what is outside it at the borders; box (x0, y0, x1, y1) of it in the picture, half-open."""
+    """The part of a picture that is the facade: image (h, w, 3) uint8; hidden (h, w) bool, what does not show it; outside
+    (h, w) bool, what shows sky, street or neighbours at its borders; box (x0, y0, x1, y1) of it in the picture, half-open."""
 
     image: np.ndarray
     hidden: np.ndarray
+    outside: np.ndarray
     box: Box
 
 
@@ -36,7 +37,7 @@ def cut_to_facade(image: np.ndarray, hidden: np.ndarray) -> Cut:
     if (y1 - y0) * (x1 - x0) == outside.size and beyond.mean() > 1 - LEAST:
         # Next to nothing of the picture is told to be a facade: that is no better told of its pixels.
         beyond = np.zeros_like(beyond)
-    return Cut(image[y0:y1, x0:x1], hidden[y0:y1, x0:x1] | _from_border(beyond), box)
+    return Cut(image[y0:y1, x0:x1], hidden[y0:y1, x0:x1], _from_border(beyond), box)
 
 
 def facade_box(outside: np.ndarray, hidden: np.ndarray) -> Box:

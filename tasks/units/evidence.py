@@ -42,6 +42,7 @@ class Evidence:
         source: the name of the pictures.
         masked: boxes of things masked.
         clean: whether nothing else can be in front.
+        outside: (h, w) bool, where it shows sky, street or neighbours beside the facade; None where nothing is.
         captured: the day of the newest of the pictures, where they tell.
     """
 
@@ -51,6 +52,7 @@ class Evidence:
     source: str
     masked: tuple[Box, ...] = ()
     clean: bool = False
+    outside: np.ndarray | None = None
     captured: str | None = None
 
 
@@ -68,9 +70,10 @@ def evidence_of(
     Why one picture of several cannot be used is added to `refused`; raises what a photo, the only one, is refused by.
     """
     if source == "photo" and imagery.photo is not None:
-        image, hidden = photo_of(imagery.photo, imagery.rectified, size)
-        hidden = _widened(hidden)
-        return Evidence(image, hidden, ~hidden, imagery.photo.name, captured=capture_date(imagery.photo))
+        image, hidden, outside = photo_of(imagery.photo, imagery.rectified, size)
+        hidden, outside = _widened(hidden), _widened(outside)
+        captured = capture_date(imagery.photo)
+        return Evidence(image, hidden, ~hidden, imagery.photo.name, outside=outside, captured=captured)
     if source == "panoramas":
         return _of_panoramas(plan, chart, size, imagery, refused)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.triangles_of(chart)], refused)
@@ -100,9 +103,9 @@ def _of_panoramas(
     return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(p.name for p in used), masked, captured=captured)
 
 
-def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray]:
-    """A photo of a facade at a size, and what it does not show of it; rectified first where it is as taken, and cut to the
-    facade."""
+def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """A photo of a facade at a size, what it does not show of it, and what it shows beside it, (h, w) bool; rectified first
+    where it is as taken, and cut to the facade."""
     import cv2
 
     picture = read_whole(path, least=LEAST_SIDE)
@@ -118,9 +121,11 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.nda
             raise ImageError(f"{path.name}: {error}") from error
         image, hidden = found.image, ~found.seen
     cut = cut_to_facade(image, hidden)
-    image, hidden = resized(cut.image, size), cut.hidden
-    hidden = cv2.resize(hidden.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    return image, hidden
+    hidden, outside = (
+        cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+        for mask in (cut.hidden, cut.outside)
+    )
+    return resized(cut.image, size), hidden, outside
 
 
 def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> View:

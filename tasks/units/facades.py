@@ -120,7 +120,9 @@ def _make(
             evidence = evidence_of(source, plan, chart, size, imagery, textures, refused)
             if evidence is not None:
                 try:
-                    result = from_photo(evidence.image, evidence.hidden, clean=evidence.clean, seed=seed)
+                    result = from_photo(
+                        evidence.image, evidence.hidden, outside=evidence.outside, clean=evidence.clean, seed=seed
+                    )
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
                 confidence = np.where(result.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)

@@ -54,7 +54,7 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole():
     assert facade_box(~nothing, nothing) == (0, 0, 50, 60)
 
 
-def test_what_is_left_outside_at_the_border_is_hidden(monkeypatch: pytest.MonkeyPatch):
+def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPatch):
     outside = np.zeros((60, 50), bool)
     outside[:10] = True
     outside[10:20, :5] = True  # beside a gable
@@ -65,8 +65,9 @@ def test_what_is_left_outside_at_the_border_is_hidden(monkeypatch: pytest.Monkey
     found = cut_to_facade(image, hidden)
     assert found.box == (0, 10, 50, 60)
     assert (found.image == image[10:]).all()
-    expected = hidden[10:].copy()
+    assert (found.hidden == hidden[10:]).all()
+    expected = np.zeros((50, 50), bool)
     expected[:10, :5] = True
-    assert (found.hidden == expected).all()
+    assert (found.outside == expected).all()
     monkeypatch.setattr(cut, "seen_outside", lambda picture: np.ones((60, 50), bool))
-    assert (cut_to_facade(image, hidden).hidden == hidden).all()
+    assert not cut_to_facade(image, hidden).outside.any()
