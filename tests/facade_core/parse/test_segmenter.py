@@ -173,3 +173,28 @@ def test_held_out_facades_and_their_lower_storeys(data):
     assert np.mean(whole) > 0.84
     storeys = [(facade.image[150:], facade.labels[150:]) for facade in held_out[1::4]]
     assert np.mean([agreement(labels, parse(image).labels) for image, labels in storeys]) > 0.8
+
+
+@pytest.mark.realdata
+def test_sky_street_and_neighbours_of_held_out_facades_are_outside(data):
+    from benchmarks.outline import measure_boxes
+    from catalogs.learning.datasets import CMP, read, split
+    from facade_core.parse.segmenter import seen_outside
+
+    _, held_out = split(list(read(CMP, data / "facades" / "cmp")))
+    much = [facade for facade in held_out if (facade.outside == 1).mean() > 0.1][:6]
+    found = measure_boxes(much, seen_outside)
+    assert found["outside_after"] < 0.5 * found["outside_before"]
+    assert found["facade_lost"] < 0.05
+
+
+@pytest.mark.realdata
+def test_vehicles_before_held_out_facades_are_in_front_and_what_is_beside_them_is_not(data):
+    from benchmarks.in_front import marked, measure_things
+    from catalogs.learning.datasets import ecp, split
+
+    _, held_out = split(list(ecp(data / "facades" / "ecp")))
+    found = measure_things(held_out[:6], marked(), lambda image: parse(image).occluded)
+    vehicles, there = found["vehicles"]
+    assert vehicles >= 0.8 * there
+    assert found["beside_boxes"] < 0.1
