@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterable
 from typing import Any
 
@@ -13,6 +14,7 @@ from facade_core.rectify.cut import facade_box
 
 # A side of a box is right within this share of the picture's height or width.
 _NEAR = 0.03
+_CELLS = 80
 
 Outside = Callable[[np.ndarray], np.ndarray]
 
@@ -34,6 +36,24 @@ def measure_outside(photos: Iterable[LabelledFacade], outside: Outside) -> dict[
     }
 
 
+def best_box(outside: np.ndarray) -> tuple[int, int, int, int]:
+    """The box (x0, y0, x1, y1) with the most pixels inside over those outside (H, W) bool, by trying all whose corners lie on a
+    grid of so many cells a side: plain, and apart from what is measured."""
+    height, width = outside.shape
+    value = np.zeros((height + 1, width + 1))
+    value[1:, 1:] = np.where(outside, -1, 1).cumsum(0).cumsum(1)
+    ys, xs = (np.unique(np.linspace(0, side, _CELLS + 1).round().astype(int)) for side in (height, width))
+    sums = value[np.ix_(ys, xs)]
+    best, found = -np.inf, (0, 0, width, height)
+    for top, bottom in itertools.combinations(range(len(ys)), 2):
+        rows = sums[bottom] - sums[top]
+        gain = rows[None, :] - rows[:, None]
+        left, right = divmod(int(gain.argmax()), len(xs))
+        if gain[left, right] > best:
+            best, found = gain[left, right], (int(xs[left]), int(ys[top]), int(xs[right]), int(ys[bottom]))
+    return found
+
+
 def measure_boxes(facades: Iterable[LabelledFacade], outside: Outside) -> dict[str, Any]:
     """Of rectified pictures cut to the facade: how many of their sides lie within 3 % of the true box's, and how many do of
     the picture as it is; the mean share of the facade that is cut off, and of what is outside, before
@@ -43,8 +63,8 @@ def measure_boxes(facades: Iterable[LabelledFacade], outside: Outside) -> dict[s
     for facade in facades:
         truth, nothing = facade.outside == 1, np.zeros(facade.outside.shape, bool)
         height, width = truth.shape
-        right = np.array(facade_box(truth, nothing))
-        x0, y0, x1, y1 = box = facade_box(outside(facade.image), nothing)
+        right = np.array(best_box(truth))
+        x0, y0, x1, y1 = box = facade_box(outside(facade.image), nothing) or (0, 0, width, height)
         size = np.array([width, height, width, height])
         sides += [(abs(np.array(one) - right) <= _NEAR * size).sum() for one in (box, (0, 0, width, height))]
         kept = truth[y0:y1, x0:x1]

@@ -178,7 +178,7 @@ def measure_outline(data: Path, model: Path | None) -> dict[str, Any]:
     """The figures of outline."""
 
     def outside(image: np.ndarray) -> np.ndarray:
-        return seen_outside(image, model=model)
+        return seen_outside(image, np.zeros(image.shape[:2], bool), model=model)
 
     _, held_out = split(list(read(CMP, data / "facades" / "cmp")))
     photos = data / "streetphotos"

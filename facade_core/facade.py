@@ -13,7 +13,7 @@ from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
-from facade_core.parse.certainty import certainty, with_probabilities
+from facade_core.parse.certainty import certainty, share_of, with_probabilities
 from facade_core.rectify.cut import Box, cut_to_facade
 from facade_core.resizing import resized
 from facade_core.texture import exemplar_scale, inpaint, retarget
@@ -43,7 +43,7 @@ class Facade:
     occluded (h, w) bool; provenance (h, w) uint8; masked, boxes (x0, y0, x1, y1) of the trees, cars, people and the like
     that the parser saw in front and that are no longer in the image; window_share, the share of it that its windows are, and
     the least and most that it may be (`facade_core.parse.certainty`), None where no picture tells; the elements' confidence is
-    the probability that they are there, 1 where no picture tells; seconds per stage.
+    the probability that they are there, times the share of them that was seen, 1 where no picture tells; seconds per stage.
     """
 
     evidence: np.ndarray
@@ -94,10 +94,12 @@ def from_photo(
         parsing = parse(np.dstack([image, alpha]))
         found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
         in_front, masked = things_in_front(found)
-        hidden = hidden | in_front if outside is None else hidden | in_front | outside
-    _require_seen(hidden, "beside trees, cars and the like")
+        hidden = hidden | in_front
+        if outside is not None:
+            hidden |= _grown(outside, THING_RIM)
+    _require_seen(hidden, "beside sky, trees, cars and the like")
     with _timed(seconds, "elements"):
-        observed = [e for e in elements(parsing) if _share(hidden, e) <= HIDDEN_SHARE]
+        observed = [e for e in elements(parsing) if share_of(hidden, e) <= HIDDEN_SHARE]
     completion, made, result, layout = None, parsing, image, observed
     if hidden.any():
         height, width = hidden.shape
@@ -116,7 +118,7 @@ def from_photo(
         with _timed(seconds, "elements"):
             layout = elements(replace(made, occluded=np.zeros_like(hidden)))
     sure = certainty()
-    layout, share = with_probabilities(layout, sure), sure.window_share(made, hidden)
+    layout, share = with_probabilities(layout, sure, hidden), sure.window_share(made, hidden)
     split, hierarchy = _split_and_coded(result, made.labels, layout, seconds, seed)
     return Facade(
         evidence=image,
@@ -257,11 +259,6 @@ def _split_and_coded(
         split = lattice(label_map)
     with _timed(seconds, "encode"):
         return split, encode(image, list(layout), seed=seed)
-
-
-def _share(hidden: np.ndarray, element: Element) -> float:
-    part = hidden[int(element.y0) : int(np.ceil(element.y1)), int(element.x0) : int(np.ceil(element.x1))]
-    return float(part.mean()) if part.size else 0.0
 
 
 @contextmanager

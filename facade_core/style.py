@@ -8,8 +8,8 @@ import numpy as np
 
 # How much chance may outweigh fit: neighbours of one size should not all take the same exemplar.
 VARIETY = 0.8
-# The share of an exemplar that was made anew counts so many times: one of which half was guessed is taken where no other fits.
-GUESSED = 4.0
+# What was made anew of an exemplar beyond this share counts so many times: one of which half was is taken where no other fits.
+OFTEN_HIDDEN, GUESSED = 0.15, 4.0
 
 
 def choose_exemplars(
@@ -34,7 +34,7 @@ def choose_exemplars(
         main = facades[np.argmax(width[facades])]
         misfit = np.abs(np.log(floors[main] / np.asarray(exemplar_floors, float)))
         misfit += 0.5 * np.abs(np.log(width[main] / np.asarray(exemplar_width, float)))
-        misfit += GUESSED * np.asarray(exemplar_hidden, float)
+        misfit += GUESSED * np.maximum(0, np.asarray(exemplar_hidden, float) - OFTEN_HIDDEN)
         chance = np.random.default_rng([seed, int(one)]).random(len(misfit))
         chosen[facades] = int(np.argmin(misfit + VARIETY * chance))
     return chosen

@@ -48,8 +48,6 @@ class Record(TypedDict, total=False):
     hidden: float
     metres_per_pixel: float
     metres_per_texel: float
-    # exemplars: the box of the picture that is the facade
-    cut: list[int]
     # textured buildings: how many charts
     charts: int
     # facades, and floors and columns of exemplars too

@@ -17,8 +17,6 @@ from facade_core.labels import CLASSES, COLOURS, colourise
 from facade_core.street.scene import Scene
 from facade_core.types import Lattice
 
-# Pixels to a side of the squares in which what hides a wall is shown.
-MOSAIC = 12
 # An element of which more than this share was hidden is one that the completion made.
 COMPLETED = 0.3
 # Layouts are drawn at least so many pixels high: lines over small facades stay thin.
@@ -92,35 +90,6 @@ def draw_facade(label_map: np.ndarray, lattice: Lattice) -> np.ndarray:
     for column in lattice.columns:
         drawn[:, min(column, width - 1)] = 255
     return drawn
-
-
-def overlay_hidden(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """An image with what hides the wall tinted red and so coarse that no face or number can be read, (h, w, 3) uint8."""
-    tinted = image.copy()
-    tinted[hidden] = (0.45 * _mosaic(image)[hidden] + 0.55 * np.array([214, 52, 44])).astype(np.uint8)
-    return tinted
-
-
-def _mosaic(image: np.ndarray) -> np.ndarray:
-    import cv2
-
-    height, width = image.shape[:2]
-    few = (max(1, width // MOSAIC), max(1, height // MOSAIC))
-    coarse = cv2.resize(image, few, interpolation=cv2.INTER_AREA)
-    return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
-
-
-def draw_cut(image: np.ndarray, hidden: np.ndarray, box: tuple[int, int, int, int], side: int) -> np.ndarray:
-    """A picture (h, w, 3) uint8 as it was given, `side` pixels at most: dark and coarse outside the box (x0, y0, x1, y1) that
-    was taken of it, and tinted where hidden, (h, w) bool of the box, says that it was made anew."""
-    import cv2
-
-    x0, y0, x1, y1 = box
-    drawn = _mosaic(image) // 4
-    drawn[y0:y1, x0:x1] = overlay_hidden(image[y0:y1, x0:x1], hidden)
-    scale = min(1.0, side / max(image.shape[:2]))
-    size = [max(1, round(length * scale)) for length in image.shape[1::-1]]
-    return cv2.resize(drawn, size, interpolation=cv2.INTER_AREA)
 
 
 def draw_layout(image: np.ndarray, hidden: np.ndarray, elements: Sequence[Sequence[Any]]) -> np.ndarray:

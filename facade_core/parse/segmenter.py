@@ -10,7 +10,7 @@ import numpy as np
 from scipy import ndimage
 
 from facade_core.errors import ImageError
-from facade_core.labels import CLASSES
+from facade_core.labels import CLASSES, SKY
 from facade_core.parse import forest, network
 from facade_core.parse.checks import check_image
 from facade_core.parse.model_file import read_record, stamp
@@ -96,15 +96,16 @@ def parse_with(image: np.ndarray, segmenter: Segmenter, *, regular: bool = True)
     return Parsing(labels, confidence, occluded | _enlarge(in_front, height, width))
 
 
-def seen_outside(image: np.ndarray, *, model: str | Path | None = None) -> np.ndarray:
-    """Where a picture of a facade shows sky, street or neighbours beside it, (H, W) bool; what alpha hides is told by what is
-    seen nearest to it. image, model, time, memory and errors as of `parse`.
+def seen_outside(image: np.ndarray, hidden: np.ndarray, *, model: str | Path | None = None) -> np.ndarray:
+    """Where a picture of a facade, (H, W, 3) uint8 RGB, shows sky, street or neighbours beside it, (H, W) bool; what is hidden
+    (H, W) bool, which is not all of it, is told by what is seen nearest to it. model, time and errors as of `parse`.
     """
     check_image(image)
     segmenter = load_segmenter(model)
-    working, nearest = _to_working_size(image[..., :3], _hidden_by_alpha(image), segmenter.working_area)
-    outside = segmenter.segment(working).outside >= _OUTSIDE
-    return _enlarge(outside if nearest is None else outside[nearest], *image.shape[:2])
+    working, nearest = _to_working_size(image, hidden, segmenter.working_area)
+    seen = segmenter.segment(working)
+    outside = (seen.outside >= _OUTSIDE) | (seen.confidence.argmax(2) == SKY)
+    return _enlarge(outside if nearest is None else outside[nearest], *hidden.shape)
 
 
 def _hidden_by_alpha(image: np.ndarray) -> np.ndarray:

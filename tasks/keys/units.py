@@ -48,7 +48,7 @@ def changed_parts(recorded: str, key: str) -> list[str]:
 def exemplar_key(run: Run, path: Path) -> str:
     return parts_key(
         stage_code("exemplars"),
-        settings=[run.seed, run.storey, run.texture.texels_per_metre],
+        settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
         picture=[path.stem, file_digest(path)],
     )
 

@@ -41,9 +41,10 @@ def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_
     streetphotos/swiss/train and from painted facades. network.state, kept beside, is where an interrupted run goes on.
     """
     boxes = boxes_in_front()
+    cmp, apart = cmp_photos(data)
     sets: Sets = {
         "ecp": with_occluders("ecp", split(list(ecp(data / "facades" / "ecp")))[0], boxes),
-        "cmp": with_occluders("cmp", cmp_photos(data)[0], boxes),
+        "cmp": with_occluders("cmp", cmp, boxes),
         "swiss": list(swiss(data / "streetphotos" / "swiss" / "train")),
         "painted": painted(PAINTED, seed=PAINTED_SEED),
     }
@@ -52,7 +53,7 @@ def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_
     weights = training_network.train(taught, course, seed=seed, state=out / "network.state", progress=stage_progress())
     path = out / "network.onnx"
     network_export.save(weights, path, training_set=_names(sets), seed=seed)
-    measure_certainty(path, cmp_photos(data)[1])
+    measure_certainty(path, apart)
     return path
 
 
@@ -67,6 +68,7 @@ def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
         misses.append((miss, doubt))
         for element, is_right in zip(found, good.tolist(), strict=True):
             seen.setdefault(element.label, []).append((element.confidence, is_right))
+    report("certainty", len(photos), len(photos))
     add_to_record(model, certainty=certainty.fit(seen, misses))
 
 

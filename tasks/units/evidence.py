@@ -71,7 +71,7 @@ def evidence_of(
     """
     if source == "photo" and imagery.photo is not None:
         image, hidden, outside = photo_of(imagery.photo, imagery.rectified, size)
-        hidden, outside = _widened(hidden), _widened(outside)
+        hidden = _widened(hidden)
         captured = capture_date(imagery.photo)
         return Evidence(image, hidden, ~hidden, imagery.photo.name, outside=outside, captured=captured)
     if source == "panoramas":
@@ -87,11 +87,13 @@ def evidence_of(
 def _of_panoramas(
     plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception]
 ) -> Evidence | None:
-    views, used = [], []
+    views, names, days = [], [], []
     for path, pose in imagery.panoramas:
         with refusing(refused):
-            views.append(_view(plan, chart, path, pose, size))
-            used.append(path)
+            view, day = _view(plan, chart, path, pose, size), capture_date(path)
+            views.append(view)
+            names.append(path.name)
+            days.append(day)
     if not views:
         return None
     fused = fuse_views(views)
@@ -99,8 +101,8 @@ def _of_panoramas(
         return None
     _, masked = things_in_front(fused.occluded)
     hidden = _widened(~fused.seen) | fused.occluded
-    captured = max(filter(None, map(capture_date, used)), default=None)
-    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(p.name for p in used), masked, captured=captured)
+    captured = max(filter(None, days), default=None)
+    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked, captured=captured)
 
 
 def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

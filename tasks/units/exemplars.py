@@ -13,8 +13,9 @@ from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import StoreError
 from facade_core.export import draw_cut
-from facade_core.facade import prepare_exemplar
+from facade_core.facade import Exemplar, prepare_exemplar
 from facade_core.labels import FLAGS
+from facade_core.privacy import shielded
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
 from tasks.run import Run
@@ -56,8 +57,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     group = open_root(fork)
     IMAGE.write(group, f"exemplars/{unit.index}", texture)
     LABELS.write(group, f"exemplars/{unit.index}", labels)
-    shown = draw_cut(picture.rgb, prepared.facade.occluded, prepared.box, LONGEST_PREVIEW)
-    PREVIEW.write(group, f"exemplars/{unit.index}", shown)
+    PREVIEW.write(group, f"exemplars/{unit.index}", _preview(run, picture.rgb, prepared))
     seconds["write"] = time.time() - begun
     record: Record = {
         "unit": unit.name,
@@ -68,7 +68,6 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "metres_per_texel": metres_per_texel,
         "floors": prepared.floors,
         "columns": prepared.columns,
-        "cut": list(prepared.box),
         "hidden": round(float(prepared.facade.occluded.mean()), 4),
         "metres_per_pixel": prepared.metres_per_pixel,
         "worker": worker_name(),
@@ -76,6 +75,14 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
     }
     return fork, {unit.index: record}
+
+
+def _preview(run: Run, given: np.ndarray, prepared: Exemplar) -> np.ndarray:
+    """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
+    facade, (x0, y0, x1, y1) = prepared.facade, prepared.box
+    shown = given.copy()
+    shown[y0:y1, x0:x1] = shielded(facade.evidence, facade.occluded, run.privacy, 1 / prepared.metres_per_pixel)
+    return draw_cut(shown, facade.occluded, prepared.box, LONGEST_PREVIEW)
 
 
 def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:

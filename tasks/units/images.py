@@ -46,10 +46,8 @@ def capture_date(path: Path) -> str | None:
 
     with opened(path) as image:
         try:
-            exif = image.getexif()
-            told = exif.get_ifd(ExifTags.IFD.Exif).get(ExifTags.Base.DateTimeOriginal) or exif.get(
-                ExifTags.Base.DateTime
-            )
+            exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
+            told = exif.get(ExifTags.Base.DateTimeOriginal) or exif.get(ExifTags.Base.DateTimeDigitized)
             return datetime.strptime(str(told)[:10], "%Y:%m:%d").date().isoformat()
         except Exception:  # damaged in any way, or no such day
             return None

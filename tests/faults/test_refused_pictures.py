@@ -53,8 +53,8 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         refused: list[Exception] = []
         run: Any = Value(seed=1, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None
-        depth, made, source, _ = facade._make(run, plan, group, 0, imagery, (), refused)
-        return depth, made, source, refused
+        made = facade._make(run, plan, group, 0, imagery, (), refused)
+        return made.depth, made.facade, made.source, refused
 
     return maker
 
@@ -94,11 +94,12 @@ def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.Mon
     fused = Value(seen=seen, occluded=~seen, rgb=np.zeros((*SIZE, 3), np.uint8), confidence=np.ones(SIZE))
     monkeypatch.setattr(evidence, "_view", view)
     monkeypatch.setattr(evidence, "fuse_views", lambda views: fused)
+    monkeypatch.setattr(evidence, "capture_date", {Path("two.jpg"): "2024-05-17"}.get)
     refused: list[Exception] = []
     plan: Any = None
     found = evidence_of("panoramas", plan, 0, SIZE, Imagery(panoramas=PANORAMAS), (), refused)
     assert found is not None
-    assert (found.source, taken) == ("two.jpg", ["two.jpg"])
+    assert (found.source, taken, found.captured) == ("two.jpg", ["two.jpg"], "2024-05-17")
     assert list(map(str, refused)) == ["one.jpg: broken"]
     assert evidence_of("panoramas", plan, 0, SIZE, Imagery(panoramas=PANORAMAS[:1]), (), refused) is None
 

@@ -5,7 +5,7 @@ import pytest
 
 from benchmarks.elements import expected_error
 from facade_core.errors import ModelError
-from facade_core.labels import CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
 from facade_core.parse import certainty
 from facade_core.parse.certainty import COVERAGE, Certainty, observed, right, with_probabilities
 from facade_core.types import Element, Parsing
@@ -44,7 +44,9 @@ def test_confidence_is_put_right():
     good = rng.random(4000) < np.where(confidence == 0.9, 0.5, 0.9)
     record = certainty.fit({"window": list(zip(confidence, good, strict=True))}, [(0.01, 0.1)])
     sure = Certainty({name: tuple(line) for name, line in record["elements"].items()}, record["width"])
-    made = with_probabilities([Element("window", 0, 0, 1, 1, value) for value in confidence], sure)
+    made = with_probabilities(
+        [Element("window", 0, 0, 1, 1, value) for value in confidence], sure, np.zeros((2, 2), bool)
+    )
     assert sorted({round(one.confidence, 1) for one in made}) == [0.5, 0.9]
     probability = np.array([one.confidence for one in made])
     assert expected_error(probability, good.astype(float)) < 0.02 < expected_error(confidence, good.astype(float))
@@ -54,6 +56,22 @@ def test_few_elements_that_were_all_right_are_not_certain():
     record = certainty.fit({"door": [(0.8, True), (0.9, True)]}, [(0.01, 0.1)])
     sure = Certainty({"door": tuple(record["elements"]["door"])}, 1.0)
     assert 0.5 < sure.probability(Element("door", 0, 0, 1, 1, 0.85)) < 0.95
+    assert record["elements"]["shop"] == [1, 0], "of what was not seen the confidence stays"
+
+
+def test_more_confidence_is_never_less_probability():
+    record = certainty.fit({"door": [(0.95, False), (0.9, False), (0.6, True), (0.5, True)]}, [(0.01, 0.1)])
+    assert record["elements"]["door"][0] >= 0
+
+
+def test_what_is_made_up_was_seen_by_nobody():
+    sure = Certainty({"window": (1.0, 0.0)}, 1.0)
+    hidden = np.zeros((40, 40), bool)
+    hidden[20:] = True
+    seen, half, made_up = with_probabilities(
+        [Element("window", 0, y, 10, y + 10, 0.8) for y in (0, 15, 30)], sure, hidden
+    )
+    assert (seen.confidence, half.confidence, made_up.confidence) == pytest.approx((0.8, 0.4, 0.0))
 
 
 def test_intervals_hold_what_they_promise():
@@ -82,6 +100,8 @@ def test_the_less_is_seen_the_wider_the_interval():
     _, low, high = sure.window_share(parsed(facade(), 0.99), hidden)
     assert low < lower
     assert higher < high
+    bare = parsed(np.full((100, 80), WALL, np.uint8), 0.99)
+    assert sure.window_share(bare, hidden)[2] > 0.04, "where none is seen some may be hidden"
 
 
 def test_what_is_not_labelled_is_not_held_against_a_parse():
@@ -91,7 +111,10 @@ def test_what_is_not_labelled_is_not_held_against_a_parse():
     assert [(element.x0, element.x1) for element in found] == [(10, 30)]
     assert good.all()
     assert miss == 0
-    assert doubt > 0
+    assert doubt == pytest.approx(observed(parsed(facade()), facade())[3], abs=1e-4), "nor is it unsure of it"
+    truth = facade()
+    truth[30:] = UNKNOWN
+    assert observed(parsed(facade()), truth)[0] == [], "half of each is not labelled: it cannot be compared"
 
 
 def test_a_model_that_says_nothing_of_it_is_refused(tmp_path):
@@ -100,7 +123,12 @@ def test_a_model_that_says_nothing_of_it_is_refused(tmp_path):
     path.with_suffix(".json").write_text(json.dumps({"classes": list(CLASSES)}))
     with pytest.raises(ModelError, match=r"own.onnx: .*how sure.*train it anew"):
         certainty.certainty(path)
-    path.with_suffix(".json").write_text(
-        json.dumps({"classes": list(CLASSES), "certainty": {"elements": {"door": [1, 0]}, "width": 2}})
-    )
-    assert certainty.certainty(path) == Certainty({"door": (1.0, 0.0)}, 2.0)
+    lines = {name: [1, 0] for name in ELEMENT_CLASSES}
+    for elements in (lines, {"door": [1, 0]}):
+        record = {"classes": list(CLASSES), "certainty": {"elements": elements, "width": 20}}
+        path.with_suffix(".json").write_text(json.dumps(record) + " " * len(elements))
+        if elements is lines:
+            assert certainty.certainty(path) == Certainty({name: (1.0, 0.0) for name in lines}, 20.0)
+        else:
+            with pytest.raises(ModelError, match="how sure"):
+                certainty.certainty(path)

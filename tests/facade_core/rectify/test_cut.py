@@ -7,18 +7,25 @@ from facade_core.rectify import cut
 from facade_core.rectify.cut import cut_to_facade, facade_box
 
 
-def greatest(values):
-    """The plain reference of a run: every start and stop."""
-    runs = itertools.combinations(range(len(values) + 1), 2)
-    return max(runs, key=lambda run: (values[slice(*run)].sum(), run[1] - run[0], -run[0]))
-
-
-def test_the_greatest_run_is_that_of_all():
+def test_the_box_is_the_best_of_all():
     rng = np.random.default_rng(0)
-    for _ in range(200):
-        values = rng.integers(-3, 4, rng.integers(1, 12))
-        if (values > 0).any():
-            assert cut._greatest_run(values) == greatest(values)
+    for _ in range(30):
+        outside, hidden = rng.random((7, 6)) < 0.4, rng.random((7, 6)) < 0.2
+        value = np.where(hidden, 0, np.where(outside, -1, 1))
+        boxes = itertools.product(itertools.combinations(range(8), 2), itertools.combinations(range(7), 2))
+        best = max(value[slice(*rows), slice(*columns)].sum() for rows, columns in boxes)
+        box = facade_box(outside, hidden)
+        if box is not None:
+            x0, y0, x1, y1 = box
+            assert value[y0:y1, x0:x1].sum() == best
+
+
+@pytest.mark.parametrize("box", [(30, 0, 70, 100), (0, 35, 100, 75), (55, 40, 100, 100), (0, 0, 100, 100)])
+def test_a_facade_may_be_narrower_or_lower_than_half_its_picture(box):
+    outside = np.ones((100, 100), bool)
+    x0, y0, x1, y1 = box
+    outside[y0:y1, x0:x1] = False
+    assert facade_box(outside, np.zeros_like(outside)) == box
 
 
 def test_a_box_leaves_out_sky_street_and_neighbours():
@@ -27,6 +34,14 @@ def test_a_box_leaves_out_sky_street_and_neighbours():
     outside[20:, :9] = True  # a lower neighbour
     outside[12:20, 30:34] = True  # beside a dormer
     assert facade_box(outside, np.zeros_like(outside)) == (9, 12, 80, 90)
+
+
+def test_in_large_pictures_sides_are_found_within_a_part():
+    outside = np.zeros((2000, 3100), bool)
+    outside[:301] = outside[1802:] = True
+    outside[:, :205] = True
+    box = facade_box(outside, np.zeros_like(outside))
+    assert np.abs(np.array(box) - (205, 301, 3100, 1802)).max() <= 3100 / cut.PARTS
 
 
 def test_noise_at_the_border_and_panes_within_do_not_decide():
@@ -46,20 +61,12 @@ def test_what_is_hidden_is_neither_cut_nor_kept_for_its_own_sake():
     assert facade_box(outside, hidden) == (10, 0, 50, 60)
 
 
-def test_a_picture_of_which_little_is_a_facade_stays_whole():
-    outside = np.ones((60, 50), bool)
-    outside[20:30, 10:20] = False
-    nothing = np.zeros_like(outside)
-    assert facade_box(outside, nothing) == (0, 0, 50, 60)
-    assert facade_box(~nothing, nothing) == (0, 0, 50, 60)
-
-
 def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPatch):
     outside = np.zeros((60, 50), bool)
     outside[:10] = True
     outside[10:20, :5] = True  # beside a gable
     outside[30:34, 20:24] = True  # a pane with sky in it
-    monkeypatch.setattr(cut, "seen_outside", lambda picture: outside)
+    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden: outside)
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
     found = cut_to_facade(image, hidden)
@@ -69,5 +76,17 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     expected = np.zeros((50, 50), bool)
     expected[:10, :5] = True
     assert (found.outside == expected).all()
-    monkeypatch.setattr(cut, "seen_outside", lambda picture: np.ones((60, 50), bool))
-    assert not cut_to_facade(image, hidden).outside.any()
+
+
+def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.MonkeyPatch):
+    outside = np.ones((60, 50), bool)
+    nothing = np.zeros_like(outside)
+    assert facade_box(outside, nothing) is None
+    outside[20:30, 10:20] = False
+    assert facade_box(outside, nothing) is None
+    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden: outside)
+    image = np.zeros((60, 50, 3), np.uint8)
+    found = cut_to_facade(image, nothing)
+    assert found.box == (0, 0, 50, 60)
+    assert not found.outside.any()
+    assert cut_to_facade(image, ~nothing).box == (0, 0, 50, 60), "nothing of it is looked at"

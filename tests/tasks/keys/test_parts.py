@@ -218,6 +218,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
             "storey": (of_run(storey=4.0), {"settings"}),
             "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
             "walls": (of_run(walls="exemplar"), set()),
+            "privacy": (of_run(privacy="keep"), {"settings"}),
             "picture": (of_file("exemplar.png"), {"picture"}),
         }
         | NOWHERE,

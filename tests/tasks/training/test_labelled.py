@@ -76,6 +76,18 @@ def test_the_boxes_are_of_photos_that_are_trained_on():
     assert all(x0 < x1 and y0 < y1 for found in boxes.values() for x0, y0, x1, y1 in found)
 
 
+@pytest.mark.realdata
+def test_what_calibrates_is_neither_trained_on_nor_held_out(data):
+    from catalogs.learning.datasets import CMP, read, split
+    from tasks.training.parser import cmp_photos
+
+    trained, apart = ({facade.name for facade in part} for part in cmp_photos(data))
+    held_out = {facade.name for facade in split(list(read(CMP, data / "facades" / "cmp")))[1]}
+    assert not (trained & apart or trained & held_out or apart & held_out)
+    assert len(trained) + len(apart) + len(held_out) == 317
+    assert len(apart) == 32
+
+
 def test_painted_facades_tell_their_classes_and_what_is_in_front():
     facades = painted(4, seed=3)
     assert [facade.name for facade in facades] == ["3-0", "3-1", "3-2", "3-3"]
