@@ -14,8 +14,9 @@ from facade_core.street.scene import Scene
 FRAME = 1.04
 # Width of the panoramas by which a street's viewpoint is chosen.
 WIDE = 64
-# What is nearer is seen too large to count: a wall at the end of the street.
-NEAR_M = 8.0
+# What is nearer counts less, in proportion, and so does a view that ends nearer: a wall at the end of a street fills the
+# picture and shows little.
+FAR_M, OPEN_M = 30.0, 60.0
 
 
 @dataclass(frozen=True)
@@ -101,10 +102,12 @@ def street_level(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int,
     best, found = -1.0, (viewpoints[0], 1.0)
     for viewpoint in viewpoints:
         _, depth, chart = scene.look(viewpoint, WIDE)
-        value = np.where((chart >= 0) & (depth > NEAR_M), worth[chart], 0.0)
-        for sense, shown in ((1.0, value), (-1.0, np.roll(value, WIDE // 2, axis=1))):
-            if (score := float(shown[rows, columns].mean())) > best:
+        value = np.where(chart >= 0, worth[chart] * np.clip(depth / FAR_M, 0.0, 1.0), 0.0)
+        for sense, turn in ((1.0, 0), (-1.0, WIDE // 2)):
+            shown, ahead = (np.roll(layer, turn, axis=1) for layer in (value, depth))
+            end = ahead[WIDE // 4 - 1, WIDE // 2 - 1 : WIDE // 2 + 1].min()
+            if (score := float(shown[rows, columns].mean() * min(1.0, end / OPEN_M))) > best:
                 best, found = score, (viewpoint, sense)
     viewpoint, sense = found
-    ahead = np.array([*(sense * viewpoint.forward), 0.14])
-    return Camera(viewpoint.position, viewpoint.position + ahead, 84.0, size)
+    direction = np.array([*(sense * viewpoint.forward), 0.14])
+    return Camera(viewpoint.position, viewpoint.position + direction, 84.0, size)
