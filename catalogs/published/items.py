@@ -73,7 +73,12 @@ COLUMNS = (
     Column(
         "masked", "int32", "", "things in front (trees, cars, people) that the parser found and that were made anew"
     ),
-    Column("privacy", "string", "", "what is kept of these things in the evidence: blur, mask or keep"),
+    Column(
+        "privacy",
+        "string",
+        "",
+        "what is kept of these things in the evidence, of a facade from pictures: blur, mask or keep",
+    ),
     Column("photo", "double", "0 to 1", "share of texels seen in a photo"),
     Column("inpainted", "double", "0 to 1", "share of texels inpainted"),
     Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 # Facades on a page at most, and of those that somebody should look at.
 ON_PAGE = 40
 LOOKED_AT = 60
+# What `quality` says of a facade of which nothing is amiss but that its height is a guess, as most are where a map states none.
+ASSUMED = "height-assumed"
 
 
 class StreetPages(NamedTuple):
@@ -87,13 +89,14 @@ def write_report(
         for row in shown
     }
     doubtful = sorted(
-        (row for row in rows if row["quality"] not in (None, "good")),
+        (row for row in rows if row["quality"] not in (None, "good", ASSUMED)),
         key=lambda row: (-row["quality"].count(","), -(row["occluded"] or 0), row["id"]),
     )
     page = environment.get_template("report.html.j2").render(
         summary=summary,
         index=[_line(street) for street in pages],
         doubtful=doubtful,
+        assumed=sum(row["quality"] == ASSUMED for row in rows),
         most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:LOOKED_AT]],
         exemplars=len(exemplars),
         set_aside=[*set_aside, *(row for row in rows if row["status"] == "failed")],

@@ -15,6 +15,8 @@ from facade_core.types import Element, Parsing
 
 # A component smaller than this share of the image is noise: about 7 x 7 pixels in a facade of 500 x 330.
 _LEAST_SHARE = 0.0003
+# And one smaller than this share of the median of its class is a sliver: the light over a door, a corner of a sign.
+_SLIVER = 0.2
 # A row or column belongs to the box when it holds this share of the fullest one.
 _EDGE = 0.4
 # Two balconies that have grown together between their windows are lower there by more than this share.
@@ -33,14 +35,15 @@ def elements(parsing: Parsing | np.ndarray) -> list[Element]:
     Takes a Parsing or its (H, W) uint8 labels. Each 4-connected component becomes one box, or several where a row or
     column profile dips between two peaks; the box spans the rows and columns that are well filled, so that single
     protruding pixels do not count. A balcony is also cut between two windows where it is lower than in front of them.
-    Components below 0.03 % of the image are dropped, as are boxes more than half occluded: what is hidden is not an
-    observation. An element's confidence is the mean, over its box, of its class's. Raises ImageError for a label map
-    that cannot be used.
+    Components below 0.03 % of the image are dropped, as are boxes below a fifth of their class's median area, and boxes more
+    than half occluded: what is hidden is not an observation. An element's confidence is the mean, over its box, of its
+    class's. Raises ImageError for a label map that cannot be used.
     """
     labels = parsing.labels if isinstance(parsing, Parsing) else parsing
     check_labels(labels)
     least = max(1.0, _LEAST_SHARE * labels.size)
     boxes = {name: list(_class_boxes(labels == CLASSES.index(name), least)) for name in ELEMENT_CLASSES}
+    boxes = {name: _without_slivers(same) for name, same in boxes.items()}
     boxes["balcony"] = [
         part for box in boxes["balcony"] for part in _cut_between(box, boxes["window"], labels == BALCONY)
     ]
@@ -53,6 +56,11 @@ def elements(parsing: Parsing | np.ndarray) -> list[Element]:
             confidence = float(parsing.confidence[y0:y1, x0:x1, CLASSES.index(name)].mean())
         found.append(Element(name, float(x0), float(y0), float(x1), float(y1), confidence))
     return sorted(found, key=lambda element: (element.y0, element.x0, element.y1, element.x1, element.label))
+
+
+def _without_slivers(boxes: Sequence[_Box]) -> list[_Box]:
+    areas = np.array([(y1 - y0) * (x1 - x0) for y0, x0, y1, x1 in boxes])
+    return [box for box, area in zip(boxes, areas, strict=True) if area >= _SLIVER * np.median(areas)]
 
 
 def per_window(layout: Sequence[Element]) -> list[Element]:

@@ -77,7 +77,9 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             evidence = shielded(result.evidence, result.occluded, run.privacy, run.texture.texels_per_metre)
             digests = _write(group, plan, facade, result, evidence, made.confidence)
             seconds["write"] = time.time() - begun
-            about |= _summary(result) | {"privacy": run.privacy, "digests": digests}
+            about |= _summary(result) | {"digests": digests}
+            if imagery.sources()[made.depth] in ("photo", "panoramas"):
+                about["privacy"] = run.privacy
         about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
         records[facade] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
