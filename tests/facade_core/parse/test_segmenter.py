@@ -1,4 +1,3 @@
-import time
 import tracemalloc
 
 import numpy as np
@@ -133,14 +132,6 @@ def test_windows_are_rectangles_at_any_size(scale):
     boxes = [found.labels[int(e.y0) : int(e.y1), int(e.x0) : int(e.x1)] for e in windows]
     assert np.mean([(box == WINDOW).all() for box in boxes]) >= 0.8
     assert (found.labels == found.confidence.argmax(2)).all()
-
-
-def test_time_of_a_usual_facade():
-    image = np.random.default_rng(0).integers(0, 256, (700, 500, 3), dtype=np.uint8)
-    parse(image)
-    start = time.process_time()
-    parse(image)
-    assert time.process_time() - start < 3.0  # about 0.6 s on an idle core
 
 
 @pytest.mark.parametrize(
