@@ -26,7 +26,9 @@ from tasks.units.unit import Piece
 IMAGE = Array(
     "image", ("row", "column", "band"), "uint8", "exemplar at the block's density or coarser, without what hid it"
 )
-PREVIEW = Array("preview", ("row", "column", "band"), "uint8", "picture as given: cut off dark, made anew tinted")
+PREVIEW = Array(
+    "preview", ("preview_row", "preview_column", "band"), "uint8", "picture as given: cut off dark, made anew tinted"
+)
 LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.labels, 255 unknown", FLAGS)
 
 # Side in pixels of what the report shows of a picture as given.
