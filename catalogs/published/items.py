@@ -111,6 +111,8 @@ BBOX = ("xmin", "ymin", "xmax", "ymax")
 # What a row to be written holds: the box follows from the geometry.
 ROW_KEYS = tuple(column.name for column in COLUMNS if column.name not in BBOX)
 STATUSES = ("done", "failed")
+# What `quality` says of a facade whose height is a guess, as most are where a map states none.
+ASSUMED = "height-assumed"
 KINDS = ("facade", "building", "street", "surface", "panorama", "photo", "exemplar", "page", "tile", "picture")
 _PYTHON_TYPES: dict[str, type] = {
     "string": str,

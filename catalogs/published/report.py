@@ -14,6 +14,7 @@ from urllib.parse import quote
 from markupsafe import Markup
 
 from catalogs.features import file_stem, natural_order
+from catalogs.published.items import ASSUMED
 from catalogs.visible import visible
 
 if TYPE_CHECKING:
@@ -22,8 +23,6 @@ if TYPE_CHECKING:
 # Facades on a page at most, and of those that somebody should look at.
 ON_PAGE = 40
 LOOKED_AT = 60
-# What `quality` says of a facade of which nothing is amiss but that its height is a guess, as most are where a map states none.
-ASSUMED = "height-assumed"
 
 
 class StreetPages(NamedTuple):
@@ -95,7 +94,7 @@ def write_report(
     page = environment.get_template("report.html.j2").render(
         summary=summary,
         index=[_line(street) for street in pages],
-        doubtful=doubtful,
+        doubtful=len(doubtful),
         assumed=sum(row["quality"] == ASSUMED for row in rows),
         most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:LOOKED_AT]],
         exemplars=len(exemplars),

@@ -59,8 +59,9 @@ def elements(parsing: Parsing | np.ndarray) -> list[Element]:
 
 
 def _without_slivers(boxes: Sequence[_Box]) -> list[_Box]:
-    areas = np.array([(y1 - y0) * (x1 - x0) for y0, x0, y1, x1 in boxes])
-    return [box for box, area in zip(boxes, areas, strict=True) if area >= _SLIVER * np.median(areas)]
+    areas = [(y1 - y0) * (x1 - x0) for y0, x0, y1, x1 in boxes]
+    least = _SLIVER * np.median(areas) if areas else 0
+    return [box for box, area in zip(boxes, areas, strict=True) if area >= least]
 
 
 def per_window(layout: Sequence[Element]) -> list[Element]:

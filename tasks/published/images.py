@@ -14,9 +14,11 @@ from facade_core.atlas.encoded import picture_path, read_encoded
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.export.picture import file_of
 from facade_core.export.views import spread
+from facade_core.resizing import resized
 from tasks.keys.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
+from tasks.units.exemplars import LONGEST_PREVIEW
 
 # Panoramas that are shown.
 PANORAMAS = 6
@@ -107,7 +109,10 @@ def _exemplars(folder: str, block: StoredBlock, made: Made, aside: Aside) -> dic
 
 
 def _exemplar(block: StoredBlock, path: str) -> bytes:
-    return file_of(block.group[path][:], "WEBP", quality=82, method=2)
+    image = block.group[path][:]
+    scale = min(1.0, LONGEST_PREVIEW / max(image.shape[:2]))
+    height, width = (max(1, round(side * scale)) for side in image.shape[:2])
+    return file_of(resized(image, (height, width)), "WEBP", quality=82, method=2)
 
 
 def _panoramas(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterator[Titled]:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published.items import ROW_KEYS
+from catalogs.published.items import ASSUMED, ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.atlas.provenance import PROVENANCE, TRANSLATED
 from facade_core.facades import Facades
@@ -137,7 +137,7 @@ def _quality(record: Mapping[str, Any], floors: int, height_source: str) -> str:
         "no-windows": not len(windows),
         "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < SURE,
         "rows-differ": len(windows) > 0 and abs(_window_rows(windows) - floors) > 1,
-        "height-assumed": height_source == "default",
+        ASSUMED: height_source == "default",
     }
     return ", ".join(name for name, raised in flags.items() if raised) or "good"
 
