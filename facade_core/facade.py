@@ -15,6 +15,7 @@ from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
 from facade_core.parse.certainty import certainty, share_of, with_probabilities
 from facade_core.rectify.cut import Box, cut_to_facade
+from facade_core.rectify.shadow import shaded_share
 from facade_core.resizing import resized
 from facade_core.texture import exemplar_scale, inpaint, retarget
 from facade_core.texture.structure import structure
@@ -63,13 +64,14 @@ class Facade:
 @dataclass(frozen=True)
 class Exemplar:
     """A facade image prepared for retargeting: complete, labelled, cut to the facade, which was the box (x0, y0, x1, y1) of
-    it, at its metric scale."""
+    it, at its metric scale; shaded is the share of its wall that lies in shadow."""
 
     facade: Facade
     box: Box
     metres_per_pixel: float
     floors: int
     columns: int
+    shaded: float
 
 
 def from_photo(
@@ -176,7 +178,8 @@ def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, se
         scale = exemplar_scale(facade.image, facade.labels, storey=storey)
     height, _ = facade.labels.shape
     floors = max(1, round(height * scale / storey))
-    return Exemplar(facade, cut.box, scale, floors, count_columns(facade.elements))
+    shaded = shaded_share(facade.image, facade.labels)
+    return Exemplar(facade, cut.box, scale, floors, count_columns(facade.elements), shaded)
 
 
 def from_exemplar(

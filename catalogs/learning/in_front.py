@@ -1,4 +1,4 @@
-"""Boxes of the vehicles and people that a detector found before photos that are trained on.
+"""What a detector found before photos that are trained on: vehicles and people.
 
 The labels of ECP and CMP say nothing of them. in_front.json keeps the boxes, in_front.md says where they come from.
 """
@@ -6,13 +6,26 @@ The labels of ECP and CMP say nothing of them. in_front.json keeps the boxes, in
 from __future__ import annotations
 
 import json
+from collections.abc import Sequence
 from pathlib import Path
+from typing import NamedTuple
+
+Box = tuple[int, int, int, int]
 
 _BOXES = Path(__file__).with_name("in_front.json")
 
 
-def boxes_in_front() -> dict[str, list[tuple[int, int, int, int]]]:
-    """The detector's boxes (x0, y0, x1, y1) in pixels, half-open, by set and photo, as "ecp/monge_101"; every photo that it
-    looked at has an entry."""
-    found = json.loads(_BOXES.read_text(encoding="utf-8"))
-    return {name: [tuple(box) for box in boxes] for name, boxes in found.items()}
+class Looked(NamedTuple):
+    """Boxes (x0, y0, x1, y1) in pixels of a photo, half-open: of what a detector found, and of what may be something."""
+
+    found: Sequence[Box]
+    doubtful: Sequence[Box] = ()
+
+
+def looked_in_front() -> dict[str, Looked]:
+    """What the detector says, by set and photo, as "ecp/monge_101"; every photo that it looked at has an entry."""
+    photos = json.loads(_BOXES.read_text(encoding="utf-8"))
+    return {
+        name: Looked(*([tuple(box) for box in told[kind]] for kind in ("found", "doubtful")))
+        for name, told in photos.items()
+    }

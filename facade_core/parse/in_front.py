@@ -13,6 +13,7 @@ from facade_core.parse.network_views import ANY_CLASS
 # x0, y0, x1, y1 in pixels of the photo, half-open.
 Box = tuple[int, int, int, int]
 
+
 # The ground floor, as a share of the labelled rows: where no door or shop tells it, and at most.
 _GROUND, _HIGHEST_GROUND = 0.25, 0.4
 # Around a box not everything is wall yet: wheels, bags and shadows reach beyond it. Shares of its sides.
@@ -24,14 +25,18 @@ _LEAST_FILLED = 0.35
 
 
 def told_in_front(
-    image: np.ndarray, labels: np.ndarray, possible: np.ndarray, boxes: Sequence[Box] | None
+    image: np.ndarray,
+    labels: np.ndarray,
+    possible: np.ndarray,
+    found: Sequence[Box] | None,
+    doubtful: Sequence[Box] = (),
 ) -> np.ndarray:
     """What can be said of a facade's occluders, (H, W) uint8: 1 in front, 0 nothing in front, UNKNOWN not told.
 
-    image (H, W, 3) uint8; labels, possible (H, W) uint8, the class, and bit i where class i may be. boxes: of a detector,
-    None where none has looked. Above the ground floor nothing is in front, but where leaves may be; what is in a box is. Of the
-    ground floor what is labelled is clear where a detector has looked: the upper half but near a box, the lower half in
-    columns that no box is near.
+    image (H, W, 3) uint8; labels, possible (H, W) uint8, the class, and bit i where class i may be. found: boxes of a
+    detector, None where none has looked; doubtful: of what may be something. Above the ground floor nothing is in front, but
+    where leaves may be; what is in a box found is. Of the ground floor what is labelled is clear where a detector has looked:
+    the upper half but near a box of either kind, the lower half in columns that none is near.
     """
     labelled = possible != ANY_CLASS
     if not labelled.any():
@@ -41,15 +46,15 @@ def told_in_front(
     leaves = ndimage.maximum_filter(2 * colours[..., 1] - colours[..., 0] - colours[..., 2] > _GREEN, 9)
     occluder = np.where(labelled & ~leaves, 0, UNKNOWN).astype(np.uint8)
     # Without a detector's look the whole ground floor is not told.
-    occluder[top if boxes is None else bottom :] = UNKNOWN
+    occluder[top if found is None else bottom :] = UNKNOWN
     height, width = occluder.shape
-    for box in boxes or ():
+    for box in (*(found or ()), *doubtful):
         across, down = (round(_MARGIN * side) + 2 for side in (box[2] - box[0], box[3] - box[1]))
         columns = slice(max(0, box[0] - across), box[2] + across)
         occluder[max(0, box[1] - down) : box[3] + down, columns] = UNKNOWN
         # Shadows, wheels and what else stands with it reach down to the ground.
         occluder[(top + bottom) // 2 :, columns] = UNKNOWN
-    for box in boxes or ():
+    for box in found or ():
         x0, y0, x1, y1 = np.clip(box, 0, (width, height, width, height)).tolist()
         if x1 - x0 > 2 and y1 - y0 > 2:
             occluder[y0:y1, x0:x1][_cut_out(image, (x0, y0, x1, y1))] = 1

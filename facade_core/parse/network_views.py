@@ -21,8 +21,12 @@ ANY_CLASS = (1 << len(CLASSES)) - 1
 # Cut-outs smaller or larger than these shares of a photo's area say little or hide all.
 _CUTOUT_SHARE = (0.0015, 0.3)
 _MOST_CUTOUTS = 200
+# Higher than this many times their width are people, trees and posts.
+_UPRIGHT = 1.4
 # Views that have something put in front of them, and how many of these things stand at the photo's foot.
 _PUT_IN_FRONT, _AT_FOOT = 0.6, 0.75
+# Pixels of a thing in front count as if it covered this share of a view, at most so much more than others: people cover few.
+_LARGE_SHARE, _MOST_COUNTED = 0.06, 4.0
 
 
 class Labelled(Protocol):
@@ -60,8 +64,8 @@ class Cutout:
     share: float
 
 
-def cutouts(photos: Sequence[Labelled]) -> list[Cutout]:
-    """Trees, cars and the like that the photos show, by photo and place."""
+def cutouts(photos: Sequence[Labelled]) -> tuple[list[Cutout], list[Cutout]]:
+    """Trees, cars and the like that the photos show, by photo and place: those that are upright, and the others."""
     found = []
     for photo in photos:
         parts, _ = ndimage.label(photo.occluder == 1)
@@ -72,7 +76,23 @@ def cutouts(photos: Sequence[Labelled]) -> list[Cutout]:
                 alpha = np.where(parts[place] == number, 255, 0).astype(np.uint8)
                 piece = np.dstack([photo.image[place], alpha])
                 found.append(Cutout(piece, piece.shape[0] / parts.shape[0]))
+    upright = [cutout for cutout in found if cutout.piece.shape[0] > _UPRIGHT * cutout.piece.shape[1]]
+    others = [cutout for cutout in found if cutout.piece.shape[0] <= _UPRIGHT * cutout.piece.shape[1]]
+    return _thinned(upright), _thinned(others)
+
+
+def _thinned(found: list[Cutout]) -> list[Cutout]:
     return found[:: max(1, len(found) // _MOST_CUTOUTS)]
+
+
+def counted_in_front(occluder: np.ndarray) -> np.ndarray:
+    """What each pixel counts where it is asked whether something is in front, (H, W) float32: 0 where that is not told, 1 where
+    nothing is, and the more the smaller the thing, by the root of its area."""
+    parts, _ = ndimage.label(occluder == 1)
+    areas = np.maximum(np.bincount(parts.reshape(-1)), 1)
+    each = np.clip(np.sqrt(_LARGE_SHARE * parts.size / areas), 1, _MOST_COUNTED)
+    each[0] = 1
+    return np.where(occluder == UNKNOWN, 0, each[parts]).astype(np.float32)
 
 
 def view(photo: Labelled, pieces: Sequence[Sequence[Cutout]], rng: np.random.Generator) -> View:

@@ -20,7 +20,7 @@ import numpy as np
 from facade_core.errors import ImageError, ModelError
 from facade_core.labels import CLASSES, DOOR, UNKNOWN
 from facade_core.parse.network import DOOR_WEIGHT, IN_FRONT, OUTSIDE
-from facade_core.parse.network_views import ANY_CLASS, Cutout, Labelled, View, cutouts, view
+from facade_core.parse.network_views import ANY_CLASS, Cutout, Labelled, View, counted_in_front, cutouts, view
 
 Progress = Callable[[str, int, int], None]
 
@@ -95,7 +95,7 @@ def train(
         network.load_state_dict(saved["network"])
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
-    pieces = [cutouts(photos) for photos in sets.values()]
+    pieces = [group for photos in sets.values() for group in cutouts(photos)]
     parts = [network.train(), *(_twin(network) for _ in range(_PARTS - 1))]
     with ThreadPoolExecutor(_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for step in range(done, course.steps):
@@ -246,11 +246,14 @@ def _loss(network: Any, views: Sequence[View]) -> Any:
     told = torch.where(possible == 1 << DOOR, DOOR_WEIGHT, told)
     wrong = torch.logsumexp(classes, 1) - torch.logsumexp(classes.masked_fill(~may_be, -1e4), 1)
     loss = (wrong * told).sum() / told.sum().clamp(min=1)
-    for output, answers in ((IN_FRONT, [v.occluder for v in views]), (OUTSIDE, [v.outside for v in views])):
-        truth = torch.from_numpy(np.stack(answers))
-        known = truth != UNKNOWN
+    questions = (
+        (IN_FRONT, [v.occluder for v in views], [counted_in_front(v.occluder) for v in views]),
+        (OUTSIDE, [v.outside for v in views], [v.outside != UNKNOWN for v in views]),
+    )
+    for output, answers, counted in questions:
+        truth, count = torch.from_numpy(np.stack(answers)), torch.from_numpy(np.stack(counted))
         off = functional.binary_cross_entropy_with_logits(logits[:, output], (truth == 1).float(), reduction="none")
-        loss = loss + _QUESTION_WEIGHT * (off * known).sum() / known.sum().clamp(min=1)
+        loss = loss + _QUESTION_WEIGHT * (off * count).sum() / count.sum().clamp(min=1)
     return loss
 
 

@@ -79,6 +79,7 @@ def _chosen(run: Run, plan: Plan, records: Records) -> dict[int, tuple[int, str]
         [record["width_m"] for _, record in usable],
         [record["floors"] for _, record in usable],
         [record["hidden"] for _, record in usable],
+        [record["shaded"] for _, record in usable],
         seed=run.seed,
     )
     return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in enumerate(chosen.tolist())}

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.published.report import write_report
+from facade_core.style import SHADED
 from tasks.published.images import Images
 from tasks.published.rows import Rows
 from tasks.published.stored import StoredBlock
@@ -42,7 +43,12 @@ def write_block_report(
         sheets=images.sheets,
         textures_only=images.textures_only,
         exemplars=[
-            {**record, "pictures": images.exemplars.get(record["unit"], ()), "used": used[record["unit"]]}
+            {
+                **record,
+                "pictures": images.exemplars.get(record["unit"], ()),
+                "used": used[record["unit"]],
+                "shaded": record["shaded"] * (record["shaded"] > SHADED),
+            }
             for record in journals["exemplars"]
             if record["status"] == "done"
         ],

@@ -3,28 +3,26 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Mapping
 
 import numpy as np
 
 from catalogs.learning.datasets import LabelledFacade
+from catalogs.learning.in_front import Looked
 from facade_core.labels import CLASSES, SKY
-from facade_core.parse.in_front import Box, told_in_front
+from facade_core.parse.in_front import told_in_front
 from facade_core.parse.network_views import ANY_CLASS
 from facade_core.synth import exemplars
 
 
-def with_occluders(
-    name: str, facades: Iterable[LabelledFacade], boxes: Mapping[str, Sequence[Box]]
-) -> list[LabelledFacade]:
-    """The facades of a set with another occluder map, by the boxes found before the photos "set/name"."""
-    return [
-        dataclasses.replace(
-            facade,
-            occluder=told_in_front(facade.image, facade.labels, facade.possible, boxes.get(f"{name}/{facade.name}")),
-        )
-        for facade in facades
-    ]
+def with_occluders(name: str, facades: Iterable[LabelledFacade], looked: Mapping[str, Looked]) -> list[LabelledFacade]:
+    """The facades of a set with another occluder map, by what a detector says of the photos "set/name"."""
+    told = []
+    for facade in facades:
+        found, doubtful = looked.get(f"{name}/{facade.name}", (None, ()))
+        occluder = told_in_front(facade.image, facade.labels, facade.possible, found, doubtful)
+        told.append(dataclasses.replace(facade, occluder=occluder))
+    return told
 
 
 def painted(number: int, *, seed: int) -> list[LabelledFacade]:

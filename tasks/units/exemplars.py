@@ -71,6 +71,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "floors": prepared.floors,
         "columns": prepared.columns,
         "hidden": round(float(prepared.facade.occluded.mean()), 4),
+        "shaded": round(prepared.shaded, 4),
         "metres_per_pixel": prepared.metres_per_pixel,
         "worker": worker_name(),
         "started": start,

@@ -120,13 +120,15 @@ def test_columns_are_counted_in_the_fullest_row() -> None:
 
 def test_one_building_one_exemplar_and_size_decides() -> None:
     width, floors, building = np.array([20.0, 8.0, 20.0]), np.array([6, 6, 2]), np.array([3, 3, 4])
-    chosen = choose_exemplars(width, floors, building, [20.0, 20.0], [6, 1], [0.0, 0.0], seed=1)
+    chosen = choose_exemplars(width, floors, building, [20.0, 20.0], [6, 1], [0.0] * 2, [0.0] * 2, seed=1)
     assert chosen[0] == chosen[1] == 0
     same = (np.full(40, 20.0), np.full(40, 5), np.arange(40), [20.0] * 6, [5] * 6)
-    many = choose_exemplars(*same, [0.0] * 6, seed=1)
+    many = choose_exemplars(*same, [0.0] * 6, [0.0] * 6, seed=1)
     assert len(set(many.tolist())) >= 4
-    assert 2 not in choose_exemplars(*same, [0.0, 0.0, 0.5, 0.0, 0.0, 0.0], seed=1), "much of it is a guess"
-    some = choose_exemplars(*same, [0.0, 0.1, 0.05, 0.12, 0.1, 0.1], seed=1)
+    one = [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
+    assert 2 not in choose_exemplars(*same, one, [0.0] * 6, seed=1), "much of it is a guess"
+    assert 2 not in choose_exemplars(*same, [0.0] * 6, one, seed=1), "much of it is in shadow"
+    some = choose_exemplars(*same, [0.0, 0.1, 0.05, 0.12, 0.1, 0.1], [0.1] * 6, seed=1)
     assert len(set(some.tolist())) >= 4, "a car at the foot is no reason"
 
 

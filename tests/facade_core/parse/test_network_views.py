@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.labels import UNKNOWN
-from facade_core.parse.network_views import ANY_CLASS, VIEW, Cutout, cutouts, view
+from facade_core.parse.network_views import ANY_CLASS, VIEW, Cutout, counted_in_front, cutouts, view
 
 
 @dataclass(frozen=True)
@@ -78,7 +78,9 @@ def test_cut_outs_are_the_things_in_front():
     photo.occluder[20:60, 30:50] = 1
     photo.occluder[100:101, 100:102] = 1  # too small
     photo.occluder[150:160, 150:180] = UNKNOWN
-    (cutout,) = cutouts([photo])
+    photo.occluder[100:120, 40:70] = 1
+    (cutout,), (other,) = cutouts([photo])
+    assert other.piece.shape == (20, 30, 4), "a car is not upright"
     assert cutout.share == 40 / 200
     assert cutout.piece.shape == (40, 20, 4)
     assert (cutout.piece[..., 3] == 255).all()
@@ -99,3 +101,18 @@ def test_things_mostly_stand_at_the_photos_foot_as_high_as_in_their_own():
             heights.append((foot - hidden[0]) * scale)
     assert len(heights) > 40
     assert 0.05 < np.median(heights) < 0.2
+
+
+def test_a_small_thing_counts_nearly_as_much_as_a_large_one():
+    occluder = np.zeros((320, 320), np.uint8)
+    occluder[:, :40] = UNKNOWN
+    occluder[200:250, 60:80] = 1
+    occluder[100:300, 120:320] = 1
+    occluder[5, 300] = 1
+    count = counted_in_front(occluder)
+    assert (count[occluder == UNKNOWN] == 0).all()
+    assert (count[occluder == 0] == 1).all()
+    assert count[5, 300] == 4
+    assert np.unique(count[200:250, 60:80]) == np.float32(np.sqrt(0.06 * 320**2 / 1000))
+    assert (count[100:300, 120:320] == 1).all()
+    assert (counted_in_front(np.full((9, 9), UNKNOWN, np.uint8)) == 0).all()

@@ -1,0 +1,76 @@
+"""Which facades lie partly in the shadow of what stands opposite: `python -m benchmarks.shadows --data DIR` prints JSON.
+
+MARKED are the photos of ecp, of its 83, whose wall is partly in the sun and partly in a large shadow, marked by eye on
+thumbnails. The labels are the parser's own, so the photos that it learnt from are seen better than others would be; nothing is
+learnt from the marks, but the threshold `SHADED` was chosen with all of them in view.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+from pathlib import Path
+
+from catalogs.learning.datasets import ecp
+from facade_core.parse import parse
+from facade_core.rectify.shadow import shaded_share
+from facade_core.style import SHADED
+
+MARKED = frozenset(
+    {
+        "13",
+        "17",
+        "19",
+        "21",
+        "24",
+        "25",
+        "26",
+        "27",
+        "29",
+        "29bis",
+        "3",
+        "33",
+        "35",
+        "39",
+        "43",
+        "53",
+        "55",
+        "59",
+        "69",
+        "7",
+    }
+)
+
+
+def main(arguments: list[str] | None = None) -> None:
+    parser = argparse.ArgumentParser(description="Count the facades in partial shadow that are told to be.")
+    parser.add_argument(
+        "--data",
+        type=Path,
+        default=Path(os.environ.get("STREETLOOM_DATA", "../shared/data")),
+        help="folder with facades/ecp",
+    )
+    options = parser.parse_args(arguments)
+    told = {
+        photo.name.removeprefix("monge_"): shaded_share(photo.image, parse(photo.image).labels)
+        for photo in ecp(options.data / "facades" / "ecp")
+    }
+    over = {name for name, share in told.items() if share > SHADED}
+    print(
+        json.dumps(
+            {
+                "benchmark": "shadows",
+                "photos": len(told),
+                "marked": len(MARKED),
+                "told": len(over),
+                "both": len(over & MARKED),
+                "missed": sorted(MARKED - over),
+                "false": sorted(over - MARKED),
+            }
+        )
+    )
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,41 @@
+"""The share of a wall that lies in shadow."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.labels import WALL, WINDOW
+from facade_core.rectify.shadow import shaded_share
+from facade_core.synth import facade as paint
+
+PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.04, seed=2)
+
+
+def shadowed(part: np.ndarray, left: float = 0.4) -> np.ndarray:
+    image = PAINTED.image.copy()
+    image[part] = np.rint(left * image[part]).astype(np.uint8)
+    return image
+
+
+def test_a_wall_lit_alike_has_no_shadow() -> None:
+    assert shaded_share(PAINTED.image, PAINTED.labels) < 0.1
+    dim = shadowed(np.ones(PAINTED.labels.shape, bool))
+    assert shaded_share(dim, PAINTED.labels) < 0.1, "all in the shade"
+
+
+@pytest.mark.parametrize("share", [0.25, 0.5])
+def test_a_slanting_shadow_is_measured(share: float) -> None:
+    height, width = PAINTED.labels.shape
+    y, x = np.mgrid[0:height, 0:width]
+    part = y > height * (1 - share) + 0.2 * (x - width / 2)
+    true = (part & (PAINTED.labels == WALL)).sum() / (PAINTED.labels == WALL).sum()
+    assert shaded_share(shadowed(part), PAINTED.labels) == pytest.approx(true, abs=0.08)
+    assert shaded_share(shadowed(part, left=0.85), PAINTED.labels) < 0.1, "hardly darker"
+
+
+def test_where_hardly_any_wall_is_seen_nothing_is_said() -> None:
+    labels = np.full(PAINTED.labels.shape, WINDOW, np.uint8)
+    assert shaded_share(PAINTED.image, labels) == 0
+    labels[:10, :10] = WALL
+    assert shaded_share(PAINTED.image, labels) == 0
