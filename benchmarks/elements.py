@@ -3,8 +3,8 @@
 Of photos that the parser neither learnt from nor was measured on for its certainty (`facade_core.parse.certainty`): cmp's and
 ecp's held-out folds, and artdeco, a style that it never saw. By class of elements: how often those found are right (IoU of a
 half with a true one) and the expected calibration error, over tenths, of the network's own confidence and of what is
-published. Of the window share: how many facades are within five points of the truth, and how many intervals of 90 % hold it.
-What is not labelled is left out.
+published. Of the window share, and of the numbers of windows and storeys: how many facades are within five points of the truth,
+or have its number, and how many intervals of 90 % hold it. What is not labelled is left out.
 """
 
 from __future__ import annotations
@@ -20,32 +20,46 @@ import numpy as np
 
 from catalogs.learning.datasets import ARTDECO, CMP, ECP, LabelledFacade, read, split
 from facade_core.parse import parse
-from facade_core.parse.certainty import certainty, observed
+from facade_core.parse.certainty import Figures, certainty, observed
 
 _BINS = 10
-_NEAR = 0.05
+# What counts as near the truth: five points of the window share, the very number of windows and storeys.
+NEAR = Figures(0.05, 0, 0)
 
 
 def measure(facades: Iterable[LabelledFacade], model: Path | None) -> dict[str, Any]:
     sure = certainty(model)
     said: dict[str, list[tuple[float, float, bool]]] = {}
-    misses, halves = [], []
+    misses: list[Figures] = []
+    halves: list[Figures] = []
     for facade in facades:
-        found, good, miss, doubt = observed(parse(facade.image, model=model), facade.labels)
-        misses.append(miss)
-        halves.append(sure.width * doubt)
-        for element, is_right in zip(found, good.tolist(), strict=True):
+        seen = observed(parse(facade.image, model=model), facade.labels, facade.possible)
+        misses.append(seen.misses)
+        halves.append(sure.halves(seen.doubts, seen.unseen))
+        for element, is_right in zip(seen.found, seen.right.tolist(), strict=True):
             said.setdefault(element.label, []).append((element.confidence, sure.probability(element), is_right))
     every = [one for of_class in said.values() for one in of_class]
     return {
         "elements": {name: calibration(of_class) for name, of_class in {**said, "all": every}.items()},
-        "window_share": {
-            "within_5_points": round(float(np.mean(np.array(misses) <= _NEAR)), 4),
-            "mean_miss": round(float(np.mean(misses)), 4),
-            "held_by_90_percent": round(float(np.mean(np.array(misses) <= halves)), 4),
-            "mean_half_width": round(float(np.mean(halves)), 4),
+        **{
+            name: held(np.array(miss), np.array(half), near)
+            for name, near, miss, half in zip(
+                Figures._fields, NEAR, zip(*misses, strict=True), zip(*halves, strict=True), strict=True
+            )
         },
         "images": len(misses),
+    }
+
+
+def held(misses: np.ndarray, halves: np.ndarray, near: float) -> dict[str, float]:
+    """Of a figure of facades (n,), by misses and half the intervals' widths: the shares that are near the truth, and held."""
+    if near == 0:  # ends of intervals of counts are whole
+        halves = np.floor(halves)
+    return {
+        "near": round(float(np.mean(misses <= near)), 4),
+        "mean_miss": round(float(np.mean(misses)), 4),
+        "held_by_90_percent": round(float(np.mean(misses <= halves)), 4),
+        "mean_half_width": round(float(np.mean(halves)), 4),
     }
 
 

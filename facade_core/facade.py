@@ -13,12 +13,12 @@ from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
-from facade_core.parse.certainty import certainty, share_of, with_probabilities
+from facade_core.parse.certainty import Told, certainty, share_of, with_probabilities
 from facade_core.rectify.cut import Box, cut_to_facade
 from facade_core.rectify.shadow import shaded_share
 from facade_core.resizing import resized
 from facade_core.texture import exemplar_scale, inpaint, retarget
-from facade_core.texture.structure import structure
+from facade_core.texture.structure import storeys
 from facade_core.types import Completion, Element, Lattice
 from facade_core.variation import Hierarchy, encode, exchange_in_photo
 
@@ -42,9 +42,11 @@ class Facade:
 
     evidence (h, w, 3) uint8, the image before completion; image (h, w, 3) uint8, complete; labels (h, w) uint8, complete;
     occluded (h, w) bool; provenance (h, w) uint8; masked, boxes (x0, y0, x1, y1) of the trees, cars, people and the like
-    that the parser saw in front and that are no longer in the image; window_share, the share of it that its windows are, and
-    the least and most that it may be (`facade_core.parse.certainty`), None where no picture tells; the elements' confidence is
-    the probability that they are there, times the share of them that was seen, 1 where no picture tells; seconds per stage.
+    that the parser saw in front and that are no longer in the image, and masked_share, the share of it that these hid; told,
+    the share of it that its windows are, their number and that of its storeys, and the least and most that these may be, None
+    where no picture tells; floors, its storeys, the ground floor included, 0 where it shows no windows; the elements'
+    confidence is the probability that they are there, times the share of them that was seen, 1 where no picture tells; seconds
+    per stage.
     """
 
     evidence: np.ndarray
@@ -53,11 +55,13 @@ class Facade:
     occluded: np.ndarray
     provenance: np.ndarray
     masked: tuple[Box, ...]
+    masked_share: float
     lattice: Lattice
     elements: tuple[Element, ...]
     hierarchy: Hierarchy
     completion: Completion | None
-    window_share: tuple[float, float, float] | None
+    told: Told | None
+    floors: int
     seconds: dict[str, float] = field(compare=False)
 
 
@@ -69,7 +73,6 @@ class Exemplar:
     facade: Facade
     box: Box
     metres_per_pixel: float
-    floors: int
     columns: int
     shaded: float
 
@@ -96,6 +99,7 @@ def from_photo(
         parsing = parse(np.dstack([image, alpha]))
         found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
         in_front, masked = things_in_front(found)
+        masked_share = float((in_front & ~hidden).mean())
         hidden = hidden | in_front
         if outside is not None:
             hidden |= _grown(outside, THING_RIM)
@@ -120,7 +124,7 @@ def from_photo(
         with _timed(seconds, "elements"):
             layout = elements(replace(made, occluded=np.zeros_like(hidden)))
     sure = certainty()
-    layout, share = with_probabilities(layout, sure, hidden), sure.window_share(made, hidden)
+    layout, told = with_probabilities(layout, sure, hidden), sure.told(made, layout, hidden)
     split, hierarchy = _split_and_coded(result, made.labels, layout, seconds, seed)
     return Facade(
         evidence=image,
@@ -129,11 +133,13 @@ def from_photo(
         occluded=hidden,
         provenance=np.where(hidden, INPAINTED, PHOTO).astype(np.uint8),
         masked=masked,
+        masked_share=masked_share,
         lattice=split,
         elements=tuple(layout),
         hierarchy=hierarchy,
         completion=completion,
-        window_share=share,
+        told=told,
+        floors=int(told.value.floors),
         seconds=seconds,
     )
 
@@ -172,14 +178,12 @@ def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, se
     where it shows too little, or no window."""
     cut = cut_to_facade(image, hidden)
     facade = from_photo(cut.image, cut.hidden, outside=cut.outside, seed=seed)
-    if structure(facade.labels) is None:
+    if not facade.floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with _timed(facade.seconds, "scale"):
         scale = exemplar_scale(facade.image, facade.labels, storey=storey)
-    height, _ = facade.labels.shape
-    floors = max(1, round(height * scale / storey))
     shaded = shaded_share(facade.image, facade.labels)
-    return Exemplar(facade, cut.box, scale, floors, count_columns(facade.elements), shaded)
+    return Exemplar(facade, cut.box, scale, count_columns(facade.elements), shaded)
 
 
 def from_exemplar(
@@ -193,7 +197,7 @@ def from_exemplar(
     seed: int = 0,
 ) -> Facade:
     """A wall without imagery: an exemplar, at `metres_per_pixel`, which may be coarser than the raster, retargeted by tiles to
-    size_m = (height, width) metres and `floors`; size = (h, w) is the raster it must fill."""
+    size_m = (height, width) metres and `floors`, the ground floor included; size = (h, w) is the raster it must fill."""
     import cv2
 
     seconds: dict[str, float] = {}
@@ -217,11 +221,13 @@ def from_exemplar(
         occluded=np.zeros(size, bool),
         provenance=np.full(size, SYNTHESISED, np.uint8),
         masked=(),
+        masked_share=0.0,
         lattice=split,
         elements=layout,
         hierarchy=hierarchy,
         completion=None,
-        window_share=None,
+        told=None,
+        floors=storeys(labels),
         seconds=seconds,
     )
 

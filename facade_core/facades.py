@@ -32,7 +32,7 @@ class Facades:
     id: a name that stays the same as long as the building's footprint does;
     chart, street, building (n,) int32 indices;
     width, height (n,) metres;
-    floors (n,) int32;
+    floors (n,) int32, by the map, the ground floor included;
     seen (n,) the share of the wall that its street sees.
     """
 

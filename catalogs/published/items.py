@@ -36,6 +36,14 @@ class Column:
     required: bool = False
 
 
+def _interval(name: str, type: str, unit: str = "") -> tuple[Column, Column]:
+    """The columns of what holds the true value of another in nine of ten facades."""
+    least, most = (
+        f"the {end} that `{name}` is in nine of ten facades; none where no picture tells" for end in ("least", "most")
+    )
+    return Column(f"{name}_low", type, unit, least), Column(f"{name}_high", type, unit, most)
+
+
 COLUMNS = (
     Column("id", "string", "", "unit, unique among those of its kind in the block", required=True),
     Column("block", "string", "", "name of the block", required=True),
@@ -56,22 +64,50 @@ COLUMNS = (
     Column("height_m", "double", "metres", "height from the ground to the eaves"),
     Column("width_m", "double", "metres", "width along the ground"),
     Column("azimuth_deg", "double", "degrees", "direction the facade faces, clockwise from north of the grid"),
-    Column("floors", "int32", "", "storeys"),
+    Column(
+        "floors",
+        "int32",
+        "",
+        "storeys that the facade shows, the ground floor included, and a row of windows in the roof; of one without "
+        "windows `levels`",
+    ),
+    *_interval("floors", "int32"),
+    Column(
+        "levels",
+        "int32",
+        "",
+        "storeys by the map, the ground floor included: as stated, else the height over the block's storey; as many as "
+        "the height can have",
+    ),
     Column("columns", "int32", "", "columns of windows"),
     Column("windows", "int32", "", "windows of the completed facade"),
+    *_interval("windows", "int32"),
     Column("doors", "int32", "", "doors of the completed facade"),
     Column("balconies", "int32", "", "balconies of the completed facade"),
-    Column("shops", "int32", "", "shop fronts of the completed facade"),
+    Column(
+        "shops",
+        "int32",
+        "",
+        "stretches of shop front of the completed facade: shops side by side, with nothing between, are one",
+    ),
+    Column("shop_width", "double", "0 to 1", "share of the width that shop fronts take"),
+    Column(
+        "windows_seen",
+        "int32",
+        "",
+        "the windows of these that pictures show; the others are made up, as all are of an exemplar",
+    ),
+    Column("doors_seen", "int32", "", "the same of the doors"),
+    Column("balconies_seen", "int32", "", "the same of the balconies"),
+    Column("shops_seen", "int32", "", "the same of the shops"),
     Column("window_to_wall", "double", "0 to 1", "window area over facade area"),
-    Column(
-        "window_to_wall_low", "double", "0 to 1", "the least it is in nine of ten facades; none where no picture tells"
-    ),
-    Column(
-        "window_to_wall_high", "double", "0 to 1", "the most it is in nine of ten facades; none where no picture tells"
-    ),
+    *_interval("window_to_wall", "double", "0 to 1"),
     Column("occluded", "double", "0 to 1", "share of the evidence that was hidden"),
     Column(
-        "masked", "int32", "", "things in front (trees, cars, people) that the parser found and that were made anew"
+        "masked",
+        "double",
+        "0 to 1",
+        "share of it that things in front (trees, cars, people) hid; these were made anew",
     ),
     Column(
         "privacy",
@@ -79,7 +115,7 @@ COLUMNS = (
         "",
         "what is kept of these things in the evidence, of a facade from pictures: blur, mask or keep",
     ),
-    Column("photo", "double", "0 to 1", "share of texels seen in a photo"),
+    Column("photo", "double", "0 to 1", "share of texels that pictures show: what of the facade is evidence"),
     Column("inpainted", "double", "0 to 1", "share of texels inpainted"),
     Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),
     Column("translated", "double", "0 to 1", "share of texels written by the translator"),
@@ -95,7 +131,7 @@ COLUMNS = (
         "quality",
         "string",
         "",
-        "good, or what to look at: mostly-hidden, no-windows, unsure-parse, rows-differ, height-assumed",
+        "good, or what to look at: mostly-hidden, no-windows, unsure-parse, floors-differ, height-assumed",
     ),
     Column(
         "parents", "string", "", "what it is made from: block/, building/, street/ with their ids, image/ with names"

@@ -61,11 +61,22 @@ class Record(TypedDict, total=False):
     doors: int
     balconies: int
     shops: int
+    windows_seen: int
+    doors_seen: int
+    balconies_seen: int
+    shops_seen: int
+    shop_width: float
     window_to_wall: float
-    window_to_wall_low: float | None
-    window_to_wall_high: float | None
+    # of facades from pictures
+    window_to_wall_low: float
+    window_to_wall_high: float
+    windows_low: int
+    windows_high: int
+    floors_low: int
+    floors_high: int
     occluded: float
     masked: list[list[int]]
+    masked_share: float
     privacy: str
     provenance: list[float]
     variation_types: int

@@ -166,7 +166,7 @@ TABLES = {
                 _column("building", "facade", "int32", "row of buildings"),
                 _column("width", "facade", "float64", "along the wall", "m"),
                 _column("height", "facade", "float64", "of the wall", "m"),
-                _column("floors", "facade", "int32", "storeys", "1"),
+                _column("floors", "facade", "int32", "storeys by the map", "1"),
                 _column("seen", "facade", "float64", "share seen from its street", "1"),
             ),
         ),

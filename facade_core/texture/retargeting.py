@@ -50,10 +50,10 @@ def retarget(
     """Show the exemplar's style on a wall of size_m = (height, width) metres: n different facades.
 
     image (H, W, 3) uint8 and labels (H, W) uint8 are the exemplar. Results have round(size_m / metres_per_pixel)
-    pixels. `floors` counts every row of windows that is shown, the roof's and a full row on the ground included, a few
-    windows between shops not; `columns` counts window columns (default: as many as keep the windows' proportions).
-    Doors and shops stay on the ground, the roof on top; the sky is left out. The roof is left out, too, where a low
-    wall would squeeze it. A wall too narrow for half a bay is left blank unless `columns` is given.
+    pixels. `floors` counts storeys: every row of windows that is shown, the roof's included, and the ground floor, with or
+    without windows of its own (`Structure.storeys`); `columns` counts window columns (default: as many as keep the windows'
+    proportions). Doors and shops stay on the ground, the roof on top; the sky is left out. The roof is left out, too, where
+    a low wall would squeeze it. A wall too narrow for half a bay is left blank unless `columns` is given.
 
     Floors and bays are laid out as the cheapest walk over the exemplar's; the genetic algorithm of the tiles paper
     then refines the upper floors, a node taking only tiles of its own band and of its own place within a bay. Synthesis
@@ -134,9 +134,10 @@ def _storeys(plan: _Plan, height: int, floors: int, rng: np.random.Generator, no
     ground = [len(kinds) - 1] if kinds[-1] == "ground" else ([-1] if exemplar.bottom > exemplar.floor_cuts[-1] else [])
     sizes = np.append(np.diff(exemplar.floor_cuts)[: len(kinds)], exemplar.bottom - exemplar.floor_cuts[len(kinds)])
     price = plan.floor_price * np.exp(noise * rng.standard_normal(plan.floor_price.shape))
+    standing = exemplar.ground_band or kinds[-1] == "ground"
     best: tuple[float, list[int], float] | None = None
     for kept in (roofs, roofs[-1:], []):
-        wanted = floors - len(kept) - sum(g >= 0 for g in ground)
+        wanted = floors - len(kept) - standing
         if wanted < 0 or (wanted == 0 and not ground):
             continue
         start = price[kept[-1], middle] if kept else 0.3 * np.arange(len(middle))

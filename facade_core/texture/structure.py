@@ -11,6 +11,8 @@ from facade_core.labels import BALCONY, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WI
 from facade_core.types import Lattice
 
 Span = tuple[int, int]
+# What is left under the lowest row of windows is a storey from this share of the others' height on; a base is lower.
+_STOREY = 0.5
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +32,28 @@ class Structure:
     top: int
     ground_top: int
     bottom: int
+
+    @property
+    def ground_band(self) -> bool:
+        """Whether the ground floor shows no row of windows of its own, but doors and shops, or nothing: what is left under the
+        lowest floor is tall enough for a storey."""
+        if self.kinds[-1] == "ground":
+            return False
+        pitches = np.diff(self.floor_cuts)
+        middle = np.median([pitch for pitch, kind in zip(pitches, self.kinds, strict=True) if kind == "middle"])
+        return bool(self.bottom - self.floor_cuts[-1] >= _STOREY * middle)
+
+    @property
+    def storeys(self) -> int:
+        """Rows of windows, those of the roof included, and the ground floor."""
+        return len(self.floors) + self.ground_band
+
+
+def storeys(labels: np.ndarray) -> int:
+    """The storeys that a label map (H, W) shows, the ground floor included and a row of windows in the roof too; 0 without
+    windows."""
+    found = structure(labels)
+    return found.storeys if found else 0
 
 
 def runs(profile: np.ndarray, threshold: float) -> list[Span]:

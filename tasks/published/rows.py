@@ -112,40 +112,37 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source: str) -> dict[str, Any]:
     """The columns of a facade that come from its place in the plan, its journal record and where its building's height is from;
     None where the record has none."""
-    lattice = record.get("lattice", {})
+    lattice, levels = record.get("lattice", {}), int(facades.floors[index])
     return {
         "height_m": round(float(facades.height[index]), 3),
         "width_m": round(float(facades.width[index]), 3),
-        "floors": int(facades.floors[index]),
+        # of a wall without windows nothing tells but the map
+        "floors": record.get("floors") or levels,
+        "levels": levels,
         **{key: record.get(key) for key in _FROM_RECORD},
-        "masked": len(record["masked"]) if "masked" in record else None,
+        "masked": record.get("masked_share"),
         **dict(zip(_SHARES, (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARES) :], strict=True)),
         "lattice_rows": len(lattice["rows"]) if lattice else None,
         "lattice_columns": len(lattice["columns"]) if lattice else None,
-        "quality": _quality(record, int(facades.floors[index]), height_source) if "elements" in record else None,
+        "quality": _quality(record, levels, height_source) if "elements" in record else None,
         "seconds": round(sum(record.get("seconds", {}).values()), 4),
     }
 
 
-def _quality(record: Mapping[str, Any], floors: int, height_source: str) -> str:
+def _quality(record: Mapping[str, Any], levels: int, height_source: str) -> str:
     """What somebody should look at before using a facade, comma-separated; good where there is nothing."""
-    elements = record["elements"]
-    windows = np.array([element[1:5] for element in elements if element[0] == "window"], float).reshape(-1, 4)
+    elements, floors = record["elements"], record.get("floors", 0)
+    # where pictures tell, within what they may tell
+    least, most = record.get("floors_low", floors), record.get("floors_high", floors)
     # height_source is "default" where the height was assumed
     flags = {
         "mostly-hidden": (record.get("occluded") or 0) > HIDDEN,
-        "no-windows": not len(windows),
+        "no-windows": not any(element[0] == "window" for element in elements),
         "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < SURE,
-        "rows-differ": len(windows) > 0 and abs(_window_rows(windows) - floors) > 1,
+        "floors-differ": floors > 0 and not least <= levels <= most,
         ASSUMED: height_source == "default",
     }
     return ", ".join(name for name, raised in flags.items() if raised) or "good"
-
-
-def _window_rows(windows: np.ndarray) -> int:
-    """How many rows the windows (n, 4) x0, y0, x1, y1 stand in: a row ends where the next window begins below its middle."""
-    middle = np.sort((windows[:, 1] + windows[:, 3]) / 2)
-    return 1 + int((np.diff(middle) > np.median(windows[:, 3] - windows[:, 1]) / 2).sum())
 
 
 def _parents(block: str, building: str, street: str, record: Mapping[str, Any]) -> str:
@@ -197,6 +194,15 @@ _FROM_RECORD = (
     "doors",
     "balconies",
     "shops",
+    "windows_low",
+    "windows_high",
+    "floors_low",
+    "floors_high",
+    "windows_seen",
+    "doors_seen",
+    "balconies_seen",
+    "shops_seen",
+    "shop_width",
     "window_to_wall",
     "window_to_wall_low",
     "window_to_wall_high",

@@ -60,16 +60,12 @@ def train_network(data: Path, out: Path, *, seed: int, course: Course = SHIPPED_
 def measure_certainty(model: Path, photos: Sequence[LabelledFacade]) -> None:
     """Measure on photos how sure a network's parses may be, and write that beside it."""
     report = stage_progress()
-    seen: dict[str, list[tuple[float, bool]]] = {}
-    misses = []
+    observed = []
     for number, photo in enumerate(photos):
         report("certainty", number, len(photos))
-        found, good, miss, doubt = certainty.observed(parse(photo.image, model=model), photo.labels)
-        misses.append((miss, doubt))
-        for element, is_right in zip(found, good.tolist(), strict=True):
-            seen.setdefault(element.label, []).append((element.confidence, is_right))
+        observed.append(certainty.observed(parse(photo.image, model=model), photo.labels, photo.possible))
     report("certainty", len(photos), len(photos))
-    add_to_record(model, certainty=certainty.fit(seen, misses))
+    add_to_record(model, certainty=certainty.fit(observed))
 
 
 def cmp_photos(data: Path) -> tuple[list[LabelledFacade], list[LabelledFacade]]:

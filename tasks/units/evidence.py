@@ -41,6 +41,7 @@ class Evidence:
         confidence: (h, w), 0 to 1, the share of the raster's resolution that the picture has and how squarely it looks.
         source: the name of the pictures.
         masked: boxes of things masked.
+        masked_share: the share of the facade that these hid.
         clean: whether nothing else can be in front.
         outside: (h, w) bool, where it shows sky, street or neighbours beside the facade; None where nothing is.
         captured: the day of the newest of the pictures, where they tell.
@@ -51,6 +52,7 @@ class Evidence:
     confidence: np.ndarray
     source: str
     masked: tuple[Box, ...] = ()
+    masked_share: float = 0.0
     clean: bool = False
     outside: np.ndarray | None = None
     captured: str | None = None
@@ -102,7 +104,8 @@ def _of_panoramas(
     _, masked = things_in_front(fused.occluded)
     hidden = _widened(~fused.seen) | fused.occluded
     captured = max(filter(None, days), default=None)
-    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked, captured=captured)
+    in_front = float(fused.occluded.mean())
+    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked, in_front, captured=captured)
 
 
 def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

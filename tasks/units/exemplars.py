@@ -68,7 +68,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "width_m": size[0] * metres_per_texel,
         "height_m": size[1] * metres_per_texel,
         "metres_per_texel": metres_per_texel,
-        "floors": prepared.floors,
+        "floors": prepared.facade.floors,
         "columns": prepared.columns,
         "hidden": round(float(prepared.facade.occluded.mean()), 4),
         "shaded": round(prepared.shaded, 4),

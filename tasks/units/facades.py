@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -12,13 +13,14 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.atlas.provenance import PROVENANCE
+from facade_core.atlas.provenance import PHOTO, PROVENANCE
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FacadeError, ImageError
-from facade_core.facade import Facade, count_columns, from_exemplar, from_photo
+from facade_core.facade import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
 from facade_core.labels import WINDOW
+from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
@@ -30,6 +32,11 @@ from tasks.units.unit import Piece
 
 if TYPE_CHECKING:
     from tasks.units.imagery import Imagery
+
+
+# The classes that are counted, and what `facade_core.parse.certainty.Figures` has, as the catalogue names them.
+_COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
+_TOLD = ("window_to_wall", "windows", "floors")
 
 
 class _Made(NamedTuple):
@@ -128,7 +135,11 @@ def _make(
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
                 confidence = np.where(result.occluded, 0, np.rint(255 * evidence.confidence)).astype(np.uint8)
-                result = replace(result, masked=evidence.masked + result.masked)
+                result = replace(
+                    result,
+                    masked=evidence.masked + result.masked,
+                    masked_share=evidence.masked_share + result.masked_share,
+                )
                 return _Made(depth, result, evidence.source, confidence, evidence.captured)
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
     if run.texture.walls == "translate":
@@ -174,22 +185,31 @@ def _write(
 
 def _summary(result: Facade) -> dict[str, Any]:
     """What the catalogue and the report say of a facade."""
-    counts = {f"{c}s" if c != "balcony" else "balconies": 0 for c in ("window", "door", "balcony", "shop")}
-    for element in result.elements:
-        counts["balconies" if element.label == "balcony" else f"{element.label}s"] += 1
-    share, low, high = result.window_share or (float((result.labels == WINDOW).mean()), None, None)
+    pictured = result.provenance == PHOTO
+    counts: dict[str, Any] = {}
+    for name, plural in _COUNTED.items():
+        own = [element for element in result.elements if element.label == name]
+        counts[plural] = len(own)
+        counts[f"{plural}_seen"] = sum(share_of(~pictured, element) <= HIDDEN_SHARE for element in own)
+    told: dict[str, Any] = {
+        "window_to_wall": round(float((result.labels == WINDOW).mean()), 4),
+        "floors": result.floors,
+    }
+    if result.told is not None:
+        for name, low, high in zip(_TOLD, result.told.low, result.told.high, strict=True):
+            told |= {f"{name}_low": round(low, 4), f"{name}_high": round(high, 4)}
     return {
         "elements": [
             [e.label, *(round(v, 1) for v in (e.x0, e.y0, e.x1, e.y1)), round(e.confidence, 3)] for e in result.elements
         ],
         "lattice": {"rows": list(map(int, result.lattice.rows)), "columns": list(map(int, result.lattice.columns))},
         "columns": count_columns(result.elements),
+        "shop_width": round(_width(result, "shop"), 4),
         **counts,
-        "window_to_wall": round(share, 4),
-        "window_to_wall_low": None if low is None else round(low, 4),
-        "window_to_wall_high": None if high is None else round(high, 4),
+        **told,
         "occluded": round(float(result.occluded.mean()), 4),
         "masked": [list(map(int, box)) for box in result.masked],
+        "masked_share": round(result.masked_share, 4),
         "provenance": [
             round(float(share), 4)
             for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
@@ -199,3 +219,12 @@ def _summary(result: Facade) -> dict[str, Any]:
         "variation_bytes": int(result.hierarchy.nbytes),
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
     }
+
+
+def _width(result: Facade, name: str) -> float:
+    """The share of a facade's width that elements of a class stand on."""
+    across = np.zeros(result.labels.shape[1], bool)
+    for element in result.elements:
+        if element.label == name:
+            across[int(element.x0) : math.ceil(element.x1)] = True
+    return float(across.mean())

@@ -27,6 +27,10 @@ def test_a_photo_is_kept_where_seen_and_completed_where_hidden() -> None:
     assert (made.provenance[~seen] == INPAINTED).all()
     assert (made.image[~seen] != PAINTED.image[~seen]).any(axis=1).mean() > 0.8
     assert made.completion is not None
+    assert made.told is not None
+    assert made.told.low.floors <= made.floors == 4 <= made.told.high.floors
+    assert made.told.low.windows < made.told.value.windows < made.told.high.windows
+    assert 0 <= made.masked_share <= made.occluded.mean()
     assert set(made.seconds) >= {"parse", "elements", "complete", "inpaint", "lattice", "encode"}
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     with_things = np.abs(PAINTED.image[~seen].astype(int) - clean.image[~seen]).mean()
@@ -90,13 +94,15 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     assert (made.provenance == SYNTHESISED).all()
     assert not made.occluded.any()
     assert sum(e.label == "window" for e in made.elements) >= 15
+    assert made.floors == 5
+    assert made.told is None, "no picture tells"
 
 
 def test_an_exemplar_is_measured_and_measured() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
     prepared = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), storey=3.2)
     assert prepared.metres_per_pixel == pytest.approx(0.05, rel=0.2)
-    assert abs(prepared.floors - 4) <= 1
+    assert prepared.facade.floors == 4
     assert (prepared.facade.labels[0] == SKY).mean() < 0.5
     assert (prepared.facade.labels == WALL).any()
 

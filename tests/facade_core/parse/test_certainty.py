@@ -5,9 +5,9 @@ import pytest
 
 from benchmarks.elements import expected_error
 from facade_core.errors import ModelError
-from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
-from facade_core.parse import certainty
-from facade_core.parse.certainty import COVERAGE, Certainty, observed, right, with_probabilities
+from facade_core.labels import CLASSES, DOOR, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.parse import certainty, elements
+from facade_core.parse.certainty import COVERAGE, Certainty, Figures, Observed, observed, right, with_probabilities
 from facade_core.types import Element, Parsing
 
 
@@ -21,6 +21,20 @@ def facade():
     labels = np.full((100, 80), WALL, np.uint8)
     labels[20:40, 10:30] = labels[20:40, 50:70] = WINDOW
     return labels
+
+
+def possible(truth):
+    return np.where(truth < len(CLASSES), 1 << (truth % len(CLASSES)), (1 << len(CLASSES)) - 1).astype(np.uint8)
+
+
+def photo(found=(), good=(), miss=0.01, doubt=0.1, unseen=0.0):
+    """What was observed of a photo whose figures were all missed by as much."""
+    every = (Figures(*[value] * 3) for value in (miss, doubt, unseen))
+    return Observed(list(found), np.array(good, bool), *every)
+
+
+def doors(*seen):
+    return photo([Element("door", 0, 0, 1, 1, confidence) for confidence, _ in seen], [good for _, good in seen])
 
 
 def test_elements_are_right_once_each():
@@ -42,30 +56,29 @@ def test_confidence_is_put_right():
     rng = np.random.default_rng(0)
     confidence = rng.choice([0.9, 0.99], 4000)
     good = rng.random(4000) < np.where(confidence == 0.9, 0.5, 0.9)
-    record = certainty.fit({"window": list(zip(confidence, good, strict=True))}, [(0.01, 0.1)])
-    sure = Certainty({name: tuple(line) for name, line in record["elements"].items()}, record["width"])
-    made = with_probabilities(
-        [Element("window", 0, 0, 1, 1, value) for value in confidence], sure, np.zeros((2, 2), bool)
-    )
+    windows = [Element("window", 0, 0, 1, 1, value) for value in confidence]
+    record = certainty.fit([photo(windows, good)])
+    sure = Certainty({name: tuple(line) for name, line in record["elements"].items()}, Figures(**record["widths"]))
+    made = with_probabilities(windows, sure, np.zeros((2, 2), bool))
     assert sorted({round(one.confidence, 1) for one in made}) == [0.5, 0.9]
     probability = np.array([one.confidence for one in made])
     assert expected_error(probability, good.astype(float)) < 0.02 < expected_error(confidence, good.astype(float))
 
 
 def test_few_elements_that_were_all_right_are_not_certain():
-    record = certainty.fit({"door": [(0.8, True), (0.9, True)]}, [(0.01, 0.1)])
-    sure = Certainty({"door": tuple(record["elements"]["door"])}, 1.0)
+    record = certainty.fit([doors((0.8, True), (0.9, True))])
+    sure = Certainty({"door": tuple(record["elements"]["door"])}, Figures(1, 1, 1))
     assert 0.5 < sure.probability(Element("door", 0, 0, 1, 1, 0.85)) < 0.95
     assert record["elements"]["shop"] == [1, 0], "of what was not seen the confidence stays"
 
 
 def test_more_confidence_is_never_less_probability():
-    record = certainty.fit({"door": [(0.95, False), (0.9, False), (0.6, True), (0.5, True)]}, [(0.01, 0.1)])
+    record = certainty.fit([doors((0.95, False), (0.9, False)), doors((0.6, True), (0.5, True))])
     assert record["elements"]["door"][0] >= 0
 
 
 def test_what_is_made_up_was_seen_by_nobody():
-    sure = Certainty({"window": (1.0, 0.0)}, 1.0)
+    sure = Certainty({"window": (1.0, 0.0)}, Figures(1, 1, 1))
     hidden = np.zeros((40, 40), bool)
     hidden[20:] = True
     seen, half, made_up = with_probabilities(
@@ -81,40 +94,94 @@ def test_intervals_hold_what_they_promise():
     for _ in range(200):
         doubt = rng.uniform(0.01, 0.1, 40)
         misses = np.abs(rng.normal(0, doubt))
-        width = certainty.fit({}, list(zip(misses[:39], doubt[:39], strict=True)))["width"]
-        held.append(misses[39] <= width * doubt[39])
+        width = certainty.fit([photo(miss=m, doubt=d) for m, d in zip(misses[:39], doubt[:39], strict=True)])["widths"]
+        held.append(misses[39] <= width["windows"] * doubt[39])
     assert np.mean(held) == pytest.approx(COVERAGE, abs=0.06)
 
 
+def told(parsing, hidden, widths=(0.5, 5.0, 1.0)):
+    return Certainty({}, Figures(*widths)).told(parsing, elements(parsing), hidden)
+
+
 def test_the_less_is_seen_the_wider_the_interval():
-    parsing, sure = parsed(facade()), Certainty({}, 0.5)
-    nothing = np.zeros(parsing.labels.shape, bool)
-    share, low, high = sure.window_share(parsing, nothing)
-    assert share == 0.1
-    assert low < share < high
+    nothing = np.zeros(facade().shape, bool)
+    value, low, high = told(parsed(facade()), nothing)
+    assert value.window_share == 0.1
+    assert (value.windows, value.floors) == (2, 2), "a row of windows, and the ground floor"
     hidden = nothing.copy()
-    hidden[50:] = True
-    _, lower, higher = sure.window_share(parsed(facade(), 0.99), nothing)
-    assert low < lower
-    assert higher < high
-    _, low, high = sure.window_share(parsed(facade(), 0.99), hidden)
-    assert low < lower
-    assert higher < high
+    hidden[5:] = True
+    sure, unsure = told(parsed(facade(), 0.99), nothing), told(parsed(facade(), 0.99), hidden)
+    for name in Figures._fields:
+        of = [[getattr(end, name) for end in (one.low, one.high)] for one in (sure, unsure)]
+        assert of[1][0] <= of[0][0] <= getattr(value, name) <= of[0][1] < of[1][1], name
+    assert low.window_share < sure.low.window_share < sure.high.window_share < high.window_share
     bare = parsed(np.full((100, 80), WALL, np.uint8), 0.99)
-    assert sure.window_share(bare, hidden)[2] > 0.04, "where none is seen some may be hidden"
+    assert told(bare, hidden).high.window_share > 0.04, "where none is seen some may be hidden"
+    assert told(bare, hidden).value.floors == 0, "nothing tells"
+
+
+def test_counts_are_whole_and_a_facade_has_a_storey():
+    _, low, high = told(parsed(facade()), np.zeros(facade().shape, bool), (0.5, 100.0, 100.0))
+    assert (low.windows, low.floors) == (0, 1)
+    assert all(isinstance(value, int) for value in (*low[1:], *high[1:]))
+    _, low, high = told(parsed(facade()), np.zeros(facade().shape, bool), (0.5, 0.0, 0.0))
+    assert (*low[1:], *high[1:]) == (2, 2, 2, 2)
+
+
+def test_half_of_the_windows_made_up_may_not_be_there():
+    labels = facade()
+    labels[60:80, 10:30] = labels[60:80, 50:70] = WINDOW
+    hidden = np.zeros(labels.shape, bool)
+    hidden[45:] = True
+    value, low, high = told(parsed(labels), hidden, (0, 0, 0))
+    assert (low.windows, value.windows, high.windows) == (3, 4, 5)
+    hidden[:] = True
+    value, low, high = told(parsed(labels), hidden, (0, 0, 0))
+    assert (low.floors, value.floors, high.floors) == (1, 2, 3)
 
 
 def test_what_is_not_labelled_is_not_held_against_a_parse():
     truth = facade()
     truth[:, 40:] = UNKNOWN
-    found, good, miss, doubt = observed(parsed(facade()), truth)
-    assert [(element.x0, element.x1) for element in found] == [(10, 30)]
-    assert good.all()
-    assert miss == 0
-    assert doubt == pytest.approx(observed(parsed(facade()), facade())[3], abs=1e-4), "nor is it unsure of it"
+    seen = observed(parsed(facade()), truth, possible(truth))
+    assert [(element.x0, element.x1) for element in seen.found] == [(10, 30)]
+    assert seen.right.all()
+    assert seen.misses == (0, 0, 0)
+    whole = observed(parsed(facade()), facade(), possible(facade()))
+    assert seen.doubts.window_share == pytest.approx(whole.doubts.window_share, abs=1e-4), "nor is it unsure of it"
     truth = facade()
     truth[30:] = UNKNOWN
-    assert observed(parsed(facade()), truth)[0] == [], "half of each is not labelled: it cannot be compared"
+    assert observed(parsed(facade()), truth, possible(truth)).found == [], (
+        "half of each is not labelled: it cannot be compared"
+    )
+
+
+def test_windows_behind_blinds_are_counted_once_and_storeys_without_windows_too():
+    truth = facade()
+    truth[20:30, 10:30] = truth[34:40, 10:30] = UNKNOWN  # a window seen through a slit
+    maybe = possible(truth)
+    maybe[truth == UNKNOWN] = 1 << WINDOW | 1 << WALL
+    assert observed(parsed(facade()), truth, maybe).misses.windows == 0
+    missed = facade()
+    missed[20:40, 50:70] = WALL
+    assert observed(parsed(missed), truth, maybe).misses.windows == 1
+    truth = facade()[:55]
+    assert observed(parsed(facade()[:55]), truth, possible(truth)).misses.floors == 0
+    truth = facade()
+    truth[70:, 30:50] = DOOR
+    assert observed(parsed(facade()), truth, possible(truth)).misses.floors == 0
+
+
+def test_what_hides_windows_is_not_held_against_a_parse_either():
+    labels = facade()
+    labels[60:80, 10:30] = labels[60:80, 50:70] = WINDOW
+    parsing = parsed(labels)
+    parsing.occluded[:, 40:] = True
+    truth = labels.copy()
+    truth[60:80, 50:70] = WALL
+    seen = observed(parsing, truth, possible(truth))
+    assert (seen.misses.windows, seen.unseen.windows) == (1, pytest.approx(1))
+    assert certainty.fit([seen])["widths"]["windows"] == 0
 
 
 def test_a_model_that_says_nothing_of_it_is_refused(tmp_path):
@@ -124,11 +191,14 @@ def test_a_model_that_says_nothing_of_it_is_refused(tmp_path):
     with pytest.raises(ModelError, match=r"own.onnx: .*how sure.*train it anew"):
         certainty.certainty(path)
     lines = {name: [1, 0] for name in ELEMENT_CLASSES}
-    for elements in (lines, {"door": [1, 0]}):
-        record = {"classes": list(CLASSES), "certainty": {"elements": elements, "width": 20}}
-        path.with_suffix(".json").write_text(json.dumps(record) + " " * len(elements))
-        if elements is lines:
-            assert certainty.certainty(path) == Certainty({name: (1.0, 0.0) for name in lines}, 20.0)
+    for known in (lines, {"door": [1, 0]}):
+        record = {
+            "classes": list(CLASSES),
+            "certainty": {"elements": known, "widths": dict.fromkeys(Figures._fields, 20)},
+        }
+        path.with_suffix(".json").write_text(json.dumps(record) + " " * len(known))
+        if known is lines:
+            assert certainty.certainty(path) == Certainty({name: (1.0, 0.0) for name in lines}, Figures(20, 20, 20))
         else:
             with pytest.raises(ModelError, match="how sure"):
                 certainty.certainty(path)

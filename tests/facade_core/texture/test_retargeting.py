@@ -6,9 +6,11 @@ from PIL import Image
 from scipy import ndimage
 
 from facade_core.errors import ImageError
-from facade_core.labels import DOOR, ROOF, SHOP, SKY, WINDOW
+from facade_core.labels import DOOR, ROOF, SHOP, SKY, WALL, WINDOW
+from facade_core.synth import STYLES
+from facade_core.synth import facade as paint
 from facade_core.texture import exemplar_scale, retarget
-from facade_core.texture.structure import structural_lattice, structure, window_spans
+from facade_core.texture.structure import storeys, structural_lattice, structure, window_spans
 from facade_core.texture.walks import cheapest_walk
 
 MPP = 0.08  # the drawn facade's 40 px floors are 3.2 m
@@ -23,7 +25,8 @@ def counts(labels: np.ndarray) -> tuple[int, int]:
 def test_size_floors_doors_and_roof(facade, size, floors):
     (result,) = retarget(*facade, size, floors=floors, metres_per_pixel=MPP)
     assert result.image.shape == (round(size[0] / MPP), round(size[1] / MPP), 3)
-    assert counts(result.labels)[0] == floors
+    assert counts(result.labels)[0] == floors - 1, "the ground floor has a door and no windows"
+    assert storeys(result.labels) == floors
     street = np.isin(result.labels, (DOOR, SHOP)).any(1)
     assert street[-1]
     assert street.sum() < 0.5 * len(street)
@@ -36,7 +39,7 @@ def test_windows_are_whole_and_of_the_exemplars_proportions(facade):
     (result,) = retarget(*facade, (20.0, 25.0), floors=5, metres_per_pixel=MPP)
     boxes = ndimage.find_objects(ndimage.label(result.labels == WINDOW)[0])
     sides = np.array([[b.stop - b.start for b in box] for box in boxes])
-    assert len(boxes) == 5 * counts(result.labels)[1]
+    assert len(boxes) == 4 * counts(result.labels)[1]
     np.testing.assert_allclose(sides[:, 0] / sides[:, 1], 20 / 16, rtol=0.25)
     assert sides.std(0).max() < 1.5
 
@@ -44,7 +47,7 @@ def test_windows_are_whole_and_of_the_exemplars_proportions(facade):
 def test_columns_are_obeyed(facade):
     for columns in (1, 3, 9):
         (result,) = retarget(*facade, (16.0, 18.0), floors=4, columns=columns, metres_per_pixel=MPP)
-        assert counts(result.labels) == (4, columns)
+        assert counts(result.labels) == (3, columns)
 
 
 def test_a_wall_narrower_than_half_a_bay_is_blank(facade):
@@ -88,6 +91,23 @@ def test_structure_of_the_drawn_facade(facade):
     assert (np.diff(grid.columns) > 0).all()
 
 
+@pytest.mark.parametrize("style", STYLES)
+@pytest.mark.parametrize(("floors", "columns", "seed"), [(2, 6, 1), (4, 3, 2), (6, 5, 3)])
+def test_storeys_are_those_that_were_painted(style, floors, columns, seed):
+    size = (floors * 3.4 + 1.5, columns * 2.6)
+    painted = paint(size, floors=floors, columns=columns, style=style, metres_per_pixel=0.05, seed=seed)
+    in_the_roof = structure(painted.labels).kinds.count("roof")
+    assert storeys(painted.labels) == floors + in_the_roof, "the ground floor counts, with windows or shops"
+
+
+def test_a_low_base_is_no_storey_and_without_windows_nothing_tells(facade):
+    low = facade.labels[:-30]
+    assert not np.isin(low, (DOOR, SHOP))[:-12].any()
+    assert storeys(facade.labels) == 5
+    assert storeys(np.where(np.isin(low, (DOOR, SHOP)), WALL, low).astype(np.uint8)) == 4
+    assert storeys(np.zeros_like(facade.labels)) == 0
+
+
 def test_walks_keep_neighbours_and_show_the_door_once():
     price = np.ones((4, 4))
     price[np.arange(3), np.arange(1, 4)] = 0.0
@@ -125,5 +145,6 @@ def test_haussmann_facades_keep_their_floors(data):
             (result,) = retarget(image, labels, size, floors=floors, metres_per_pixel=scale)
             rows = window_spans(result.labels == WINDOW)
             street = [np.isin(result.labels[a:b], (DOOR, SHOP)).mean() > 0.1 for a, b in rows]
-            assert len(rows) - sum(street) == floors
+            assert len(rows) - sum(street) == floors - 1
+            assert storeys(result.labels) == floors
             assert result.image.shape[:2] == (round(size[0] / scale), round(size[1] / scale))

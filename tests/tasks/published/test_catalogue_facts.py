@@ -118,15 +118,22 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
         ({}, "height", "good"),
         ({}, "default", "height-assumed"),
         ({"occluded": 0.6}, "height", "mostly-hidden"),
-        ({"elements": windows(5)}, "height", "good"),
-        ({"elements": windows(6)}, "height", "rows-differ"),
+        ({"floors": 5, "floors_low": 4, "floors_high": 6}, "height", "good"),
+        ({"floors": 6, "floors_low": 5, "floors_high": 7}, "height", "floors-differ"),
+        ({"floors": 5}, "height", "floors-differ"),
         ({"elements": windows(4, 0.3)}, "height", "unsure-parse"),
-        ({"elements": [["door", 0, 0, 5, 9, 0.9]], "occluded": 0.9}, "levels", "mostly-hidden, no-windows"),
+        (
+            {"elements": [["door", 0, 0, 5, 9, 0.9]], "occluded": 0.9, "floors": 0},
+            "levels",
+            "mostly-hidden, no-windows",
+        ),
     ],
 )
 def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, quality: str) -> None:
     facades = cast(Any, SimpleNamespace(height=np.array([12.0]), width=np.array([9.0]), floors=np.array([4])))
-    assert facts(facades, 0, record("a", elements=windows(4), occluded=0.1) | changes, source)["quality"] == quality
+    made = facts(facades, 0, record("a", elements=windows(4), occluded=0.1, floors=4) | changes, source)
+    assert made["quality"] == quality
+    assert (made["floors"], made["levels"]) == (changes.get("floors") or 4, 4)
     assert facts(facades, 0, record("a", "failed"), source)["quality"] is None
 
 
