@@ -18,6 +18,8 @@ COLOURS = np.array(
     [[196, 186, 168], [70, 116, 178], [146, 92, 160], [222, 136, 60], [120, 76, 66], [78, 154, 96], [188, 220, 240]],
     np.uint8,
 )
+# The same for pages: class -> #rrggbb.
+PARSE_COLOURS = {name: "#" + bytes(colour.tolist()).hex() for name, colour in zip(CLASSES, COLOURS, strict=True)}
 
 
 def colourise(labels: np.ndarray) -> np.ndarray:

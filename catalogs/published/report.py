@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import statistics
 from base64 import b64encode
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from hashlib import sha256
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
@@ -16,6 +16,7 @@ from markupsafe import Markup
 from catalogs.features import file_stem, natural_order
 from catalogs.published.items import ASSUMED
 from catalogs.visible import visible
+from facade_core.labels import PARSE_COLOURS
 
 if TYPE_CHECKING:
     from jinja2 import Environment
@@ -87,10 +88,7 @@ def write_report(
         for path, shown in zip(street.paths, street.rows, strict=True)
         for row in shown
     }
-    doubtful = sorted(
-        (row for row in rows if row["quality"] not in (None, "good", ASSUMED)),
-        key=lambda row: (-row["quality"].count(","), -(row["occluded"] or 0), row["id"]),
-    )
+    doubtful = to_look_at(rows)
     page = environment.get_template("report.html.j2").render(
         summary=summary,
         index=[_line(street) for street in pages],
@@ -109,6 +107,14 @@ def write_report(
         timings=[*_timings("facade", records.values()), *_timings("viewpoint", viewpoints)],
     )
     (folder / "index.html").write_text(page, encoding="utf-8")
+
+
+def to_look_at(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
+    """The facades of which something is amiss beside an assumed height, the most doubtful first."""
+    return sorted(
+        (row for row in rows if row.get("quality") not in (None, "good", ASSUMED)),
+        key=lambda row: (-row["quality"].count(","), -(row.get("occluded") or 0), row["id"]),
+    )
 
 
 def street_pages(rows: Sequence[Mapping[str, Any]]) -> list[StreetPages]:
@@ -135,6 +141,7 @@ def _environment() -> Environment:
     )
     style = (here / "report.css").read_text(encoding="utf-8")
     environment.globals["style"] = Markup(style)
+    environment.globals["parse_colours"] = list(PARSE_COLOURS.items())
     environment.globals["style_digest"] = b64encode(sha256(style.encode()).digest()).decode()
     return environment
 

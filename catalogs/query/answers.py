@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.frames import LONLAT
 from catalogs.published.items import BBOX
+from catalogs.query.where import named_in
 from catalogs.visible import visible, visible_json
 from facade_core.errors import InputError
 
@@ -36,11 +37,15 @@ _TABLE = (
     "status",
 )
 
+# What a table shows where there is something to show, or what is no text.
+_ELSEWHERE = ("run", "kind", "reason", "geometry")
 
-def format_items(items: pd.DataFrame, format: str = "table") -> str:
-    """The facades as aligned text, a JSON array, or a GeoJSON FeatureCollection (lon/lat, 7 decimals, about 1 cm)."""
+
+def format_items(items: pd.DataFrame, format: str = "table", where: str | None = None) -> str:
+    """The facades as aligned text, with the columns that the condition named; a JSON array; or a GeoJSON FeatureCollection
+    (lon/lat, 7 decimals, about 1 cm)."""
     if format == "table":
-        return _table(items)
+        return _table(items, named_in(where or "", list(items.columns)))
     if format == "json":
         return visible_json(json.dumps(_records(items), indent=1, ensure_ascii=False, allow_nan=False))
     if format == "geojson":
@@ -95,10 +100,13 @@ def _collection(items: pd.DataFrame) -> dict[str, Any]:
     return {"type": "FeatureCollection", "features": features}
 
 
-def _table(items: pd.DataFrame) -> str:
+def _table(items: pd.DataFrame, asked: Sequence[str]) -> str:
+    from pandas.api.types import is_numeric_dtype
+
     if items.empty:
         return "no facade matches"
     head = [name for name in _TABLE if name in items]
+    head[-1:-1] = [name for name in asked if name not in (*_TABLE, *_ELSEWHERE)]
     if "run" in items and items["run"].nunique() > 1:
         head.insert(0, "run")
     if "kind" in items and (items["kind"] != "facade").any():
@@ -107,7 +115,7 @@ def _table(items: pd.DataFrame) -> str:
         head.append("reason")
     rows = [[_cell(name, row[name]) for name in head] for row in _records(items)]
     widths = [max(map(len, column)) for column in zip(head, *rows, strict=True)]
-    text = {"run", "id", "kind", "street", "status", "reason"}
+    text = {name for name in head if not is_numeric_dtype(items[name])}
 
     def line(cells: Sequence[str]) -> str:
         parts = zip(head, cells, widths, strict=True)

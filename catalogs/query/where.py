@@ -63,6 +63,12 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
     return query
 
 
+def named_in(where: str, columns: Sequence[str]) -> list[str]:
+    """The columns that a condition names, in its order; what is 'quoted' is text."""
+    words = re.findall(r"\w+", re.sub(r"'[^']*'", "", where).lower())
+    return [word for word in dict.fromkeys(words) if word in columns]
+
+
 def parse_since(text: str, now: datetime | None = None) -> datetime:
     """The instant that `text` says: an ISO date or date-time, in UTC unless it has an offset, or an age such as 36h or 7d.
 

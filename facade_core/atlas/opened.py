@@ -95,20 +95,24 @@ class Atlas:
 
     def facade(self, id: str) -> xr.Dataset:
         """The rasters of a facade's chart, as of `chart`; in attrs also facade, building, street, width and height (m), floors,
-        seen, and elements: those of the completed facade as JSON, in texels. Raises InputError where there is no such facade.
+        levels (by the map), seen, and elements: those of the completed facade as JSON, in texels. Raises InputError where there
+        is no such facade.
         """
         facades = self.tables["facades"]
         if id not in facades["id"]:
             near = get_close_matches(str(id), facades["id"], n=1, cutoff=0) or ["none"]
             raise InputError(f"no facade {id}; there are {len(facades['id'])}, the nearest is {near[0]}")
         row = facades["id"].index(id)
-        record = read_records(self.group, "facades", np.array([row]))[0]
+        record: Mapping[str, Any] = read_records(self.group, "facades", np.array([row]))[0] or {}
+        levels = facades["floors"][row].item()
         return self.chart(int(facades["chart"][row])).assign_attrs(
             facade=id,
             building=self.tables["buildings"]["id"][facades["building"][row]],
             street=self.tables["streets"]["id"][facades["street"][row]],
-            **{name: facades[name][row].item() for name in ("width", "height", "floors", "seen")},
-            elements=json.dumps(record.get("elements", []) if record else []),
+            **{name: facades[name][row].item() for name in ("width", "height", "seen")},
+            floors=record.get("floors") or levels,
+            levels=levels,
+            elements=json.dumps(record.get("elements", [])),
         )
 
     @cached_property

@@ -61,7 +61,7 @@ def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since:
     if style == "parquet":
         click.echo(parquet_bytes(found), nl=False)
     else:
-        click.echo(format_items(found, style))
+        click.echo(format_items(found, style, where))
 
 
 @click.command()

@@ -158,11 +158,24 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
 
     names = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
     if name is None:
+        width = max(map(len, names))
         for name in names:
-            say(name)
+            say(f"{name:{width}}  {_about(name)}")
         return
     if name not in names:
         raise click.BadParameter(f"{name}: there is {', '.join(names)}", param_hint="NAME")
     # every benchmark prints JSON; --json is accepted since all commands that can print it have it
     sys.argv = [f"benchmarks/{name}.py", *(option for option in options if option != "--json")]
     importlib.import_module(f"benchmarks.{name}").main()
+
+
+def _about(benchmark: str) -> str:
+    """What a benchmark measures, by the first line of its file."""
+    import ast
+    from importlib.util import find_spec
+    from pathlib import Path
+
+    spec = find_spec(f"benchmarks.{benchmark}")
+    text = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
+    said = (ast.get_docstring(ast.parse(text)) or "").partition("\n")[0]
+    return said.partition(": `")[0].rstrip(".")

@@ -116,14 +116,18 @@ def _exemplar(block: StoredBlock, path: str) -> bytes:
 
 
 def _panoramas(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterator[Titled]:
-    """One JPEG for some of the viewpoints, titled by their units."""
+    """One JPEG for some of the viewpoints, titled by their streets and places on these."""
+    streets = [viewpoint.street for viewpoint in block.plan.viewpoints]
     done = [(i, r) for i, r in enumerate(block.journals["viewpoints"]) if r and "panorama" in r]
     for number, record in spread(done, PANORAMAS):
+        own = [i for i, street in enumerate(streets) if street == streets[number]]
+        street = block.plan.streets[streets[number]]
+        title = f"{street.name or street.id}, viewpoint {own.index(number) + 1} of {len(own)}"
         name = f"panorama-{number}.jpg"
         with aside.trying(f"panorama {record['unit']}"):
             of = unit_key(stage_code("publish"), record["panorama"])
             made.put(f"{folder}/{name}", of, partial(_panorama, block, number))
-            yield name, record["unit"]
+            yield name, title
 
 
 def _panorama(block: StoredBlock, viewpoint: int) -> bytes:

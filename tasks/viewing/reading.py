@@ -12,6 +12,7 @@ import icechunk
 import numpy as np
 
 from catalogs.published.items import BBOX, COLUMNS
+from catalogs.published.report import to_look_at
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import Record
 from facade_core.atlas.plan_tables import read_facades, read_table
@@ -21,6 +22,7 @@ from facade_core.errors import InputError, StoreError
 from facade_core.export.facade_stages import StoredFacade
 from facade_core.facades import Facades
 from facade_core.geometry.packing import Placement
+from facade_core.labels import PARSE_COLOURS
 from tasks.kinds.order import read_journals
 from tasks.outcome import refused
 from tasks.published.rows import facts
@@ -97,10 +99,12 @@ class View:
         return StoredFacade(self.group, self.tables.placement, index, chart, self.records[index], exemplars)
 
     def overview(self) -> dict[str, Any]:
-        """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the viewpoints."""
+        """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the ids of those
+        to look at; the viewpoints."""
         tables = self.tables
         every = [tables.line.reshape(-1, 2), *(np.array(street["line"]) for street in tables.streets)]
         corner = np.concatenate(every).min(axis=0).round() if len(every[0]) else np.zeros(2)
+        facades = [self._row(i, corner) for i in range(len(tables.facades.id))]
         extent = (np.concatenate(every) - corner).max(axis=0) if len(every[0]) else np.ones(2)
         return {
             "block": self.group.attrs["block"],
@@ -111,7 +115,9 @@ class View:
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
             "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN],
-            "facades": [self._row(i, corner) for i in range(len(tables.facades.id))],
+            "facades": facades,
+            "to_look_at": [row["id"] for row in to_look_at(facades)],
+            "parse_colours": [[colour, name] for name, colour in PARSE_COLOURS.items()],
             "streets": [
                 {"id": s["id"], "name": s["name"] or s["id"], "line": _rounded(np.array(s["line"]) - corner)}
                 for s in tables.streets

@@ -53,6 +53,12 @@ def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:
     wait(page, f"document.querySelector('h2').innerText !== {json.dumps(first)}")
     wait(page, "[...document.querySelectorAll('.stages img')].slice(0, 3).every(i => i.complete && i.naturalWidth)")
 
+    page.click("text=To look at")
+    wait(page, "document.querySelector('h2').innerText.endsWith('facades to look at')")
+    listed = json.loads(get(f"{address}/api/block"))["to_look_at"]
+    assert page.locator("figure").count() == len(listed)
+    assert page.locator("h2").inner_text().startswith(f"{len(listed)} of {count} ")
+
     page.click("text=Streets")
     page.wait_for_selector("#panorama")
     before = page.get_attribute("#panorama", "src")
@@ -71,6 +77,7 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
     facade = json.loads(get(f"{address}/api/block"))["facades"][0]["id"]
     for place, there in {
         "map": "line.facade",
+        "review": "nav a[aria-current][href='#/review']",
         f"facade/{facade}": ".stages img",
         "street": "#step",
         "run": "progress",

@@ -21,6 +21,7 @@ from PIL import Image
 
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
+from facade_core.labels import CLASSES
 from tasks.viewing import Reader
 from tests.pipeline.runs import ROOT
 from tests.pipeline.viewed import get, viewing
@@ -57,6 +58,9 @@ def test_the_map_holds_every_facade_with_its_columns(address: str, undisturbed: 
     assert len(block["viewpoints"]) == undisturbed[1]["viewpoints"] == len(block["seen"])
     seen = {number for numbers in block["seen"] for number in numbers}
     assert seen == set(range(len(block["facades"])))
+    doubtful = {facade["id"] for facade in block["facades"] if facade["quality"] not in ("good", "height-assumed")}
+    assert set(block["to_look_at"]) == doubtful
+    assert [name for _, name in block["parse_colours"]] == list(CLASSES)
 
 
 def test_every_stage_of_a_facade_is_a_picture(address: str) -> None:

@@ -1,4 +1,4 @@
-// The run's page. Addresses: #/map, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run.
+// The run's page. Addresses: #/map, #/review, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run.
 
 const main = document.getElementById("main");
 const state = document.getElementById("state");
@@ -12,6 +12,8 @@ const fate = (said) => said.ended ? "the run has ended" : said.under_way ? "the 
 const sentence = (words) => words[0].toUpperCase() + words.slice(1);
 
 const LOOK_AGAIN_MS = 2000;
+// Facades that the list of those to look at shows.
+const LISTED = 200;
 // From low to high, readable with any colour vision.
 const SCALE = ["#440154", "#414487", "#2a788e", "#22a884", "#7ad151", "#d8c31a"];
 const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9", "#5b3a8c", "#a03030"];
@@ -166,6 +168,22 @@ function drawMap() {
   );
 }
 
+// What `quality` says is amiss, with the texture beside it; the most doubtful first, as in the report.
+function drawReview() {
+  const listed = block.to_look_at.map((id) => block.facades.find((facade) => facade.id === id));
+  fill(
+    element("h2", {}, `${listed.length} of ${block.facades.length} facades to look at`),
+    listed.length ? element("p", {}, "Of each something is amiss beside an assumed height: the columns quality, floors, levels and occluded.") : null,
+    element("div", { class: "stages" }, ...listed.slice(0, LISTED).map((facade) =>
+      element("figure", {},
+        element("a", { href: facadeAddress(facade.id) },
+          element("img", { src: picture(facade.id, "texture", block.snapshot), alt: `Texture of facade ${facade.id}`, loading: "lazy" })),
+        element("figcaption", {}, element("a", { href: facadeAddress(facade.id) }, facade.id), `, ${facade.street}: ${facade.quality}; `,
+          `${said(facade.floors)} floors, ${said(facade.levels)} by the map; ${Math.round(100 * (facade.occluded || 0))} % hidden`)))),
+    listed.length > LISTED ? element("p", {}, `The first ${LISTED} are shown; quality in items.parquet has all.`) : null,
+  );
+}
+
 async function drawFacade(id) {
   const number = block.facades.findIndex((facade) => facade.id === id);
   if (number < 0) {
@@ -193,6 +211,7 @@ async function drawFacade(id) {
         element("a", { href: picture(id, stage, details.snapshot), target: "_blank" },
           element("img", { src: picture(id, stage, details.snapshot), alt: `${title} of facade ${id}`, loading: "lazy" })),
         element("figcaption", {}, title)))),
+    details.stages.some(({ stage }) => stage === "parse") ? legend(block.parse_colours) : null,
     Object.keys(details.seconds).length
       ? element("p", {}, "Seconds: ", Object.entries(details.seconds).map(([name, value]) => `${name} ${value.toFixed(2)}`).join(", "))
       : null,
@@ -294,6 +313,7 @@ async function draw(again = false) {
     else if (parts[0] === "street") drawStreet(Number(parts[1] || 0), Number(parts[2] || 0));
     else if (parts[0] === "model") await drawModel();
     else if (parts[0] === "run") drawRun();
+    else if (parts[0] === "review") drawReview();
     else drawMap();
   } catch (error) {
     fill(element("p", { class: "failed" }, error.message));

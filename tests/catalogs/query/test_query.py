@@ -157,6 +157,14 @@ def test_table(out: Path) -> None:
     assert format_items(query(out, where="floors = 50")) == "no facade matches"
 
 
+def test_a_table_shows_the_columns_that_were_asked_about(out: Path) -> None:
+    where = "quality IS NULL AND Floors = 5 AND street <> 'photo' AND photo IS NULL AND kind = 'facade'"
+    head = format_items(query(out, where=where), where=where).splitlines()[0].split()
+    assert head[-3:] == ["quality", "photo", "status"]
+    assert len(head) == len(set(head))
+    assert "geometry" not in format_items(query(out), where="geometry IS NOT NULL").splitlines()[0]
+
+
 def test_json(out: Path) -> None:
     (found,) = json.loads(format_items(query(out, where="id = 'f5'"), "json"))
     assert found["floors"] == 4

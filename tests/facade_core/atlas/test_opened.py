@@ -86,7 +86,8 @@ def test_a_facade_says_what_is_known_of_it(atlas: Atlas) -> None:
     facade = atlas.facade("a-0")
     assert facade.attrs["facade"] == "a-0"
     assert facade.attrs["building"] == "a"
-    assert (facade.attrs["kind"], facade.attrs["street"], facade.attrs["floors"]) == ("wall", "s1", 2)
+    assert (facade.attrs["kind"], facade.attrs["street"], facade.attrs["levels"]) == ("wall", "s1", 2)
+    assert facade.attrs["floors"] == 2, "the exemplar is laid out to as many"
     assert facade.attrs["width"] == pytest.approx(12, abs=0.01)
     assert '"window"' in facade.attrs["elements"]
     assert float(facade.x[-1] + facade.x[0]) == pytest.approx(12, abs=1 / TEXELS_PER_METRE)

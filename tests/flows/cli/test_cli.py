@@ -73,6 +73,14 @@ def test_a_benchmark_has_help_of_its_own() -> None:
     assert "--rows ROWS" in shown.stdout
 
 
+def test_benchmarks_are_listed_with_what_they_measure() -> None:
+    shown = streetloom("bench")
+    assert shown.returncode == 0
+    about = dict(line.split(maxsplit=1) for line in shown.stdout.splitlines())
+    assert about["elements"] == "How far what is told of facades can be trusted"
+    assert not any("prints" in said for said in about.values())
+
+
 def test_view_names_the_runs_of_a_folder(tmp_path: Path) -> None:
     for name in ("b", "north/a", "b/store/inner"):
         (tmp_path / name / "store").mkdir(parents=True)

@@ -13,6 +13,7 @@ from PIL import Image
 
 from catalogs.features import file_stem
 from facade_core.export.facade_stages import shown_levels, stages_of
+from facade_core.labels import CLASSES
 from tasks.viewing import Reader, View
 from tasks.viewing.pictures import picture, stages
 
@@ -28,6 +29,9 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
     report = Path(undisturbed[1]["outputs"]["report"])
     pages = [lxml.html.document_fromstring(path.read_text("utf-8")) for path in report.parent.rglob("streets/*/*.html")]
     shown = {one.get("id"): one.findall(".//figure") for page in pages for one in page.iter("details")}
+    for page in pages:
+        (legend,) = page.find_class("legend")
+        assert [span.text_content() for span in legend.iter("span")] == list(CLASSES)
     files = set()
     for index, facade in enumerate(view.tables.facades.id):
         declared = [stage.report for stage in stages_of(view.facade(index)) if stage.report]

@@ -1,0 +1,18 @@
+"""What the report says of a block's facades."""
+
+from __future__ import annotations
+
+from catalogs.published.report import to_look_at
+
+
+def test_the_most_doubtful_facades_come_first_and_an_assumed_height_is_no_doubt() -> None:
+    rows = [
+        {"id": "a", "quality": "good", "occluded": 0.9},
+        {"id": "b", "quality": "height-assumed", "occluded": 0.9},
+        {"id": "c", "quality": "floors-differ, height-assumed", "occluded": None},
+        {"id": "d", "quality": "mostly-hidden", "occluded": 0.6},
+        {"id": "e", "quality": None, "occluded": None},
+        {"id": "f", "quality": "unsure-parse", "occluded": 0.1},
+        {"id": "g"},
+    ]
+    assert [row["id"] for row in to_look_at(rows)] == ["c", "d", "f"]
