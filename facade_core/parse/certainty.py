@@ -1,7 +1,8 @@
 """How sure a parse is, by what came true on photos that the network neither learnt from nor is measured on.
 
 A network's own confidence is no probability: it is put right by Platt's scaling (1999), a straight line on its log odds, for
-each class of elements; the window share gets an interval by split conformal prediction (Papadopoulos et al. 2002).
+each class of elements; the window share and the numbers of windows and storeys get intervals by split conformal prediction
+(Papadopoulos et al. 2002).
 """
 
 from __future__ import annotations

@@ -197,6 +197,8 @@ def _summary(result: Facade) -> dict[str, Any]:
     }
     if result.told is not None:
         for name, low, high in zip(_TOLD, result.told.low, result.told.high, strict=True):
+            if name == "floors" and not result.floors:  # without windows only the map tells
+                continue
             told |= {f"{name}_low": round(low, 4), f"{name}_high": round(high, 4)}
     return {
         "elements": [
