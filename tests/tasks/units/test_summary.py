@@ -1,0 +1,43 @@
+"""What the journal says of a facade, of a photo, of one half hidden, and of an exemplar."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+from facade_core.facade import Facade, from_exemplar, from_photo
+from facade_core.synth import facade as paint
+from tasks.units.facades import _summary
+
+PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
+HIDDEN = np.zeros(PAINTED.labels.shape, bool)
+HIDDEN[:, HIDDEN.shape[1] // 2 :] = True
+
+
+def of_exemplar() -> Facade:
+    size = (270, 334)
+    return from_exemplar(PAINTED.image, PAINTED.labels, (16.2, 20.0), size, floors=5, metres_per_pixel=0.06, seed=3)
+
+
+def test_what_is_seen_is_told_from_what_is_made_up() -> None:
+    whole = _summary(from_photo(PAINTED.image, np.zeros_like(HIDDEN), clean=True))
+    half = _summary(from_photo(PAINTED.image, HIDDEN, clean=True))
+    made = _summary(of_exemplar())
+    assert whole["windows_seen"] == whole["windows"] > 0
+    assert 0 < half["windows_seen"] < half["windows"]
+    assert made["windows_seen"] == 0 < made["windows"]
+    assert [one["floors"] for one in (whole, half, made)] == [4, 4, 5]
+    assert whole["windows_high"] - whole["windows_low"] < half["windows_high"] - half["windows_low"]
+    assert "windows_low" not in made, "no picture tells"
+    assert half["masked_share"] == 0, "nothing stands in front"
+    json.dumps([whole, half, made])
+
+
+def test_shops_are_stretches_and_have_a_width() -> None:
+    made = _summary(of_exemplar())
+    shops = [element for element in made["elements"] if element[0] == "shop"]
+    assert made["shops"] == len(shops) > 0
+    assert made["shop_width"] == pytest.approx(sum(x1 - x0 for _, x0, _, x1, _, _ in shops) / 334, abs=0.02)
+    assert 0 < made["shop_width"] < 1
