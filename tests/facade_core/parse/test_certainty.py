@@ -3,7 +3,7 @@ import json
 import numpy as np
 import pytest
 
-from benchmarks.elements import expected_error
+from benchmarks.elements import expected_error, held
 from facade_core.errors import ModelError
 from facade_core.labels import CLASSES, DOOR, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
 from facade_core.parse import certainty, elements
@@ -101,6 +101,14 @@ def test_intervals_hold_what_they_promise():
 
 def told(parsing, hidden, widths=(0.5, 5.0, 1.0)):
     return Certainty({}, Figures(*widths)).told(parsing, elements(parsing), hidden)
+
+
+def test_what_intervals_hold_is_measured_and_those_of_counts_are_whole():
+    misses, halves = np.array([0, 1, 2, 0.0]), np.array([0.5, 1.9, 1.9, 0.0])
+    whole = held(misses, halves, 0)
+    assert (whole["near"], whole["held_by_90_percent"], whole["mean_half_width"]) == (0.5, 0.75, 0.5)
+    share = held(misses / 10, halves / 10, 0.1)
+    assert (share["near"], share["held_by_90_percent"], share["mean_half_width"]) == (0.75, 0.75, 0.1075)
 
 
 def test_the_less_is_seen_the_wider_the_interval():
