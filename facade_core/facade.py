@@ -82,11 +82,12 @@ def from_photo(
     hidden: np.ndarray,
     *,
     outside: np.ndarray | None = None,
+    private: np.ndarray | None = None,
     clean: bool = False,
     seed: int = 0,
 ) -> Facade:
     """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade; nor does what is
-    `outside` (h, w) bool, sky or street, which the parser may look at.
+    `outside` (h, w) bool, sky or street, which the parser may look at, nor what is `private` (h, w) bool, faces and plates.
 
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
     number plate. A clean photo is known to show the facade alone. Raises ImageError where less than LEAST_SEEN of the facade is
@@ -103,6 +104,8 @@ def from_photo(
         hidden = hidden | in_front
         if outside is not None:
             hidden |= _grown(outside, THING_RIM)
+        if private is not None:
+            hidden |= private
     _require_seen(hidden, "beside sky, trees, cars and the like")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if share_of(hidden, e) <= HIDDEN_SHARE]
@@ -173,11 +176,15 @@ def _grown(mask: np.ndarray, share: float) -> np.ndarray:
     return cv2.dilate(mask.astype(np.uint8), np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)).astype(bool)
 
 
-def prepare_exemplar(image: np.ndarray, hidden: np.ndarray, *, storey: float, seed: int = 0) -> Exemplar:
-    """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch. Raises ImageError
-    where it shows too little, or no window."""
+def prepare_exemplar(
+    image: np.ndarray, hidden: np.ndarray, *, storey: float, private: np.ndarray | None = None, seed: int = 0
+) -> Exemplar:
+    """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch; hidden and private as
+    in `from_photo`. Raises ImageError where it shows too little, or no window."""
     cut = cut_to_facade(image, hidden)
-    facade = from_photo(cut.image, cut.hidden, outside=cut.outside, seed=seed)
+    x0, y0, x1, y1 = cut.box
+    private = None if private is None else private[y0:y1, x0:x1]
+    facade = from_photo(cut.image, cut.hidden, outside=cut.outside, private=private, seed=seed)
     if not facade.floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with _timed(facade.seconds, "scale"):

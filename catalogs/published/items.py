@@ -115,6 +115,12 @@ COLUMNS = (
         "",
         "what is kept of these things in the evidence, of a facade from pictures: blur, mask or keep",
     ),
+    Column(
+        "shop_names",
+        "string",
+        "",
+        'what is written over the shops of a photo, joined by "; "; none where no photo was read',
+    ),
     Column("photo", "double", "0 to 1", "share of texels that pictures show: what of the facade is evidence"),
     Column("inpainted", "double", "0 to 1", "share of texels inpainted"),
     Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),

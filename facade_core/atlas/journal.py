@@ -78,6 +78,9 @@ class Record(TypedDict, total=False):
     masked: list[list[int]]
     masked_share: float
     privacy: str
+    # whether faces and plates were looked for, of exemplars too; what was read over shops, None where that was not looked for
+    looked: bool
+    shop_names: str | None
     provenance: list[float]
     variation_types: int
     variation_levels: int

@@ -9,9 +9,10 @@ from facade_core.detect.tiles import tiles
 
 # A face counts from this score on; of two that overlap by more (IoU) the surer one stays.
 LEAST_SCORE, OVERLAP = 0.3, 0.3
-# Pictures are looked at in tiles of this side, enlarged so many times: at its own scale the network misses faces under 12 px.
+# Pictures are looked at in tiles that are so wide for the network, smaller ones than so many pixels enlarged as well: at their
+# own scale the network misses the smallest faces.
 SIDE, OVERLAPPING = 640, 96
-SCALES = (1.0, 2.0)
+ENLARGED, SMALL = 2.0, 4_000_000
 # Sides that the network takes, and those of a cell of its map.
 _MULTIPLE, _CELL = 32, 4
 
@@ -19,7 +20,7 @@ _MULTIPLE, _CELL = 32, 4
 def find_faces(image: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The faces in an image (H, W, 3) uint8: boxes (n, 4) x0, y0, x1, y1 in pixels, and their scores (n,), best first."""
     boxes, scores = [np.zeros((0, 4), np.float32)], [np.zeros(0, np.float32)]
-    for scale in SCALES:
+    for scale in (1.0, ENLARGED) if image.size <= 3 * SMALL else (1.0,):
         for part, x, y in tiles(image, round(SIDE / scale), OVERLAPPING):
             found, score = _in_tile(part, scale)
             boxes.append(found + np.array([x, y, x, y], np.float32))

@@ -95,7 +95,7 @@ def _from_upper_left(corners: np.ndarray) -> np.ndarray:
 
 def _once(found: list[np.ndarray]) -> list[np.ndarray]:
     """The lines without those that a neighbouring tile has seen, whole or in part; in their order on the image."""
-    kept: list[np.ndarray] = []
+    kept: list[int] = []
     boxes = [np.concatenate([c.min(axis=0), c.max(axis=0)]) for c in found]
     areas = [float(np.prod(box[2:] - box[:2])) for box in boxes]
     for index in sorted(range(len(found)), key=lambda i: -areas[i]):

@@ -84,13 +84,15 @@ def sightings(
     return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
 
 
-def rectify_view(scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int]) -> View:
+def rectify_view(
+    scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: tuple[int, int], hidden: np.ndarray | None = None
+) -> View:
     """A chart as a panorama shows it: rgb (h, w, 3) uint8, black where not seen, seen and quality (h, w).
 
     image (H, W, 3) uint8 is the part pose.view of the full panorama; size (h, w) divides the chart's place in the atlas, whose
     own size gives the atlas's texels. A texel is the mean of the pixels it covers. Not seen are texels behind other surfaces,
-    at a grazing angle, outside the picture or in the flat mask at its bottom. Raises GeometryError for a pose without height,
-    ImageError for an image that is not uint8 RGB.
+    at a grazing angle, outside the picture or in the flat mask at its bottom; occluded are those where the panorama is hidden
+    (H, W) bool. Raises GeometryError for a pose without height, ImageError for an image that is not uint8 RGB.
     """
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or 0 in image.shape:
         raise ImageError(f"a panorama is uint8 RGB (h, w, 3), not {image.dtype} {image.shape}; convert it")
@@ -115,7 +117,18 @@ def rectify_view(scene: Scene, chart: int, image: np.ndarray, pose: Pose, size: 
     )
     _hide(scene, chart, place, corner, right, down, seen)
     rgb = resample(image, pose.view, footprints, seen)
-    return View(rgb, seen, quality * seen)
+    occluded = None if hidden is None else _taken(hidden, footprints, seen)
+    return View(rgb, seen, quality * seen, occluded)
+
+
+def _taken(hidden: np.ndarray, footprints: np.ndarray, seen: np.ndarray) -> np.ndarray:
+    """The seen texels (h, w) bool around which a panorama is hidden (H, W) bool; a texel beside them is hidden too."""
+    import cv2
+
+    taken = np.zeros(seen.shape, np.uint8)
+    row, column = (np.clip(footprints[seen, axis].astype(np.intp), 0, hidden.shape[1 - axis] - 1) for axis in (1, 0))
+    taken[seen] = hidden[row, column]
+    return cv2.dilate(taken, np.ones((3, 3), np.uint8)).astype(bool) & seen
 
 
 def _hide(

@@ -28,6 +28,7 @@ def examine_machine(folder: Path) -> Iterator[Finding]:
     yield from packages(requires(PACKAGE) or ())
     yield _rays()
     yield from models(_shipped())
+    yield second_opinion()
     yield disk(folder)
 
 
@@ -116,6 +117,21 @@ def models(shipped: Mapping[Path, Callable[[Path], object]]) -> Iterator[Finding
             yield Finding("models", False, str(error))
         else:
             yield Finding("models", True, f"{path.name} has its checksum and loads")
+
+
+def second_opinion() -> Finding:
+    """Whether faces and number plates are looked for by models of other packages, beside the parser."""
+    from facade_core.detect import models as detect
+
+    if lacking := detect.missing():
+        said = f"faces and number plates are not looked for beside the parser, nor shops' names: {', '.join(lacking)} not "
+        return Finding("privacy", None, f"{said}installed; {detect.REMEDY}")
+    try:
+        for model in detect.FILES:
+            detect.session(model)
+    except ModelError as error:
+        return Finding("privacy", False, str(error))
+    return Finding("privacy", True, "faces, number plates and shops' names are looked for in pictures")
 
 
 def disk(folder: Path, least: int = ROOM) -> Finding:

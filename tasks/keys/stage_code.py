@@ -18,12 +18,16 @@ from importlib.metadata import PackageNotFoundError, version
 from importlib.util import resolve_name
 from pathlib import Path
 
+from facade_core.detect.models import models_digest
+
 VERSION = "0.1.0"
 ROOT = Path(__file__).resolve().parent.parent.parent
 HOUSE = ("facade_core", "catalogs", "tasks")
 
 # The translator that only runs with `translator: neural` take.
 NEURAL = "facade_core.street.neural"
+# What finds models in packages that may be installed or not: both the presence and the content of these count.
+DETECT = "facade_core.detect.models"
 # What decides when and where units run, keeps what they made, or says what went wrong. A run's settings are in the keys.
 APART = frozenset(
     {
@@ -87,6 +91,8 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
     outside = {name.partition(".")[0] for module in found.values() for name, _ in module.imports}
     for library in sorted(outside - sys.stdlib_module_names - LIBRARIES_APART - set(HOUSE)):
         digest.update(f"{library} {_version(library)}\n".encode())
+    if DETECT in found:
+        digest.update(f"detect {models_digest()}\n".encode())
     return digest.hexdigest()
 
 

@@ -68,9 +68,16 @@ def write_summary(path: Path, block: StoredBlock, rows: Rows) -> dict[str, Any]:
         "facades_failed": rows.failed,
         "viewpoints": len(block.journals["viewpoints"]),
         "atlas_digest": atlas_digest(block.group),
+        "not_looked_at": _not_looked_at(block),
     }
     path.write_text(json.dumps(summary, indent=1))
     return summary
+
+
+def _not_looked_at(block: StoredBlock) -> int:
+    """Facades from pictures, and exemplars, that were made where no models look for faces and plates."""
+    records = [*block.records, *block.journals["exemplars"]]
+    return sum(record.get("looked") is False for record in records if record)
 
 
 def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
@@ -208,6 +215,7 @@ _FROM_RECORD = (
     "window_to_wall_high",
     "occluded",
     "privacy",
+    "shop_names",
     "source",
     "capture_date",
     "variation_types",

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from catalogs.readers.pictures.opening import LEAST_SIDE
+from facade_core.detect import Seen, look
 from facade_core.errors import ImageError
 from facade_core.facade import Box, things_in_front
 from facade_core.parse import parse
@@ -27,6 +29,9 @@ if TYPE_CHECKING:
 
 # Texels around a photo's holes that count as hidden.
 RIM = 2
+# Between these shares of a full panorama's height, 27 degrees over the horizon and 63 below it, faces and plates are looked
+# for; the latter stand below the horizon.
+UPPERMOST, HORIZON, LOWERMOST = 0.35, 0.5, 0.85
 # A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
 SHOWN = 0.3
 
@@ -45,6 +50,7 @@ class Evidence:
         clean: whether nothing else can be in front.
         outside: (h, w) bool, where it shows sky, street or neighbours beside the facade; None where nothing is.
         captured: the day of the newest of the pictures, where they tell.
+        seen: faces, plates and text, in texels, that hidden does not hold yet.
     """
 
     image: np.ndarray
@@ -56,6 +62,17 @@ class Evidence:
     clean: bool = False
     outside: np.ndarray | None = None
     captured: str | None = None
+    seen: Seen = field(default_factory=Seen)
+
+
+class Photo(NamedTuple):
+    """A photo of a facade, cut to it: image (h, w, 3) uint8, what it does not show of the facade and what it shows beside it,
+    (h, w) bool, and the faces, plates and text on it."""
+
+    image: np.ndarray
+    hidden: np.ndarray
+    outside: np.ndarray
+    seen: Seen
 
 
 def evidence_of(
@@ -72,10 +89,18 @@ def evidence_of(
     Why one picture of several cannot be used is added to `refused`; raises what a photo, the only one, is refused by.
     """
     if source == "photo" and imagery.photo is not None:
-        image, hidden, outside = photo_of(imagery.photo, imagery.rectified, size)
-        hidden = _widened(hidden)
-        captured = capture_date(imagery.photo)
-        return Evidence(image, hidden, ~hidden, imagery.photo.name, outside=outside, captured=captured)
+        photo = photo_of(imagery.photo, imagery.rectified, size)
+        hidden = _widened(photo.hidden)
+        return Evidence(
+            photo.image,
+            hidden,
+            ~hidden,
+            imagery.photo.name,
+            masked=photo.seen.boxes(size),
+            outside=photo.outside,
+            captured=capture_date(imagery.photo),
+            seen=photo.seen,
+        )
     if source == "panoramas":
         return _of_panoramas(plan, chart, size, imagery, refused)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.triangles_of(chart)], refused)
@@ -108,9 +133,8 @@ def _of_panoramas(
     return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked, in_front, captured=captured)
 
 
-def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """A photo of a facade at a size, what it does not show of it, and what it shows beside it, (h, w) bool; rectified first
-    where it is as taken, and cut to the facade."""
+def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> Photo:
+    """A photo of a facade at a size; rectified first where it is as taken, and cut to the facade."""
     import cv2
 
     picture = read_whole(path, least=LEAST_SIDE)
@@ -130,17 +154,40 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> tuple[np.nda
         cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         for mask in (cut.hidden, cut.outside)
     )
-    return resized(cut.image, size), hidden, outside
+    seen = look(cut.image).scaled(size[1] / cut.image.shape[1], size[0] / cut.image.shape[0])
+    return Photo(resized(cut.image, size), hidden, outside, seen)
 
 
 def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> View:
-    """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees."""
-    view = rectify_view(plan.scene, chart, read_panorama(path), pose, size)
+    """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees, and the faces and plates
+    that there are on the panorama."""
+    image = read_panorama(path)
+    seen = _seen_on(path, pose)
+    private = seen.hidden(image.shape[:2]) if seen.any() else None
+    view = rectify_view(plan.scene, chart, image, pose, size, private)
     if not view.seen.any():
         return view
     alpha = np.where(view.seen, 255, 0).astype(np.uint8)
     in_front, _ = things_in_front(parse(np.dstack([view.rgb, alpha])).occluded & view.seen)
-    return replace(view, occluded=in_front & view.seen)
+    return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
+
+
+def _seen_on(path: Path, pose: Pose) -> Seen:
+    """The faces, plates and text on a panorama; the facades that it shows share them."""
+    state = path.stat()
+    return _looked_at(path, state.st_size, state.st_mtime_ns, pose.view)
+
+
+@lru_cache(maxsize=64)
+def _looked_at(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Seen:
+    image = read_panorama(path)
+    _, top, _, share = view
+    first, middle, last = (
+        min(len(image), max(0, round((row - top) / share * len(image)))) for row in (UPPERMOST, HORIZON, LOWERMOST)
+    )
+    if last == first:
+        return Seen()
+    return look(image[first:last], (middle - first) / (last - first)).moved(0, first)
 
 
 def _widened(hidden: np.ndarray) -> np.ndarray:

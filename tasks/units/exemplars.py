@@ -11,6 +11,7 @@ from facade_core.atlas.journal import Record, read_records
 from facade_core.atlas.spec import Array
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.detect import look, looked_for
 from facade_core.errors import StoreError
 from facade_core.export import draw_cut
 from facade_core.facade import Exemplar, prepare_exemplar
@@ -44,8 +45,10 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
     hidden = picture.hidden | no_data(picture.rgb)
+    private = look(picture.rgb).hidden(hidden.shape)
     seconds = {"read": time.time() - start}
-    prepared = prepare_exemplar(picture.rgb, hidden, storey=run.storey, seed=unit_seed(run, unit.name, "exemplar"))
+    seed = unit_seed(run, unit.name, "exemplar")
+    prepared = prepare_exemplar(picture.rgb, hidden, storey=run.storey, private=private, seed=seed)
     seconds |= prepared.facade.seconds
     begun = time.time()
     factor = prepared.metres_per_pixel * run.texture.texels_per_metre
@@ -59,7 +62,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     group = open_root(fork)
     IMAGE.write(group, f"exemplars/{unit.index}", texture)
     LABELS.write(group, f"exemplars/{unit.index}", labels)
-    PREVIEW.write(group, f"exemplars/{unit.index}", _preview(run, picture.rgb, prepared))
+    PREVIEW.write(group, f"exemplars/{unit.index}", _preview(run, picture.rgb, private, prepared))
     seconds["write"] = time.time() - begun
     record: Record = {
         "unit": unit.name,
@@ -73,6 +76,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "hidden": round(float(prepared.facade.occluded.mean()), 4),
         "shaded": round(prepared.shaded, 4),
         "metres_per_pixel": prepared.metres_per_pixel,
+        "looked": looked_for(),
         "worker": worker_name(),
         "started": start,
         "seconds": {stage: round(s, 4) for stage, s in seconds.items()},
@@ -80,10 +84,10 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     return fork, {unit.index: record}
 
 
-def _preview(run: Run, given: np.ndarray, prepared: Exemplar) -> np.ndarray:
+def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
     """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
     facade, (x0, y0, x1, y1) = prepared.facade, prepared.box
-    shown = given.copy()
+    shown = shielded(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
     shown[y0:y1, x0:x1] = shielded(facade.evidence, facade.occluded, run.privacy, 1 / prepared.metres_per_pixel)
     return draw_cut(shown, facade.occluded, prepared.box, LONGEST_PREVIEW)
 

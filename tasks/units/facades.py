@@ -17,6 +17,7 @@ from facade_core.atlas.provenance import PHOTO, PROVENANCE
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.detect import looked_for, shop_names
 from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
 from facade_core.labels import WINDOW
@@ -26,7 +27,7 @@ from facade_core.privacy import shielded
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
-from tasks.units.evidence import evidence_of
+from tasks.units.evidence import Evidence, evidence_of
 from tasks.units.exemplars import read_exemplar
 from tasks.units.unit import Piece
 
@@ -41,13 +42,15 @@ _TOLD = ("window_to_wall", "windows", "floors")
 
 class _Made(NamedTuple):
     """A facade, None where it is left to the street stage; which source it is from, by its place in the order and by name; how
-    well that shows each texel, (h, w) uint8; the day it was taken, where that is known."""
+    well that shows each texel, (h, w) uint8; the day it was taken, where that is known; the names of shops read on it, None
+    where none were looked for."""
 
     depth: int
     facade: Facade | None
     source: str
     confidence: np.ndarray
     captured: str | None = None
+    shop_names: str | None = None
 
 
 def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -86,7 +89,7 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             seconds["write"] = time.time() - begun
             about |= _summary(result) | {"digests": digests}
             if imagery.sources()[made.depth] in ("photo", "panoramas"):
-                about["privacy"] = run.privacy
+                about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
         about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
         records[facade] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
@@ -130,7 +133,12 @@ def _make(
             if evidence is not None:
                 try:
                     result = from_photo(
-                        evidence.image, evidence.hidden, outside=evidence.outside, clean=evidence.clean, seed=seed
+                        evidence.image,
+                        evidence.hidden,
+                        outside=evidence.outside,
+                        private=evidence.seen.hidden(size),
+                        clean=evidence.clean,
+                        seed=seed,
                     )
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
@@ -140,7 +148,8 @@ def _make(
                     masked=evidence.masked + result.masked,
                     masked_share=evidence.masked_share + result.masked_share,
                 )
-                return _Made(depth, result, evidence.source, confidence, evidence.captured)
+                names = _names_on(result, evidence, source, run.texture.texels_per_metre)
+                return _Made(depth, result, evidence.source, confidence, evidence.captured, names)
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
     if run.texture.walls == "translate":
         return _Made(depth, None, "translator", nothing)
@@ -159,6 +168,14 @@ def _make(
         seed=seed,
     )
     return _Made(depth, result, imagery.exemplar[1], nothing)
+
+
+def _names_on(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:
+    """The names of shops on a facade's own photo; None where there is no photo or names are not looked for."""
+    if source != "photo" or not looked_for():
+        return None
+    seen = evidence.seen
+    return "; ".join(shop_names(seen.lines, result.labels, result.occluded, seen.plates, texels_per_metre))
 
 
 def _write(

@@ -37,8 +37,8 @@ def test_a_photo_as_taken_is_rectified_to_its_facade(tmp_path: Path) -> None:
     Image.fromarray(from_below(PAINTED.image)).save(path)
     size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
     truth = cv2.resize(PAINTED.image, size[::-1], interpolation=cv2.INTER_AREA)
-    as_taken, _, _ = photo_of(path, True, size)
-    rectified, hidden, _ = photo_of(path, False, size)
+    as_taken, *_ = photo_of(path, True, size)
+    rectified, hidden, *_ = photo_of(path, False, size)
     assert rectified.shape == truth.shape
     assert hidden.mean() < 0.2
     assert likeness(rectified, truth) > likeness(as_taken, truth) + 0.2

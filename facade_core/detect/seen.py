@@ -1,0 +1,79 @@
+"""Faces and number plates on a picture, and its text: a second opinion beside the parser's, where the models are there."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from facade_core.detect.faces import find_faces
+from facade_core.detect.models import models_digest
+from facade_core.detect.plates import is_plate
+from facade_core.detect.text import Line, find_lines
+from facade_core.rectify.cut import Box
+
+# What is hidden is larger than what is found by this share of its longer side, to every side: hair and chin, a plate's rim.
+RIM = 0.25
+# Plates stand in the lower part of a picture, below this share of its height.
+LOW = 0.5
+
+
+def _none() -> np.ndarray:
+    return np.zeros((0, 4))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Seen:
+    """faces, plates (n, 4): boxes x0, y0, x1, y1 in pixels; lines of text, the plates' among them."""
+
+    faces: np.ndarray = field(default_factory=_none)
+    plates: np.ndarray = field(default_factory=_none)
+    lines: Sequence[Line] = ()
+
+    def any(self) -> bool:
+        """Whether there is anything to hide."""
+        return len(self.faces) + len(self.plates) > 0
+
+    def scaled(self, across: float, down: float) -> Seen:
+        """The same on the picture at another size."""
+        both = np.array([across, down])
+        lines = [replace(line, corners=line.corners * both) for line in self.lines]
+        return Seen(self.faces * np.tile(both, 2), self.plates * np.tile(both, 2), lines)
+
+    def moved(self, across: float, down: float) -> Seen:
+        """The same on a picture of which this one is a part that begins there."""
+        both = np.array([across, down])
+        lines = [replace(line, corners=line.corners + both) for line in self.lines]
+        return Seen(self.faces + np.tile(both, 2), self.plates + np.tile(both, 2), lines)
+
+    def boxes(self, shape: tuple[int, int]) -> tuple[Box, ...]:
+        """What is to be hidden of a picture (H, W): boxes of whole pixels, faces first."""
+        found = []
+        for x0, y0, x1, y1 in np.concatenate([self.faces, self.plates]).tolist():
+            rim = RIM * max(x1 - x0, y1 - y0)
+            left, top = max(0, int(x0 - rim)), max(0, int(y0 - rim))
+            right, bottom = min(shape[1], int(x1 + rim) + 1), min(shape[0], int(y1 + rim) + 1)
+            found.append((left, top, right, bottom))
+        return tuple(found)
+
+    def hidden(self, shape: tuple[int, int]) -> np.ndarray:
+        """The same as a mask (H, W) bool."""
+        mask = np.zeros(shape, bool)
+        for x0, y0, x1, y1 in self.boxes(shape):
+            mask[y0:y1, x0:x1] = True
+        return mask
+
+
+def looked_for() -> bool:
+    """Whether faces, plates and text are looked for here: where the packages that bring the models are installed."""
+    return bool(models_digest())
+
+
+def look(image: np.ndarray, low: float = LOW) -> Seen:
+    """What there is on a picture (H, W, 3) uint8; plates below the share `low` of its height. Nothing without the models."""
+    if not looked_for():
+        return Seen()
+    lines = find_lines(image)
+    plates = [line.box for line in lines if is_plate(line, low * len(image))]
+    return Seen(find_faces(image)[0], np.array(plates).reshape(-1, 4), lines)
