@@ -7,7 +7,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from facade_core.detect.faces import find_faces
+from facade_core.detect.faces import ENLARGED, OVERLAP, SMALL, best_of, find_faces
 from facade_core.detect.models import models_digest
 from facade_core.detect.plates import is_plate
 from facade_core.detect.text import Line, find_lines
@@ -74,6 +74,19 @@ def look(image: np.ndarray, low: float = LOW) -> Seen:
     """What there is on a picture (H, W, 3) uint8; plates below the share `low` of its height. Nothing without the models."""
     if not looked_for():
         return Seen()
-    lines = find_lines(image)
-    plates = [line.box for line in lines if is_plate(line, low * len(image))]
-    return Seen(find_faces(image)[0], np.array(plates).reshape(-1, 4), lines)
+    plates, lines = find_plates(image, low)
+    return Seen(find_faces(image)[0], plates, lines)
+
+
+def find_plates(image: np.ndarray, low: float = LOW) -> tuple[np.ndarray, list[Line]]:
+    """Boxes (n, 4) of the number plates below the share `low` of an image's height, and all its lines of text.
+
+    Of a picture of ordinary size the lower part is looked at enlarged as well: a plate is smaller than any sign.
+    """
+    lines, first = find_lines(image), round(low * len(image))
+    plates = [line.box for line in lines if is_plate(line, first)]
+    if image.size <= 3 * SMALL and first < len(image):
+        closer = find_lines(image[first:], ENLARGED)
+        plates += [line.box + np.array([0, first, 0, first]) for line in closer if is_plate(line, 0)]
+    found = np.array(plates).reshape(-1, 4)
+    return best_of(found, np.ones(len(found)), OVERLAP)[0], lines

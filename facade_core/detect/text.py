@@ -12,8 +12,9 @@ import numpy as np
 from facade_core.detect.models import LETTERS, LINES, session
 from facade_core.detect.tiles import tiles
 
-# Tiles that are looked at: their side, how much they overlap, and the least side that they are brought to.
-SIDE, OVERLAPPING, WORKED_AT = 960, 160, 736
+# Tiles that are looked at: their side for the network, how much they overlap, and the least side that a small picture is brought
+# to, enlarged so many times at most.
+SIDE, OVERLAPPING, WORKED_AT, MOST = 960, 160, 736, 2.0
 # A pixel is text from this probability on, a line where its mean is at least that; thinner ones in pixels are specks.
 LEAST_PIXEL, LEAST_LINE, THINNEST = 0.3, 0.5, 3
 # What is found is the core of a line: it grows by this times its area over its circumference.
@@ -45,21 +46,21 @@ class Line:
         return float(np.hypot(*across)), float(np.hypot(*down))
 
 
-def find_lines(image: np.ndarray) -> list[Line]:
-    """The lines of text in an image (H, W, 3) uint8, from its upper left on."""
+def find_lines(image: np.ndarray, scale: float = 1.0) -> list[Line]:
+    """The lines of text in an image (H, W, 3) uint8, from its upper left on; found in the image enlarged so many times."""
     found: list[np.ndarray] = []
-    for part, x, y in tiles(image, SIDE, OVERLAPPING):
-        found += [corners + np.array([x, y]) for corners in _in_tile(part)]
+    for part, x, y in tiles(image, round(SIDE / scale), OVERLAPPING):
+        found += [corners + np.array([x, y]) for corners in _in_tile(part, scale)]
     return [Line(corners, *_read(image, corners)) for corners in _once(found)]
 
 
-def _in_tile(image: np.ndarray) -> Iterator[np.ndarray]:
+def _in_tile(image: np.ndarray, scale: float) -> Iterator[np.ndarray]:
     """Corners (4, 2) of the lines in a part of an image."""
     import cv2
 
     height, width = image.shape[:2]
-    scale = max(1.0, WORKED_AT / min(height, width))
-    size = tuple(max(_MULTIPLE, round(side * min(scale, 4) / _MULTIPLE) * _MULTIPLE) for side in (width, height))
+    scale = max(scale, min(MOST, WORKED_AT / min(height, width)))
+    size = tuple(max(_MULTIPLE, round(side * scale / _MULTIPLE) * _MULTIPLE) for side in (width, height))
     pixels = cv2.resize(image, size)[..., ::-1] / 255.0
     feed = ((pixels - 0.5) / 0.5).transpose(2, 0, 1)[None].astype(np.float32)
     net = session(LINES)

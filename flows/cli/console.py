@@ -105,7 +105,9 @@ def show(target: Console, summary: dict[str, Any]) -> None:
         _line(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
     if summary["not_looked_at"]:
         unseen = f"{summary['not_looked_at']} facades and exemplars were made of pictures"
-        _line(target, f"  {unseen} in which faces and plates were not looked for; `make detect-setup` installs what does")
+        _line(
+            target, f"  {unseen} in which faces and plates were not looked for; `make detect-setup` installs what does"
+        )
     _line(target, f"  report  {summary['outputs']['report']}")
     for model in summary["outputs"]["glb"]:
         _line(target, f"  model   {model}")

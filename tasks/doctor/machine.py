@@ -124,7 +124,9 @@ def second_opinion() -> Finding:
     from facade_core.detect import models as detect
 
     if lacking := detect.missing():
-        said = f"faces and number plates are not looked for beside the parser, nor shops' names: {', '.join(lacking)} not "
+        said = (
+            f"faces and number plates are not looked for beside the parser, nor shops' names: {', '.join(lacking)} not "
+        )
         return Finding("privacy", None, f"{said}installed; {detect.REMEDY}")
     try:
         for model in detect.FILES:
