@@ -21,6 +21,7 @@ from catalogs.learning.datasets import LabelledFacade
 from facade_core.detect import Seen, look
 from facade_core.detect.faces import find_faces, ious
 from facade_core.detect.seen import find_plates
+from tasks.units.evidence import LOWERMOST, UPPERMOST
 
 FACES, PLATES = "faces", "plates"
 # Pixels that a face or a plate is high.
@@ -66,6 +67,22 @@ def measure(
     return result
 
 
+def measure_panoramas(folder: Path) -> dict[str, int]:
+    """The faces of at least ten pixels in a part of real panoramas, marked by eye in faces_in_panoramas.json, which their makers
+    have not blurred."""
+    from PIL import Image
+
+    marked = json.loads(Path(__file__).with_name("faces_in_panoramas.json").read_text(encoding="utf-8"))
+    counts = dict.fromkeys(("there", "found", "hidden"), 0)
+    for name, boxes in marked.items():
+        with Image.open(folder / name) as picture:
+            image = np.asarray(picture.convert("RGB"))
+        first, last = (round(share * len(image)) for share in (UPPERMOST, LOWERMOST))
+        seen = Seen(faces=find_faces(image[first:last])[0]).moved(0, first)
+        _count(counts, boxes, seen, image.shape[:2])
+    return counts
+
+
 def measure_clean(pictures: Sequence[np.ndarray]) -> dict[str, Any]:
     """What is found on pictures on which there is nothing: how many faces and plates, and the share of pixels they hide."""
     seen = [look(picture) for picture in pictures]
@@ -83,13 +100,17 @@ def _told(kind: str, pictures: Iterator[tuple[np.ndarray, list[Box]]]) -> dict[s
     for whole, places in pictures:
         image, boxes = _around(whole, places)
         seen = Seen(faces=find_faces(image)[0]) if kind == FACES else Seen(plates=find_plates(image, low=0.0)[0])
-        hidden = seen.hidden(image.shape[:2])
-        for x0, y0, x1, y1 in boxes:
-            overlaps = ious(np.array([x0, y0, x1, y1], float), np.concatenate([seen.faces, seen.plates]))
-            counts["there"] += 1
-            counts["found"] += bool((overlaps >= FOUND).any())
-            counts["hidden"] += bool(hidden[y0:y1, x0:x1].mean() >= COVERED)
+        _count(counts, boxes, seen, image.shape[:2])
     return counts
+
+
+def _count(counts: dict[str, int], boxes: Sequence[Box], seen: Seen, shape: tuple[int, int]) -> None:
+    hidden = seen.hidden(shape)
+    for x0, y0, x1, y1 in boxes:
+        overlaps = ious(np.array([x0, y0, x1, y1], float), np.concatenate([seen.faces, seen.plates]))
+        counts["there"] += 1
+        counts["found"] += bool((overlaps >= FOUND).any())
+        counts["hidden"] += bool(hidden[y0:y1, x0:x1].mean() >= COVERED)
 
 
 def _around(image: np.ndarray, boxes: Sequence[Box]) -> tuple[np.ndarray, list[Box]]:
@@ -137,9 +158,9 @@ def _with_plates(
         corners = np.float32(
             [[x, y], [x + long, y + lean + less], [x + long, y + lean + height - less], [x, y + height]]
         )
-        far = np.float32([[0, 0], [plate.shape[1], 0], [plate.shape[1], len(plate)], [0, len(plate)]])
+        far = np.array([[0, 0], [plate.shape[1], 0], [plate.shape[1], len(plate)], [0, len(plate)]], np.float32)
         factor = 4  # drawn larger, then reduced: a camera's pixel is a mean
-        turned = cv2.getPerspectiveTransform(far, (corners - [x - 8, y - 40]).astype(np.float32) * factor)
+        turned = cv2.getPerspectiveTransform(far, (corners - np.array([x - 8, y - 40])).astype(np.float32) * factor)
         size = ((long + 16) * factor, (height + 80) * factor)
         alpha = cv2.warpPerspective(np.ones(plate.shape[:2], np.float32), turned, size, flags=cv2.INTER_AREA)
         drawn = cv2.warpPerspective(plate.astype(np.float32), turned, size, flags=cv2.INTER_AREA)
@@ -150,9 +171,9 @@ def _with_plates(
             continue
         part = image[inside].astype(np.float32)
         part = part * (1 - alpha[..., None]) + drawn * rng.uniform(0.6, 1.0)
-        part = cv2.GaussianBlur(part, (0, 0), float(rng.uniform(0.3, 0.8)))
-        part += rng.normal(0, 3, part.shape)
-        image[inside] = np.clip(part, 0, 255).astype(np.uint8)
+        soft = cv2.GaussianBlur(part, (0, 0), float(rng.uniform(0.3, 0.8)))
+        noisy = soft + rng.normal(0, 3, part.shape)
+        image[inside] = np.clip(noisy, 0, 255).astype(np.uint8)
         low, upper = corners.min(axis=0), corners.max(axis=0)
         yield image, [(int(low[0]), int(low[1]), int(upper[0]) + 1, int(upper[1]) + 1)]
 

@@ -12,7 +12,7 @@ import numpy as np
 from facade_core.detect.models import LETTERS, LINES, session
 from facade_core.detect.tiles import tiles
 
-# Tiles that are looked at: their side for the network, how much they overlap, and the least side that a small picture is brought
+# Tiles that are looked at: their side for the network, their overlap, and the least side that a small picture is brought
 # to, enlarged so many times at most.
 SIDE, OVERLAPPING, WORKED_AT, MOST = 960, 160, 736, 2.0
 # A pixel is text from this probability on, a line where its mean is at least that; thinner ones in pixels are specks.
