@@ -68,8 +68,8 @@ def measure(
 
 
 def measure_panoramas(folder: Path) -> dict[str, int]:
-    """The faces of at least ten pixels in a part of real panoramas, marked by eye in faces_in_panoramas.json, which their makers
-    have not blurred."""
+    """The faces of at least ten pixels in parts of real panoramas, marked by eye in faces_in_panoramas.json; their makers
+    blurred others, and not these."""
     from PIL import Image
 
     marked = json.loads(Path(__file__).with_name("faces_in_panoramas.json").read_text(encoding="utf-8"))
@@ -155,9 +155,8 @@ def _with_plates(
         plate = painted_plate(rng)
         # its corners on the picture: the far end is lower, and it leans
         lean, less = rng.uniform(-0.12, 0.12) * long, rng.uniform(0.0, 0.2) * height
-        corners = np.float32(
-            [[x, y], [x + long, y + lean + less], [x + long, y + lean + height - less], [x, y + height]]
-        )
+        right = float(x + long)
+        corners = np.array([[x, y], [right, y + lean + less], [right, y + lean + height - less], [x, y + height]])
         far = np.array([[0, 0], [plate.shape[1], 0], [plate.shape[1], len(plate)], [0, len(plate)]], np.float32)
         factor = 4  # drawn larger, then reduced: a camera's pixel is a mean
         turned = cv2.getPerspectiveTransform(far, (corners - np.array([x - 8, y - 40])).astype(np.float32) * factor)

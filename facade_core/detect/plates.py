@@ -18,7 +18,7 @@ def is_plate(line: Line, horizon: float) -> bool:
     if line.corners[:, 1].mean() < horizon or not SHAPE[0] <= length / max(height, 1e-9) <= SHAPE[1]:
         return False
     signs = [letter for letter in line.text if letter.isalnum()]
-    if not SIGNS[0] <= len(signs) <= SIGNS[1] or sum(letter.islower() for letter in signs) > len(signs) / 2:
+    if not SIGNS[0] <= len(signs) <= SIGNS[1] or sum(letter.islower() for letter in signs) >= len(signs) / 2:
         return False
     digits = sum(letter.isdigit() for letter in signs)
     like = sum(letter in _LIKE_DIGITS for letter in signs)

@@ -1,0 +1,53 @@
+"""Faces, plates and text on pictures, where `make detect-setup` has been run."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+import pytest
+from PIL import Image, ImageDraw, ImageFont
+
+from benchmarks.faces_and_plates import painted_plate, portrait
+from facade_core.detect import look
+from facade_core.detect.faces import find_faces, ious
+from facade_core.detect.models import REMEDY, missing
+from facade_core.detect.text import find_lines
+
+pytestmark = pytest.mark.skipif(bool(missing()), reason=f"{', '.join(missing())} not installed; {REMEDY}")
+
+
+@pytest.mark.parametrize("height", [16, 60])
+def test_a_face_is_found_where_it_is(height: int) -> None:
+    image, box = portrait()
+    scale = height / (box[3] - box[1])
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA)
+    wall = np.full((200, 300, 3), 180, np.uint8)
+    wall[40 : 40 + len(small), 90 : 90 + small.shape[1]] = small[:160]
+    found, scores = find_faces(wall)
+    assert len(found) == 1
+    assert scores[0] > 0.5
+    true = np.array(box) * scale + [90, 40, 90, 40]
+    assert ious(true, found)[0] > 0.5
+    again, _ = find_faces(wall)
+    assert (again == found).all()
+
+
+def test_nothing_is_found_on_a_plain_wall() -> None:
+    wall = np.full((200, 300, 3), 180, np.uint8)
+    assert not look(wall).any()
+    assert not find_lines(wall)
+
+
+def test_a_sign_is_read_and_a_plate_is_hidden() -> None:
+    picture = Image.new("RGB", (500, 400), (200, 190, 170))
+    draw = ImageDraw.Draw(picture)
+    draw.text((250, 220), "GREEN SPRING", (20, 40, 30), ImageFont.load_default(36), "mm")
+    plate = Image.fromarray(painted_plate(np.random.default_rng(1))).resize((94, 20), Image.Resampling.LANCZOS)
+    picture.paste(plate, (300, 350))
+    seen = look(np.asarray(picture))
+    signs = [line.text.replace(" ", "") for line in seen.lines if line.corners[0, 1] < 300]
+    assert signs == ["GREENSPRING"], "blanks may be lost"
+    assert len(seen.plates) == 1
+    hidden = seen.hidden((400, 500))
+    assert hidden[350:370, 300:394].all()
+    assert not hidden[:300].any()

@@ -1,0 +1,129 @@
+"""What needs no model: what is taken for a plate or a name, what is hidden, and that nothing is looked for without models."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.detect import Seen, look, looked_for, models, shop_names
+from facade_core.detect.faces import best_of, ious
+from facade_core.detect.plates import is_plate
+from facade_core.detect.text import Line
+from facade_core.detect.tiles import tiles
+from facade_core.labels import SHOP, WALL
+from facade_core.synth import facade as paint
+from tasks.doctor.machine import second_opinion
+from tasks.keys.stage_code import stage_code
+
+
+def line(text: str, x: float, y: float, length: float = 60, height: float = 13, score: float = 0.95) -> Line:
+    return Line(np.array([[x, y], [x + length, y], [x + length, y + height], [x, y + height]]), text, score)
+
+
+@pytest.fixture
+def without(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(models, "FILES", {"faces": ("no-such-package", "models/none.onnx")})
+    monkeypatch.setattr("facade_core.detect.seen.models_digest", models.models_digest.__wrapped__)
+
+
+@pytest.mark.usefixtures("without")
+def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> None:
+    assert not looked_for()
+    seen = look(np.zeros((40, 60, 3), np.uint8))
+    assert not seen.any()
+    assert not seen.lines
+    assert not seen.hidden((40, 60)).any()
+    found = second_opinion()
+    assert (found.concern, found.well) == ("privacy", None)
+    assert "no-such-package not installed; `make detect-setup`" in found.said
+
+
+def test_what_takes_pictures_in_stands_on_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
+    def codes() -> dict[str, str]:
+        stage_code.cache_clear()
+        return {stage: stage_code(stage) for stage in ("facades", "exemplars", "poses", "streets", "surfaces")}
+
+    found = []
+    for digest in ("", "one", "other", ""):
+        monkeypatch.setattr("tasks.keys.stage_code.models_digest", lambda digest=digest: digest)
+        found.append(codes())
+    stage_code.cache_clear()
+    assert found[0] == found[3]
+    for stage, differs in {"facades": 3, "exemplars": 3, "poses": 1, "streets": 1, "surfaces": 1}.items():
+        assert len({codes[stage] for codes in found}) == differs, stage
+
+
+@pytest.mark.parametrize("text", ["AB-123-CD", "FU697334", "B MW 1234", "7AB O12", "PS11H", "1234 BCD"])
+def test_a_plate_is_letters_and_digits_that_stand_low(text: str) -> None:
+    assert is_plate(line(text, 10, 300), 200)
+    assert not is_plate(line(text, 10, 100), 200), "too high on the facade"
+    assert not is_plate(line(text, 10, 300, length=200), 200), "too long"
+
+
+@pytest.mark.parametrize("text", ["BOULANGERIE", "Cafe 24", "TAXIS", "12", "06 12 34 56 78 90", ""])
+def test_a_sign_is_no_plate(text: str) -> None:
+    assert not is_plate(line(text, 10, 300), 200)
+
+
+def test_names_are_read_over_shops_and_tell_of_no_person() -> None:
+    labels = np.full((200, 300), WALL, np.uint8)
+    labels[150:, 20:280] = SHOP
+    hidden = np.zeros(labels.shape, bool)
+    hidden[150:, 200:] = True
+    lines = [
+        line("GREEN SPRING", 120, 140),
+        line("Fleurs.", 30, 160),
+        line("fleurs", 110, 160),  # again
+        line("UPSTAIRS", 30, 100),  # no shop, nor just under one
+        line("unsure", 30, 175, score=0.7),
+        line("01 42 34 56 78", 30, 165),
+        line("tel 0142345678", 30, 168),
+        line("me@shop.fr", 30, 170),
+        line("AB-123-CD", 100, 185),
+        line("On a van", 220, 170),
+    ]
+    plates = np.array([lines[8].box])
+    assert shop_names(lines, labels, hidden, plates, 20.0) == ["Fleurs", "GREEN SPRING"]
+    assert shop_names(lines, np.full_like(labels, WALL), hidden, plates, 20.0) == []
+
+
+def test_what_is_hidden_is_larger_than_what_is_found_and_moves_with_the_picture() -> None:
+    seen = Seen(np.array([[10.0, 20, 20, 32]]), np.array([[90.0, 90, 120, 99]]), [line("x", 4, 6)])
+    assert seen.any()
+    assert seen.boxes((100, 110)) == ((7, 17, 24, 36), (82, 82, 110, 100))
+    assert seen.hidden((100, 110)).sum() == 17 * 19 + 28 * 18
+    moved = seen.moved(5, 7).scaled(2, 1)
+    assert (moved.faces == [[30, 27, 50, 39]]).all()
+    assert (moved.lines[0].box == [18, 13, 138, 26]).all()
+
+
+def test_tiles_cover_all_and_overlap() -> None:
+    image = np.arange(100 * 250).reshape(100, 250, 1).repeat(3, axis=2)
+    covered = np.zeros((100, 250), int)
+    for part, x, y in tiles(image, 90, 20):
+        assert (part == image[y : y + part.shape[0], x : x + part.shape[1]]).all()
+        covered[y : y + part.shape[0], x : x + part.shape[1]] += 1
+    assert covered.min() == 1
+    assert [(x, y) for _, x, y in tiles(image[:50, :60], 90, 20)] == [(0, 0)]
+
+
+def test_of_boxes_that_overlap_the_surest_stays() -> None:
+    boxes = np.array([[0.0, 0, 10, 10], [1, 0, 11, 10], [20, 0, 30, 10]])
+    assert ious(boxes[0], boxes).round(3).tolist() == [1.0, 0.818, 0.0]
+    kept, scores = best_of(boxes, np.array([0.5, 0.9, 0.4]), 0.3)
+    assert kept.tolist() == boxes[[1, 2]].tolist()
+    assert scores.tolist() == [0.9, 0.4]
+
+
+def test_a_face_that_is_private_is_made_anew() -> None:
+    from facade_core.facade import from_photo
+
+    painted = paint((9.0, 8.0), floors=2, columns=3, style="haussmann", metres_per_pixel=0.05, seed=2)
+    nothing = np.zeros(painted.labels.shape, bool)
+    private = nothing.copy()
+    private[-30:-20, 40:50] = True
+    plain, none, hidden = (from_photo(painted.image, nothing, private=p, clean=True) for p in (None, nothing, private))
+    assert (plain.image == none.image).all()
+    assert (hidden.occluded == private).all()
+    assert (hidden.image[~private] == painted.image[~private]).all()
+    assert (hidden.provenance[private] != plain.provenance[private]).all()
