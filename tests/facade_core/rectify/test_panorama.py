@@ -229,3 +229,24 @@ def test_fusing_without_overlap_keeps_colours() -> None:
     assert fused.seen.all()
     assert (fused.rgb[:, 70] >= 116).all()
     assert (fused.rgb[:, 20] <= 78).all()
+
+
+def test_what_a_panorama_hides_is_occluded_on_the_wall() -> None:
+    scene, pose = scene_of(WALL), Pose(105.0, 190.0, 2.5, 0.0)
+    image = photograph(pose)
+    plain = rectify_view(scene, 0, image, pose, (80, 100))
+    assert plain.occluded is None
+    hidden = np.zeros(image.shape[:2], bool)
+    hidden[480:540, 980:1060] = True  # straight ahead, about the horizon
+    view = rectify_view(scene, 0, image, pose, (80, 100), hidden)
+    assert (view.rgb == plain.rgb).all()
+    assert (view.seen == plain.seen).all()
+    assert view.occluded is not None
+    rows, columns = np.nonzero(view.occluded)
+    assert 45 < columns.mean() < 55
+    assert 0.8 < rows.mean() / 55 < 1.2, "2.5 m over the foot of a wall of 8 m"
+    width = columns.max() - columns.min() + 1
+    assert abs(width - 2 - 10 * DENSITY * 80 * 2 * np.pi / 2048) < 4, "as wide as it looks from 10 m away, and a rim"
+    again = rectify_view(scene, 0, image, pose, (80, 100), np.zeros_like(hidden))
+    assert again.occluded is not None
+    assert not again.occluded.any()

@@ -9,9 +9,11 @@ import numpy as np
 import pytest
 from PIL import ExifTags, Image
 
+from facade_core.detect import Seen, looked_for
 from facade_core.errors import ImageError
 from facade_core.synth import facade as paint
-from tasks.units.evidence import photo_of
+from tasks.units.evidence import evidence_of, photo_of
+from tasks.units.imagery import Imagery
 from tasks.units.images import capture_date, focal_length
 
 PAINTED = paint((16.0, 14.0), floors=4, columns=5, style="haussmann", metres_per_pixel=0.03, seed=4)
@@ -72,3 +74,22 @@ def test_the_day_is_that_of_the_exif(tmp_path: Path, told: str | None, day: str 
         exif.get_ifd(ExifTags.IFD.Exif)[ExifTags.Base.DateTimeOriginal] = told
     image.save(path, exif=exif)
     assert capture_date(path) == day
+
+
+def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "w1-f3.png"
+    Image.fromarray(PAINTED.image).save(path)
+    size = (PAINTED.image.shape[0] // 2, PAINTED.image.shape[1] // 2)
+    assert not photo_of(path, True, size).seen.any() or looked_for()
+    looks = []
+
+    def look(image: np.ndarray) -> Seen:
+        looks.append(image.shape)
+        return Seen(faces=np.array([[40.0, 60, 60, 84]]))
+
+    monkeypatch.setattr("tasks.units.evidence.look", look)
+    photo = photo_of(path, True, size)
+    factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
+    assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
+    evidence = evidence_of("photo", None, 0, size, Imagery(photo=path), (), [])
+    assert evidence.masked == evidence.seen.boxes(size) != ()
