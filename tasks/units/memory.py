@@ -11,6 +11,7 @@ from pathlib import Path
 
 import numpy as np
 
+from facade_core.detect import looked_for
 from facade_core.errors import InputError
 from facade_core.export.pages import LARGEST_PAGE
 from facade_core.export.views import SAMPLES, VIEW_SIZE
@@ -22,6 +23,8 @@ from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS, image_size
 LEAST = 50_000_000
 # Stages of a facade hold votes, features and copies of each texel (measured: 165 from 0.5 to 4 million).
 FACADE_TEXEL = 190
+# Networks that look for faces and text, at work on one part of a picture, whatever its size (measured: 280 to 340 MB).
+LOOKING = 350_000_000
 # A texture's colour, cover and places in the atlas.
 TEXTURE_TEXEL = 40
 # A picture is decoded; what is kept of it, which is bounded, is converted and given a mask (measured: 5 to 6 of a PNG of 144
@@ -53,13 +56,18 @@ def pose_memory(path: Path) -> int:
 
 def exemplar_memory(path: Path) -> int:
     kept = min(_pixels([path]), LONGEST_EXEMPLAR**2)
-    return LEAST + max(_decoded([path]) + kept * PICTURE_PIXEL, kept * (FACADE_TEXEL + PICTURE_PIXEL))
+    return LEAST + _looking() + max(_decoded([path]) + kept * PICTURE_PIXEL, kept * (FACADE_TEXEL + PICTURE_PIXEL))
 
 
 def facade_memory(texels: int, imagery: Imagery) -> int:
     tried = ([imagery.photo] if imagery.photo else [], [path for path, _ in imagery.panoramas])  # one after the other
     kept = max(_pixels(pictures) for pictures in tried)
-    return LEAST + max(texels * FACADE_TEXEL, *map(_decoded, tried)) + kept * PICTURE_PIXEL
+    least = LEAST + (_looking() if kept else 0)
+    return least + max(texels * FACADE_TEXEL, *map(_decoded, tried)) + kept * PICTURE_PIXEL
+
+
+def _looking() -> int:
+    return LOOKING if looked_for() else 0
 
 
 def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
