@@ -4,11 +4,14 @@
 hidden. Inside the holes: PSNR (dB) and SSIM, means over facades; perceptual, a distance of EfficientNet-Lite0's
 features (deploy/peers/perceptual.py); gradient_energy, that of the result over the truth's (1 is as sharp), bands the same for
 details of about 1-2, 2-4 and 4-8 px; structure, mIoU of `parse` of the result against the true labels over all holes
-together, beside that of the photo itself; seconds, the median. A method is sharp with gradient_energy 0.8 to 1.2.
+together, beside that of the photo itself; hidden_rows, the share of the pixels that `parse` gets right in holes where under a
+tenth of the row is visible; door_recall and door_precision, of the pixels of doors in holes; seconds, the median. A method is
+sharp with gradient_energy 0.8 to 1.2.
 
 Ours is given what the pipeline has: the parse of what is visible, and in "+ layout" the completed layout too. Peers
 are OpenCV's Telea and Navier-Stokes, scikit-image's biharmonic (at a quarter of the size), and in environments of their
-own pypatchmatch and opencv-contrib's shift map.
+own pypatchmatch, patchmatch-cython, object-remove and opencv-contrib's shift map. A peer that cannot be installed or fails is
+skipped, with its reason. --methods names those to measure.
 """
 
 from __future__ import annotations
@@ -29,13 +32,15 @@ import numpy as np
 from benchmarks.inpainting import peers
 from benchmarks.inpainting.cases import Case, cases
 from benchmarks.parsing import confusion, scores
-from facade_core.labels import CLASSES, UNKNOWN
+from facade_core.labels import CLASSES, DOOR, UNKNOWN
 from facade_core.parse import elements, parse
 from facade_core.texture import inpaint
 from facade_core.types import Element
 
-OURS = tuple(f"{method}{given}" for method in ("floors", "tiles", "auto") for given in ("", " + layout"))
+OURS = tuple(f"{method}{given}" for method in ("floors", "tiles") for given in ("", " + layout"))
+PEERS = ("pypatchmatch", "patchmatch-cython", "object-remove", "shiftmap")
 SHARP = (0.8, 1.2)
+_VISIBLE = 0.1  # share of a row below which it counts as hidden
 _HIDDEN = 0.3  # an element hidden by more than this share was not observed
 
 
@@ -115,8 +120,11 @@ def _energies(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
     return np.array([band[mask].mean() for band in (across**2 + down**2, *details)])
 
 
-def measure(chosen: Sequence[Case], work: Path, environments: Path, only: Sequence[str] = ()) -> dict[str, Any]:
-    """All figures by method; pictures are left in `work` as CASE.METHOD.png."""
+def measure(
+    chosen: Sequence[Case], work: Path, environments: Path, only: Sequence[str] = ()
+) -> tuple[dict[str, Any], dict[str, str]]:
+    """All figures by method, and by peer why it was skipped; pictures are left in `work` as CASE.METHOD.png. `only` names
+    methods, and peers as a whole; all where it is empty."""
     from PIL import Image
 
     from facade_core.texture.pitch import bay_width, floor_height
@@ -130,7 +138,7 @@ def measure(chosen: Sequence[Case], work: Path, environments: Path, only: Sequen
         for kind, picture in files.items():
             Image.fromarray(picture).save(work / f"{case.name}.{kind}.png")
     first = True
-    for case in chosen:
+    for case in chosen if not only or set(only) - set(PEERS) else ():
         for name, call in in_process(case).items():
             if only and name not in only:
                 continue
@@ -141,36 +149,63 @@ def measure(chosen: Sequence[Case], work: Path, environments: Path, only: Sequen
             seconds.setdefault(name, []).append(time.perf_counter() - start)
             Image.fromarray(filled).save(work / f"{case.name}.{name}.png")
         first = False
-    for peer in ("pypatchmatch", "shiftmap"):
-        seconds |= {k: v for k, v in peers.run(peer, environments, work, work).items() if not only or k in only}
+    skipped = {}
+    for peer in PEERS:
+        if not only or peer in only:
+            try:
+                seconds |= peers.run(peer, environments, work, work)
+            except RuntimeError as error:
+                skipped[peer] = str(error)
     perceptual = peers.run("perceptual", environments, work, work, *seconds)
     figures = {name: _figures(name, chosen, work) for name in seconds}
     for name, values in perceptual.items():
         figures[name]["perceptual"] = round(float(np.mean(values)), 3)
         figures[name]["seconds"] = round(statistics.median(seconds[name]), 3)
-    return figures
+    return figures, skipped
 
 
 def _figures(method: str, chosen: Sequence[Case], work: Path) -> dict[str, Any]:
     from PIL import Image
 
-    rows, counts = [], np.zeros((len(CLASSES), len(CLASSES)), np.int64)
+    rows, parsed = [], []
     for case in chosen:
         filled = np.asarray(Image.open(work / f"{case.name}.{method}.png"))
         rows.append(similarity(filled, case.truth, case.mask))
-        counts += confusion(np.where(case.mask, case.labels, UNKNOWN), parse(filled).labels)
+        parsed.append(parse(filled).labels)
     means = {name: round(float(np.mean([row[name] for row in rows])), 3) for name in rows[0]}
-    found = scores(counts)
-    return {**means, "structure_miou": found["mean_iou"], "structure_iou": found["iou"]}
+    return {**means, **structure(chosen, parsed)}
 
 
-def goals(figures: dict[str, Any], ours: str = "auto + layout") -> dict[str, Any]:
-    """Ours beside the best sharp peer, by what is to be reached."""
+def structure(chosen: Sequence[Case], parsed: Sequence[np.ndarray]) -> dict[str, Any]:
+    """What parsed labels (H, W) uint8 of the results tell of the true ones in all holes together; None where a hole has no
+    hidden row, or no door."""
+    every, hidden = (np.zeros((len(CLASSES), len(CLASSES)), np.int64) for _ in range(2))
+    for case, labels in zip(chosen, parsed, strict=True):
+        rows = (~case.mask).mean(1, keepdims=True) < _VISIBLE
+        every += confusion(np.where(case.mask, case.labels, UNKNOWN), labels)
+        hidden += confusion(np.where(case.mask & rows, case.labels, UNKNOWN), labels)
+    found = scores(every)
+    shares = {
+        "hidden_rows": (hidden.trace(), hidden.sum()),
+        "door_recall": (every[DOOR, DOOR], every[DOOR].sum()),
+        "door_precision": (every[DOOR, DOOR], every[:, DOOR].sum()),
+    }
+    return {
+        "structure_miou": found["mean_iou"],
+        "structure_iou": found["iou"],
+        **{name: round(float(part / whole), 3) if whole else None for name, (part, whole) in shares.items()},
+    }
+
+
+def goals(figures: dict[str, Any], ours: str = "floors + layout") -> dict[str, Any]:
+    """Ours beside the best sharp peer, by what is to be reached; nothing where no peer is sharp."""
     sharp = {
         name: row
         for name, row in figures.items()
         if name not in (*OURS, "truth") and SHARP[0] <= row["gradient_energy"] <= SHARP[1]
     }
+    if not sharp:
+        return {}
     own = figures[ours]
     best = {key: max(row[key] for row in sharp.values()) for key in ("psnr", "ssim", "structure_miou")}
     nearest = min(row["perceptual"] for row in sharp.values())
@@ -195,20 +230,21 @@ def main(arguments: list[str] | None = None) -> None:
         default=Path.home() / ".cache" / "streetloom" / "peers",
         help="folder for the peers' environments, made on demand: some gigabytes",
     )
+    parser.add_argument("--methods", nargs="*", default=[], help="methods and peers to measure [all]")
     options = parser.parse_args(arguments)
     chosen = list(cases(options.data, options.count))
     with tempfile.TemporaryDirectory() as scratch:
         work = options.out or Path(scratch)
         work.mkdir(parents=True, exist_ok=True)
-        figures = measure(chosen, work, options.environments)
-        counts = sum(confusion(np.where(c.mask, c.labels, UNKNOWN), parse(c.truth).labels) for c in chosen)
+        figures, skipped = measure(chosen, work, options.environments, options.methods)
     result = {
         "benchmark": "inpainting",
         "facades": len(chosen),
         "hidden": [round(float(f([c.mask.mean() for c in chosen])), 3) for f in (min, np.mean, max)],
-        "structure_miou_of_photo": scores(np.asarray(counts))["mean_iou"],
+        "photo": structure(chosen, [parse(case.truth).labels for case in chosen]),
         "methods": figures,
-        "goals": {name: goals(figures, name) for name in OURS},
+        "skipped": skipped,
+        "goals": {name: goals(figures, name) for name in OURS if name in figures},
     }
     print(json.dumps(result))
 

@@ -18,14 +18,17 @@ PEERS = Path(__file__).resolve().parents[2] / "deploy" / "peers"
 
 
 def environment(name: str, folder: Path) -> Path:
-    """The interpreter of peer NAME's environment under a folder, made unless it is there with the same pins."""
+    """The interpreter of peer NAME's environment under a folder, made unless it is there with the same pins. Raises
+    RuntimeError with pip's last words where it cannot be."""
     wanted = PEERS / f"{name}.txt"
     place = folder / f"{name}-{hashlib.sha256(wanted.read_bytes()).hexdigest()[:12]}"
     python = place / "bin" / "python"
     if not (place / "ready").exists():
         subprocess.run([sys.executable, "-m", "venv", "--clear", str(place)], check=True)
         install = [str(python), "-m", "pip", "install", "--quiet", "--disable-pip-version-check", "-r", str(wanted)]
-        subprocess.run(install, check=True)
+        done = subprocess.run(install, capture_output=True, text=True, check=False)
+        if done.returncode:
+            raise RuntimeError(f"peer {name} cannot be installed: {done.stderr.strip()[-300:]}")
         (place / "ready").touch()
     return python
 

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.inpainting import goals, similarity
-from benchmarks.inpainting.cases import hole
+from benchmarks.inpainting import goals, peers, similarity, structure
+from benchmarks.inpainting.cases import Case, hole
 from benchmarks.synthesis.resizing import carve, quilt
+from facade_core.labels import DOOR, UNKNOWN
 
 PIECES = {
     "tree_1": np.full((60, 40), 255, np.uint8),
@@ -44,11 +45,35 @@ def test_goals_compare_with_sharp_peers_only():
     row = {"psnr": 14.0, "ssim": 0.3, "perceptual": 1.0, "gradient_energy": 1.0, "structure_miou": 0.4}
     blur = {**row, "psnr": 20.0, "gradient_energy": 0.2}
     ours = {**row, "psnr": 15.5, "perceptual": 0.8, "structure_miou": 0.55}
-    found = goals({"telea": blur, "shift_map": row, "auto + layout": ours})
+    found = goals({"telea": blur, "shift_map": row, "floors + layout": ours})
     assert found["sharp_peers"] == ["shift_map"]
     assert found["psnr_gain"] == 1.5
     assert found["perceptual_ratio"] == 0.8
     assert found["structure_gain"] == 15.0
+
+
+def test_hidden_rows_and_doors_are_counted_in_holes():
+    labels, mask = np.zeros((4, 20), np.uint8), np.zeros((4, 20), bool)
+    mask[2], mask[3, 1:] = True, True  # a row of which nothing is seen, and one of which a twentieth is
+    mask[1, :10] = True
+    labels[1:, 4:8] = DOOR
+    labels[3, 19] = UNKNOWN
+    parsed = np.zeros_like(labels)
+    parsed[2, 4:6] = parsed[2, 12] = DOOR
+    found = structure([Case("one", np.zeros((4, 20, 3), np.uint8), labels, mask)], [parsed])
+    assert found["hidden_rows"] == pytest.approx((20 - 3 + 18 - 4) / 38, abs=1e-3)
+    assert found["door_recall"] == pytest.approx(2 / 12, abs=1e-3)
+    assert found["door_precision"] == pytest.approx(2 / 3, abs=1e-3)
+    assert (
+        structure([Case("none", np.zeros((4, 20, 3), np.uint8), labels, mask & False)], [parsed])["door_recall"] is None
+    )
+
+
+def test_a_peer_that_cannot_be_installed_says_so(tmp_path, monkeypatch):
+    (tmp_path / "absent.txt").write_text("--no-index\nno-such-distribution==1\n")
+    monkeypatch.setattr(peers, "PEERS", tmp_path)
+    with pytest.raises(RuntimeError, match="peer absent cannot be installed"):
+        peers.environment("absent", tmp_path / "made")
 
 
 @pytest.mark.parametrize("size", [(70, 150), (120, 100), (90, 300)])
