@@ -1,11 +1,9 @@
-"""What was hidden, filled: by floors, by tiles, or by whichever agrees better with what is seen around the hole."""
+"""What was hidden, filled: by floors or by tiles."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import partial
 
-import cv2
 import numpy as np
 
 from facade_core.atlas.levelling import spread
@@ -17,11 +15,9 @@ from facade_core.texture.hidden_tiles import fill_by_tiles
 from facade_core.texture.structure import structure
 from facade_core.types import Element
 
-METHODS = ("auto", "floors", "tiles")
-_HELD_BACK = 12  # px around the hole that are hidden too, to see which method predicts them better
+METHODS = ("floors", "tiles")
 _WALL_AROUND = 0.3  # of an element's size: how far around it a layout tells that there is wall
 _AGREED = 0.7  # share of the votes of other bays that a plan for "floors" needs
-_TRUST = 0.85  # tiles must beat floors by this factor: their wider warps look worse than the band's error says
 
 
 def inpaint(
@@ -30,15 +26,13 @@ def inpaint(
     *,
     labels: np.ndarray | None = None,
     elements: Sequence[Element] | None = None,
-    method: str = "auto",
+    method: str = "floors",
     seed: int = 0,
 ) -> np.ndarray:
     """image (H, W, 3) uint8 with the pixels of mask (H, W) bool filled; all others keep their bits.
 
     method "floors" clones what lies whole floors and bays away (floors paper); "tiles" lays visible tiles (tiles
-    paper; needs labels (H, W) uint8 or elements); "auto" hides a band of 12 px more, fills it by both at half size and
-    takes the tiles for those holes whose band they predict clearly better. Without labels and elements it is
-    "floors". Labels count only outside the mask.
+    paper; needs labels (H, W) uint8 or elements). Labels count only outside the mask.
 
     elements in pixels, from a completed layout, say where windows go: sources that put elements on elements are
     preferred. Without any repetition "floors" copies from where the rim fits best; what has no source is diffused, and so is
@@ -58,9 +52,7 @@ def inpaint(
         return image.copy()
     if min(mask.shape) < LEAST_SIDE:
         return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
-    guide = _guide(mask, labels, elements)
-    fill = _fill_by_better if method == "auto" else partial(_fill, method)
-    filled = fill(image, mask, labels, guide, seed)
+    filled = _fill(method, image, mask, _guide(mask, labels, elements), seed)
     return np.where(mask[..., None], filled, image)
 
 
@@ -82,9 +74,7 @@ def _guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Eleme
     return guide
 
 
-def _fill(
-    method: str, image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guide: np.ndarray, seed: int
-) -> np.ndarray:
+def _fill(method: str, image: np.ndarray, mask: np.ndarray, guide: np.ndarray, seed: int) -> np.ndarray:
     rng = np.random.default_rng(seed)
     if method == "floors":
         return fill_by_floors(image, mask, _carried_along(guide, agreed=_AGREED), rng)
@@ -116,37 +106,3 @@ def _carried_along(guide: np.ndarray, *, agreed: float) -> np.ndarray:
     cast = np.where(votes.any(2, keepdims=True), votes, counts[:, None])
     split = cast.max(2) < agreed * cast.sum(2)
     return np.where(guide != UNKNOWN, guide, np.where(split, UNKNOWN, voted)).astype(np.uint8)
-
-
-def _fill_by_better(
-    image: np.ndarray, mask: np.ndarray, labels: np.ndarray | None, guide: np.ndarray, seed: int
-) -> np.ndarray:
-    """Every hole filled by the method that predicts a held-back visible band around it better, tried at half size."""
-    floors = _fill("floors", image, mask, labels, guide, seed)
-    if (guide == UNKNOWN).all():
-        return floors
-    size = max(16, mask.shape[1] // 2), max(16, mask.shape[0] // 2)
-    small = cv2.resize(image, size, interpolation=cv2.INTER_AREA)
-    hole = cv2.resize(mask.astype(np.uint8), size, interpolation=cv2.INTER_AREA) > 0
-    wider = cv2.dilate(hole.astype(np.uint8), np.ones((_HELD_BACK + 1, _HELD_BACK + 1), np.uint8)) > 0
-    if wider.all():
-        return floors
-    plan = cv2.resize(guide, size, interpolation=cv2.INTER_NEAREST)
-    if labels is not None:
-        plan[wider & ~hole] = UNKNOWN
-    errors = {}
-    for method in ("floors", "tiles"):
-        try:
-            filled = _fill(method, small, wider, labels, plan, seed)
-        except ImageError:  # no whole tile is left
-            return floors
-        errors[method] = ((filled.astype(np.float32) - small) ** 2).mean(2)
-    count, numbered = cv2.connectedComponents(wider.astype(np.uint8))
-    band = np.where(hole, 0, numbered).ravel()
-    floors_error, tiles_error = (np.bincount(band, errors[method].ravel(), count) for method in ("floors", "tiles"))
-    better = tiles_error < _TRUST * floors_error
-    better[0] = False
-    if not better.any():
-        return floors
-    tiled = cv2.resize(better[numbered].astype(np.uint8), mask.shape[::-1], interpolation=cv2.INTER_NEAREST) > 0
-    return np.where(tiled[..., None], _fill("tiles", image, mask, labels, guide, seed), floors)
