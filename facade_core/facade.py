@@ -100,12 +100,12 @@ def from_photo(
         parsing = parse(np.dstack([image, alpha]))
         found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
         in_front, masked = things_in_front(found)
+        if private is not None:
+            in_front |= private
         masked_share = float((in_front & ~hidden).mean())
         hidden = hidden | in_front
         if outside is not None:
             hidden |= _grown(outside, THING_RIM)
-        if private is not None:
-            hidden |= private
     _require_seen(hidden, "beside sky, trees, cars and the like")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if share_of(hidden, e) <= HIDDEN_SHARE]
