@@ -42,10 +42,11 @@ class Record(TypedDict, total=False):
     given_deg: float | None
     residual_deg: float | None
     left: list[str]
-    # exemplars: their size at the block's density, and what was masked of them
+    # exemplars: their size at the block's density, what was masked of them, and what of their wall is in shadow
     width_m: float
     height_m: float
     hidden: float
+    shaded: float
     metres_per_pixel: float
     metres_per_texel: float
     # textured buildings: how many charts
