@@ -6,6 +6,8 @@ import numpy as np
 
 # Pixels to a side of the squares in which what hides a wall is shown.
 MOSAIC = 12
+# Side in pixels of what is shown of a picture as given.
+LONGEST_PREVIEW = 640
 
 
 def overlay_hidden(image: np.ndarray, hidden: np.ndarray) -> np.ndarray:
@@ -24,12 +26,12 @@ def _mosaic(image: np.ndarray) -> np.ndarray:
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
-def draw_cut(image: np.ndarray, hidden: np.ndarray, box: tuple[int, int, int, int], side: int) -> np.ndarray:
-    """A picture (h, w, 3) uint8 as it was given, `side` pixels at most: dark and coarse outside the box (x0, y0, x1, y1) that
-    was taken of it, and tinted where hidden, (h, w) bool of the box, says that it was made anew."""
+def draw_cut(image: np.ndarray, hidden: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
+    """A picture (h, w, 3) uint8 as it was given, LONGEST_PREVIEW pixels at most: dark and coarse outside the box
+    (x0, y0, x1, y1) that was taken of it, and tinted where hidden, (h, w) bool of the box, says that it was made anew."""
     import cv2
 
-    scale = min(1.0, side / max(image.shape[:2]))
+    scale = min(1.0, LONGEST_PREVIEW / max(image.shape[:2]))
     height, width = (max(1, round(length * scale)) for length in image.shape[:2])
     small = cv2.resize(image, (width, height), interpolation=cv2.INTER_AREA)
     x0, y0, x1, y1 = (round(at * scale) for at in box)

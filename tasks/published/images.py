@@ -12,13 +12,13 @@ from catalogs.published.made import Made
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.encoded import picture_path, read_encoded
 from facade_core.atlas.journal import Record, unit_key
+from facade_core.export.hidden import LONGEST_PREVIEW
 from facade_core.export.picture import file_of
 from facade_core.export.views import spread
 from facade_core.resizing import resized
 from tasks.keys.stage_code import stage_code
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
-from tasks.units.exemplars import LONGEST_PREVIEW
 
 # Panoramas that are shown.
 PANORAMAS = 6

@@ -32,9 +32,6 @@ PREVIEW = Array(
 )
 LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core.labels, 255 unknown", FLAGS)
 
-# Side in pixels of what the report shows of a picture as given.
-LONGEST_PREVIEW = 640
-
 
 def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
     """Prepare one exemplar and write its image and labels through the fork; returns the fork and the journal record."""
@@ -89,7 +86,7 @@ def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exempla
     facade, (x0, y0, x1, y1) = prepared.facade, prepared.box
     shown = shielded(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
     shown[y0:y1, x0:x1] = shielded(facade.evidence, facade.occluded, run.privacy, 1 / prepared.metres_per_pixel)
-    return draw_cut(shown, facade.occluded, prepared.box, LONGEST_PREVIEW)
+    return draw_cut(shown, facade.occluded, prepared.box)
 
 
 def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:

@@ -103,10 +103,11 @@ def test_a_cut_is_drawn_with_what_is_left_out_dark_and_what_is_made_anew_tinted(
     image = np.full((200, 100, 3), 100, np.uint8)
     hidden = np.zeros((120, 60), bool)
     hidden[:20] = True
-    drawn = draw_cut(image, hidden, (20, 40, 80, 160), 200)
+    drawn = draw_cut(image, hidden, (20, 40, 80, 160))
     assert drawn.shape == image.shape
     assert (drawn[:40] == 25).all()
     assert (drawn[:, 80:] == 25).all()
     assert (drawn[60:160, 20:80] == 100).all()
     assert (drawn[40:60, 20:80, 0] > 100).all()
-    assert draw_cut(image, hidden, (20, 40, 80, 160), 50).shape == (50, 25, 3)
+    large, unseen = np.zeros((1280, 700, 3), np.uint8), np.zeros((1280, 700), bool)
+    assert draw_cut(large, unseen, (0, 0, 700, 1280)).shape == (640, 350, 3)
