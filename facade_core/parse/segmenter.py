@@ -28,9 +28,6 @@ _WORKING_SIDE = 2048
 # Something is in front where its probability is above the first, in a part that somewhere reaches the second: on the Swiss
 # test photos as good as the first alone, and ornament that is only half taken for leaves is let go.
 _IN_FRONT = (0.5, 0.8)
-# What stands on the street is in front sooner: parts that reach the lowest tenth of the picture. With these, four of five boxes
-# that a detector drew before photos trained on are found, and a tenth of what is beside them is taken with them.
-_AT_FOOT, _FOOT = (0.2, 0.4), 0.1
 # What is likelier beside the facade than on it is outside.
 _OUTSIDE = 0.5
 # Windows are drawn at the image's own size; below this share of the working size its pixels are too coarse for them.
@@ -100,11 +97,7 @@ def _in_front(hidden: np.ndarray) -> np.ndarray:
     """Where something is in front, (H, W) bool, by how likely that is at each pixel."""
     from skimage.filters import apply_hysteresis_threshold
 
-    parts, count = ndimage.label(apply_hysteresis_threshold(hidden, *_AT_FOOT))
-    standing = np.zeros(count + 1, bool)
-    standing[np.unique(parts[int((1 - _FOOT) * len(parts)) :])] = True
-    standing[0] = False
-    return standing[parts] | apply_hysteresis_threshold(hidden, *_IN_FRONT)
+    return apply_hysteresis_threshold(hidden, *_IN_FRONT)
 
 
 def seen_outside(image: np.ndarray, hidden: np.ndarray, *, model: str | Path | None = None) -> np.ndarray:
