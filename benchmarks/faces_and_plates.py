@@ -1,7 +1,7 @@
 """Whether faces and number plates before facades are found: pasted ones of known places, by their height in pixels.
 
-Faces are those of the people of occluders/, most in profile, marked by eye in faces.json, and of a portrait that scikit-image
-brings (NASA, public domain). Plates are painted with Pillow's own letters on the cars of occluders/, turned, blurred and noisy.
+Faces are those of some people of occluders/, most in profile, marked by eye in faces.json. Plates are painted with Pillow's own
+letters on the cars of occluders/, turned, blurred and noisy.
 Both stand at the foot of held-out facades, which no threshold was chosen on.
 
 found: the box found and the true one share at least half of what they cover together. hidden: nine tenths of the true box are
@@ -44,21 +44,9 @@ def marked_faces() -> dict[str, list[Box]]:
     return {name: [tuple(box) for box in boxes] for name, boxes in json.loads(text).items()}
 
 
-def portrait() -> tuple[np.ndarray, Box]:
-    """A picture (h, w, 3) uint8 of a person, and the box of the face."""
-    from skimage import data
-
-    return data.astronaut()[:300, 60:400], (118, 62, 208, 178)
-
-
-def measure(
-    facades: Sequence[LabelledFacade], pieces: Mapping[str, np.ndarray], portrait: np.ndarray, face: Box
-) -> dict[str, Any]:
-    """Faces and plates pasted before facades; pieces: RGBA cut-outs by their names; portrait (h, w, 3) uint8 and its face."""
-    people: list[tuple[np.ndarray, list[Box]]] = [
-        (pieces[name], boxes) for name, boxes in marked_faces().items() if name in pieces
-    ]
-    people.append((np.dstack([portrait, np.full(portrait.shape[:2], 255, np.uint8)]), [face]))
+def measure(facades: Sequence[LabelledFacade], pieces: Mapping[str, np.ndarray]) -> dict[str, Any]:
+    """Faces and plates pasted before facades; pieces: RGBA cut-outs by their names."""
+    people = [(pieces[name], boxes) for name, boxes in marked_faces().items() if name in pieces]
     cars = [piece for name, piece in sorted(pieces.items()) if name.startswith("car")]
     result: dict[str, Any] = {FACES: {}, PLATES: {}}
     for kind, heights in HEIGHTS.items():

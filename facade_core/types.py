@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 # What is kept of things in front of facades, people among them. blur: unreadable, but a thing can still be told; mask:
 # nothing is left of it; keep: as the picture shows it.
 Privacy = Literal["blur", "mask", "keep"]
+# x0, y0, x1, y1 in pixels of a picture, half-open.
+Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True)

@@ -37,9 +37,10 @@ class Column:
 
 
 def _interval(name: str, type: str, unit: str = "") -> tuple[Column, Column]:
-    """The columns of what holds the true value of another in nine of ten facades."""
+    """The columns of what is meant to hold the true value of another in nine of ten facades (`bench elements`: 84 to 100 %)."""
     least, most = (
-        f"the {end} that `{name}` is in nine of ten facades; none where no picture tells" for end in ("least", "most")
+        f"the {end} that `{name}` may be, meant to hold in nine of ten facades; none where no picture tells"
+        for end in ("least", "most")
     )
     return Column(f"{name}_low", type, unit, least), Column(f"{name}_high", type, unit, most)
 
@@ -107,7 +108,7 @@ COLUMNS = (
         "masked",
         "double",
         "0 to 1",
-        "share of it that things in front (trees, cars, people) hid; these were made anew",
+        "share of the evidence that things in front (trees, cars, people) hid; these were made anew",
     ),
     Column(
         "privacy",

@@ -47,7 +47,7 @@ def session(model: str) -> Any:
 
     path = _path(*FILES[model])
     if not path.is_file():
-        raise ModelError(f"{path.name}: no such file in {FILES[model][0]}; {REMEDY}")
+        raise ModelError(f"{FILES[model][1]}: no such file of {FILES[model][0]}; {REMEDY}")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _INTRA_OP_THREADS
     options.inter_op_num_threads = 1

@@ -7,11 +7,11 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from facade_core.detect.faces import ENLARGED, OVERLAP, SMALL, best_of, find_faces
+from facade_core.detect.faces import ENLARGED, SMALL, find_faces
 from facade_core.detect.models import models_digest
 from facade_core.detect.plates import is_plate
 from facade_core.detect.text import Line, find_lines
-from facade_core.rectify.cut import Box
+from facade_core.types import Box
 
 # What is hidden is larger than what is found by this share of its longer side, to every side: hair and chin, a plate's rim.
 RIM = 0.25
@@ -88,5 +88,5 @@ def find_plates(image: np.ndarray, low: float = LOW) -> tuple[np.ndarray, list[L
     if image.size <= 3 * SMALL and first < len(image):
         closer = find_lines(image[first:], ENLARGED)
         plates += [line.box + np.array([0, first, 0, first]) for line in closer if is_plate(line, 0)]
-    found = np.array(plates).reshape(-1, 4)
-    return best_of(found, np.ones(len(found)), OVERLAP)[0], lines
+    # of a plate that is found twice both boxes are hidden
+    return np.array(plates).reshape(-1, 4), lines

@@ -1,4 +1,4 @@
-"""Names of shops: the text over and in shop fronts, without what tells of persons."""
+"""Names of shops: the text over and in shop fronts, without telephone numbers, addresses and lines with a person's title."""
 
 from __future__ import annotations
 
@@ -18,7 +18,11 @@ LEAST_SCORE, HIDDEN = 0.8, 0.3
 LETTERS, MOSTLY, DIGITS = 3, 0.6, 5
 # Of one facade.
 MOST = 12
-_MAIL = re.compile(r"@|\(at\)|mail", re.IGNORECASE)
+_ADDRESS = re.compile(r"@|\(at?\)|mail|www|\.[a-z]{2,3}$|\b(tel|phone|telephone|fax|mobile?)\b", re.IGNORECASE)
+# Doctors, lawyers and owners sign with their own names.
+_PERSON = re.compile(
+    r"\b(dr|prof|med|not(ar|aris|aire|ary)|avocate?|advokat|advocaat|rechtsanw\w*|inh|prop|mme|mlle)\b", re.I
+)
 
 
 def shop_names(
@@ -47,4 +51,5 @@ def shop_names(
 
 def _is_name(text: str) -> bool:
     letters, digits = (sum(map(test, text)) for test in (str.isalpha, str.isdigit))
-    return letters >= LETTERS and letters >= MOSTLY * len(text) and digits < DIGITS and not _MAIL.search(text)
+    spelt = letters >= LETTERS and letters >= MOSTLY * len(text) and digits < DIGITS
+    return spelt and not _ADDRESS.search(text) and not _PERSON.search(text)

@@ -157,7 +157,8 @@ def _unseen(value: Figures, found: Sequence[Element], hidden: np.ndarray) -> Fig
     doubt of the window share has it already."""
     made_up = sum(share_of(hidden, element) for element in found if element.label == "window")
     share = float(hidden.mean())
-    around = (value.windows - made_up) * share / max(1 - share, _LEAST_UNSURE)
+    # where none is seen there may be one
+    around = max(value.windows - made_up, 1) * share / max(1 - share, _LEAST_UNSURE)
     rows = float((hidden.mean(1) >= _HIDDEN_ROW).mean())
     return Figures(0.0, _MADE_UP_WRONG * max(made_up, around), _MADE_UP_WRONG * value.floors * rows)
 

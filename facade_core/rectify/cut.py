@@ -7,6 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.parse.segmenter import seen_outside
+from facade_core.types import Box
 
 # A facade that is less than this share of its picture is not believed: the picture stays whole.
 LEAST = 0.25
@@ -14,8 +15,6 @@ LEAST = 0.25
 PARTS = 192
 # What is hidden counts so little, for the box: it stays where it costs nothing.
 _NEITHER = 1e-4
-
-Box = tuple[int, int, int, int]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -138,7 +138,7 @@ def _storeys(plan: _Plan, height: int, floors: int, rng: np.random.Generator, no
     best: tuple[float, list[int], float] | None = None
     for kept in (roofs, roofs[-1:], []):
         wanted = floors - len(kept) - standing
-        if wanted < 0 or (wanted == 0 and not ground):
+        if wanted < 0 or (wanted == 0 and not kept and max(ground, default=-1) < 0):  # of no row of windows
             continue
         start = price[kept[-1], middle] if kept else 0.3 * np.arange(len(middle))
         end = price[middle, ground[0]] if ground and ground[0] >= 0 else 0.05 * np.arange(len(middle))[::-1]

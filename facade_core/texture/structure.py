@@ -11,8 +11,9 @@ from facade_core.labels import BALCONY, DOOR, ROOF, SHOP, SKY, UNKNOWN, WALL, WI
 from facade_core.types import Lattice
 
 Span = tuple[int, int]
-# What is left under the lowest row of windows is a storey from this share of the others' height on; a base is lower.
-_STOREY = 0.5
+# What is left under the lowest row of windows is a storey from this share of the others' height on; a base is lower. Under
+# a single row it is one from this share of the facade and so many heights of a window on.
+_STOREY, _OF_TWO, _OF_WINDOW = 0.5, 0.35, 1.3
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,6 +40,10 @@ class Structure:
         lowest floor is tall enough for a storey."""
         if self.kinds[-1] == "ground":
             return False
+        if len(self.floors) == 1:
+            ((top, below),) = self.floors
+            least = max(_OF_TWO * (self.bottom - self.top), _OF_WINDOW * (below - top))
+            return self.bottom - self.floor_cuts[-1] >= least
         pitches = np.diff(self.floor_cuts)
         middle = np.median([pitch for pitch, kind in zip(pitches, self.kinds, strict=True) if kind == "middle"])
         return bool(self.bottom - self.floor_cuts[-1] >= _STOREY * middle)

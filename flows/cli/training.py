@@ -156,26 +156,30 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
 
     import benchmarks
 
-    names = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
+    modules = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
+    told = {module: about for module in modules if (about := _about(module)) is not None}
     if name is None:
-        width = max(map(len, names))
-        for name in names:
-            say(f"{name:{width}}  {_about(name)}")
+        width = max(map(len, told))
+        for module, about in told.items():
+            say(f"{module:{width}}  {about}")
         return
-    if name not in names:
-        raise click.BadParameter(f"{name}: there is {', '.join(names)}", param_hint="NAME")
+    if name not in told:
+        raise click.BadParameter(f"{name}: there is {', '.join(told)}", param_hint="NAME")
     # every benchmark prints JSON; --json is accepted since all commands that can print it have it
     sys.argv = [f"benchmarks/{name}.py", *(option for option in options if option != "--json")]
     importlib.import_module(f"benchmarks.{name}").main()
 
 
-def _about(benchmark: str) -> str:
-    """What a benchmark measures, by the first line of its file."""
+def _about(benchmark: str) -> str | None:
+    """What a benchmark measures, by the first line of its file; None of a module that is none but helps others."""
     import ast
     from importlib.util import find_spec
     from pathlib import Path
 
     spec = find_spec(f"benchmarks.{benchmark}")
     text = Path(spec.origin).read_text(encoding="utf-8") if spec and spec.origin else ""
-    said = (ast.get_docstring(ast.parse(text)) or "").partition("\n")[0]
+    code = ast.parse(text)
+    if not any(isinstance(part, ast.FunctionDef) and part.name == "main" for part in code.body):
+        return None
+    said = (ast.get_docstring(code) or "").partition("\n")[0]
     return said.partition(": `")[0].rstrip(".")

@@ -170,17 +170,18 @@ function drawMap() {
 
 // What `quality` says is amiss, with the texture beside it; the most doubtful first, as in the report.
 function drawReview() {
-  const listed = block.to_look_at.map((id) => block.facades.find((facade) => facade.id === id));
+  const ids = block.to_look_at;
+  const facades = new Map(block.facades.map((facade) => [facade.id, facade]));
   fill(
-    element("h2", {}, `${listed.length} of ${block.facades.length} facades to look at`),
-    listed.length ? element("p", {}, "Of each something is amiss beside an assumed height: the columns quality, floors, levels and occluded.") : null,
-    element("div", { class: "stages" }, ...listed.slice(0, LISTED).map((facade) =>
+    element("h2", {}, `${ids.length} of ${block.facades.length} facades to look at`),
+    ids.length ? element("p", {}, "Of each something is amiss beside an assumed height: the columns quality, floors, levels and occluded.") : null,
+    element("div", { class: "stages" }, ...ids.slice(0, LISTED).map((id) => facades.get(id)).map((facade) =>
       element("figure", {},
         element("a", { href: facadeAddress(facade.id) },
           element("img", { src: picture(facade.id, "texture", block.snapshot), alt: `Texture of facade ${facade.id}`, loading: "lazy" })),
         element("figcaption", {}, element("a", { href: facadeAddress(facade.id) }, facade.id), `, ${facade.street}: ${facade.quality}; `,
           `${said(facade.floors)} floors, ${said(facade.levels)} by the map; ${Math.round(100 * (facade.occluded || 0))} % hidden`)))),
-    listed.length > LISTED ? element("p", {}, `The first ${LISTED} are shown; quality in items.parquet has all.`) : null,
+    ids.length > LISTED ? element("p", {}, `The first ${LISTED} are shown; quality in items.parquet has all.`) : null,
   );
 }
 

@@ -65,7 +65,7 @@ def test_a_sign_is_no_plate(text: str) -> None:
     assert not is_plate(line(text, 10, 300), 200)
 
 
-def test_names_are_read_over_shops_and_tell_of_no_person() -> None:
+def test_names_are_read_over_shops_without_numbers_addresses_and_titles() -> None:
     labels = np.full((200, 300), WALL, np.uint8)
     labels[150:, 20:280] = SHOP
     hidden = np.zeros(labels.shape, bool)
@@ -81,6 +81,11 @@ def test_names_are_read_over_shops_and_tell_of_no_person() -> None:
         line("me@shop.fr", 30, 170),
         line("AB-123-CD", 100, 185),
         line("On a van", 220, 170),
+        *(
+            line(text, 30, 172)
+            for text in ("Dr. med. Anna Schmidt", "Notaris J. de Vries", "Inh. Hans Meier", "Telephone 0301")
+        ),
+        *(line(text, 30, 174) for text in ("info(a)meier.de", "www.fleurs", "fleurs-monge.fr")),
     ]
     plates = np.array([lines[8].box])
     assert shop_names(lines, labels, hidden, plates, 20.0) == ["Fleurs", "GREEN SPRING"]

@@ -108,6 +108,29 @@ def test_a_low_base_is_no_storey_and_without_windows_nothing_tells(facade):
     assert storeys(np.zeros_like(facade.labels)) == 0
 
 
+@pytest.mark.parametrize("style", ["brick", "jugend", "neoclassical"])
+def test_a_wall_of_one_storey_shows_windows(style):
+    painted = paint((14.0, 12.0), floors=4, columns=4, style=style, metres_per_pixel=0.06, seed=5)
+    result = retarget(painted.image, painted.labels, (3.2, 9.0), floors=1, metres_per_pixel=0.06)[0]
+    assert (result.labels == WINDOW).any()
+
+
+@pytest.mark.parametrize(
+    ("height", "sill", "door"), [(3.0, 1.1, 2.1), (2.8, 1.0, 2.1), (3.2, 1.2, 2.2), (3.5, 1.0, 2.2)]
+)
+def test_a_cottage_has_one_storey_and_a_shop_under_windows_two(height, sill, door):
+    labels = np.full((round(20 * height), 160), WALL, np.uint8)
+    for left in (20, 100):
+        labels[-round(20 * (sill + 1.2)) : -round(20 * sill), left : left + 24] = WINDOW
+    assert storeys(labels) == 1
+    labels[-round(20 * door) :, 66:86] = DOOR
+    assert storeys(labels) == 1
+    above = np.full((round(20 * 3.0), 160), WALL, np.uint8)
+    above[20:46, 20:44] = above[20:46, 100:124] = WINDOW
+    shop = np.full((round(20 * 3.4), 160), SHOP, np.uint8)
+    assert storeys(np.vstack([above, shop])) == 2
+
+
 def test_walks_keep_neighbours_and_show_the_door_once():
     price = np.ones((4, 4))
     price[np.arange(3), np.arange(1, 4)] = 0.0
