@@ -22,6 +22,7 @@ from catalogs.learning.datasets import LabelledFacade
 from facade_core.detect import Seen, look
 from facade_core.detect.faces import find_faces, ious
 from facade_core.detect.seen import find_plates
+from facade_core.types import Box
 from tasks.units.evidence import LOWERMOST, UPPERMOST
 
 FACES, PLATES = "faces", "plates"
@@ -34,8 +35,6 @@ FOUND, COVERED = 0.5, 0.9
 _CAR_M, _PLATE_M, _LONG = 1.5, 0.11, 4.7
 # Pixels that a plate is painted high, before it is turned and reduced.
 _PAINTED = 110
-
-Box = tuple[int, int, int, int]
 
 
 def marked_faces() -> dict[str, list[Box]]:

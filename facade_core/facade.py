@@ -14,12 +14,12 @@ from facade_core.errors import ImageError
 from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
 from facade_core.parse.certainty import Told, certainty, share_of, with_probabilities
-from facade_core.rectify.cut import Box, cut_to_facade
+from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.shadow import shaded_share
 from facade_core.resizing import resized
 from facade_core.texture import exemplar_scale, inpaint, retarget
 from facade_core.texture.structure import storeys
-from facade_core.types import Completion, Element, Lattice
+from facade_core.types import Box, Completion, Element, Lattice
 from facade_core.variation import Hierarchy, encode, exchange_in_photo
 
 # A facade of which less than this is seen is not completed from it: what is made would be a guess.

@@ -26,17 +26,17 @@ _ERRORS_ONLY = 3
 
 def missing() -> list[str]:
     """The packages whose models are not there."""
-    return sorted({package for package, file in FILES.values() if not _path(package, file).is_file()})
+    return sorted({package for package, file in FILES.values() if _path(package, file) is None})
 
 
 @functools.cache
 def models_digest() -> str:
     """A digest of all these files, "" where one is missing: then nothing is looked for."""
-    if missing():
-        return ""
     digest = hashlib.blake2b(digest_size=8)
     for package, file in FILES.values():
-        digest.update(_path(package, file).read_bytes())
+        if (path := _path(package, file)) is None:
+            return ""
+        digest.update(path.read_bytes())
     return digest.hexdigest()
 
 
@@ -46,7 +46,7 @@ def session(model: str) -> Any:
     import onnxruntime
 
     path = _path(*FILES[model])
-    if not path.is_file():
+    if path is None:
         raise ModelError(f"{FILES[model][1]}: no such file of {FILES[model][0]}; {REMEDY}")
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _INTRA_OP_THREADS
@@ -59,12 +59,13 @@ def session(model: str) -> Any:
         raise ModelError(f"{path}: not a model that onnxruntime reads; {REMEDY}") from error
 
 
-def _path(package: str, file: str) -> Path:
-    """Where a package has a file; the package itself is never imported."""
+def _path(package: str, file: str) -> Path | None:
+    """Where a package has a file, None where it has none or is not installed; the package itself is never imported."""
     try:
-        return Path(str(distribution(package).locate_file(file)))
+        path = Path(str(distribution(package).locate_file(file)))
     except PackageNotFoundError:
-        return Path(file).absolute() / "missing"
+        return None
+    return path if path.is_file() else None
 
 
 def _of_any_size(content: bytes) -> bytes:

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
+from facade_core.types import Box
+
 # Pixels to a side of the squares in which what hides a wall is shown.
 MOSAIC = 12
 # Side in pixels of what is shown of a picture as given.
@@ -26,7 +28,7 @@ def _mosaic(image: np.ndarray) -> np.ndarray:
     return cv2.resize(coarse, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
-def draw_cut(image: np.ndarray, hidden: np.ndarray, box: tuple[int, int, int, int]) -> np.ndarray:
+def draw_cut(image: np.ndarray, hidden: np.ndarray, box: Box) -> np.ndarray:
     """A picture (h, w, 3) uint8 as it was given, LONGEST_PREVIEW pixels at most: dark and coarse outside the box
     (x0, y0, x1, y1) that was taken of it, and tinted where hidden, (h, w) bool of the box, says that it was made anew."""
     import cv2

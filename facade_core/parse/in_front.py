@@ -9,10 +9,7 @@ from scipy import ndimage
 
 from facade_core.labels import DOOR, SHOP, UNKNOWN
 from facade_core.parse.network_views import ANY_CLASS
-
-# x0, y0, x1, y1 in pixels of the photo, half-open.
-Box = tuple[int, int, int, int]
-
+from facade_core.types import Box
 
 # The ground floor, as a share of the labelled rows: where no door or shop tells it, and at most.
 _GROUND, _HIGHEST_GROUND = 0.25, 0.4

@@ -47,7 +47,7 @@ def write_block_report(
                 **record,
                 "pictures": images.exemplars.get(record["unit"], ()),
                 "used": used[record["unit"]],
-                "shaded": record["shaded"] * (record["shaded"] > SHADED),
+                "shaded": record["shaded"] if record["shaded"] > SHADED else 0,
             }
             for record in journals["exemplars"]
             if record["status"] == "done"

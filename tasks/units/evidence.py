@@ -13,14 +13,14 @@ import numpy as np
 from catalogs.readers.pictures.opening import LEAST_SIDE
 from facade_core.detect import Seen, look
 from facade_core.errors import ImageError
-from facade_core.facade import Box, things_in_front
+from facade_core.facade import things_in_front
 from facade_core.parse import parse
 from facade_core.plan import Plan
 from facade_core.rectify import View, fuse_views, own_texture, rectify, rectify_view
 from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
-from facade_core.types import Pose
+from facade_core.types import Box, Pose
 from tasks.outcome import refusing
 from tasks.units.images import capture_date, focal_length, read_panorama, read_textures, read_whole
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import base64
-import math
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -20,7 +19,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.detect import looked_for, shop_names
 from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
-from facade_core.labels import WINDOW
+from facade_core.labels import SHOP, WINDOW
 from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
@@ -223,7 +222,7 @@ def _summary(result: Facade) -> dict[str, Any]:
         ],
         "lattice": {"rows": list(map(int, result.lattice.rows)), "columns": list(map(int, result.lattice.columns))},
         "columns": count_columns(result.elements),
-        "shop_width": round(_width(result, "shop"), 4),
+        "shop_width": round(float((result.labels == SHOP).any(axis=0).mean()), 4),
         **counts,
         **told,
         "occluded": round(float(result.occluded.mean()), 4),
@@ -238,12 +237,3 @@ def _summary(result: Facade) -> dict[str, Any]:
         "variation_bytes": int(result.hierarchy.nbytes),
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
     }
-
-
-def _width(result: Facade, name: str) -> float:
-    """The share of a facade's width that elements of a class stand on."""
-    across = np.zeros(result.labels.shape[1], bool)
-    for element in result.elements:
-        if element.label == name:
-            across[int(element.x0) : math.ceil(element.x1)] = True
-    return float(across.mean())
