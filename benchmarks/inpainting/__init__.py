@@ -38,7 +38,9 @@ from facade_core.texture import inpaint
 from facade_core.types import Element
 
 OURS = tuple(f"{method}{given}" for method in ("floors", "tiles") for given in ("", " + layout"))
+IN_PROCESS = ("telea", "navier_stokes", "biharmonic", *OURS)
 PEERS = ("pypatchmatch", "patchmatch-cython", "object-remove", "shiftmap")
+METHODS = (*IN_PROCESS, *PEERS)
 SHARP = (0.8, 1.2)
 _VISIBLE = 0.1  # share of a row below which it counts as hidden
 _HIDDEN = 0.3  # an element hidden by more than this share was not observed
@@ -156,11 +158,15 @@ def measure(
                 seconds |= peers.run(peer, environments, work, work)
             except RuntimeError as error:
                 skipped[peer] = str(error)
-    perceptual = peers.run("perceptual", environments, work, work, *seconds)
+    try:
+        perceptual = peers.run("perceptual", environments, work, work, *seconds)
+    except RuntimeError as error:
+        perceptual, skipped["perceptual"] = {}, str(error)
     figures = {name: _figures(name, chosen, work) for name in seconds}
+    for name, taken in seconds.items():
+        figures[name]["seconds"] = round(statistics.median(taken), 3)
     for name, values in perceptual.items():
         figures[name]["perceptual"] = round(float(np.mean(values)), 3)
-        figures[name]["seconds"] = round(statistics.median(seconds[name]), 3)
     return figures, skipped
 
 
@@ -208,13 +214,13 @@ def goals(figures: dict[str, Any], ours: str = "floors + layout") -> dict[str, A
         return {}
     own = figures[ours]
     best = {key: max(row[key] for row in sharp.values()) for key in ("psnr", "ssim", "structure_miou")}
-    nearest = min(row["perceptual"] for row in sharp.values())
+    nearest = min((row["perceptual"] for row in sharp.values() if "perceptual" in row), default=None)
     return {
         "sharp_peers": sorted(sharp),
         "psnr_gain": round(own["psnr"] - best["psnr"], 3),
         "ssim": own["ssim"],
         "best_ssim": best["ssim"],
-        "perceptual_ratio": round(own["perceptual"] / nearest, 3),
+        "perceptual_ratio": round(own["perceptual"] / nearest, 3) if nearest else None,
         "structure_gain": round(100 * (own["structure_miou"] - best["structure_miou"]), 1),
     }
 
@@ -230,7 +236,9 @@ def main(arguments: list[str] | None = None) -> None:
         default=Path.home() / ".cache" / "streetloom" / "peers",
         help="folder for the peers' environments, made on demand: some gigabytes",
     )
-    parser.add_argument("--methods", nargs="*", default=[], help="methods and peers to measure [all]")
+    parser.add_argument(
+        "--methods", nargs="*", default=[], choices=METHODS, metavar="METHOD", help="which to measure [all]"
+    )
     options = parser.parse_args(arguments)
     chosen = list(cases(options.data, options.count))
     with tempfile.TemporaryDirectory() as scratch:

@@ -15,6 +15,8 @@ from facade_core.types import Box
 
 # What is hidden is larger than what is found by this share of its longer side, to every side: hair and chin, a plate's rim.
 RIM = 0.25
+# A panorama is looked at so many pixels on across its border: no face or plate there is wider.
+SEAM = 256
 # Plates stand in the lower part of a picture, below this share of its height.
 LOW = 0.5
 
@@ -76,6 +78,21 @@ def look(image: np.ndarray, low: float = LOW) -> Seen:
         return Seen()
     plates, lines = find_plates(image, low)
     return Seen(find_faces(image)[0], plates, lines)
+
+
+def look_around(image: np.ndarray, low: float = LOW) -> Seen:
+    """The same on a strip (H, W, 3) of a whole panorama, whose left border goes on from its right one: what lies across is
+    found whole, and is there at both."""
+    width = image.shape[1]
+    seen = look(np.concatenate([image, image[:, :SEAM]], axis=1), low)
+    lines = [line for line in seen.lines if line.box[0] < width]
+    return Seen(_around(seen.faces, width), _around(seen.plates, width), lines)
+
+
+def _around(boxes: np.ndarray, width: int) -> np.ndarray:
+    """Boxes (n, 4) of a strip that goes on beyond its width, as on the strip: one across the border in two parts."""
+    own = boxes[boxes[:, 0] < width]
+    return np.concatenate([own, own[own[:, 2] > width] - np.array([width, 0, width, 0])])
 
 
 def find_plates(image: np.ndarray, low: float = LOW) -> tuple[np.ndarray, list[Line]]:

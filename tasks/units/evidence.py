@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from catalogs.readers.pictures.opening import LEAST_SIDE
-from facade_core.detect import Seen, look
+from facade_core.detect import Seen, look, look_around
 from facade_core.errors import ImageError
 from facade_core.facade import things_in_front
 from facade_core.parse import parse
@@ -181,13 +181,14 @@ def _seen_on(path: Path, pose: Pose) -> Seen:
 @lru_cache(maxsize=64)
 def _looked_at(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Seen:
     image = read_panorama(path)
-    _, top, _, share = view
+    _, top, wide, share = view
     first, middle, last = (
         min(len(image), max(0, round((row - top) / share * len(image)))) for row in (UPPERMOST, HORIZON, LOWERMOST)
     )
     if last == first:
         return Seen()
-    return look(image[first:last], (middle - first) / (last - first)).moved(0, first)
+    looked = look_around if wide == 1 else look
+    return looked(image[first:last], (middle - first) / (last - first)).moved(0, first)
 
 
 def _widened(hidden: np.ndarray) -> np.ndarray:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from benchmarks.inpainting import goals, peers, similarity, structure
+from benchmarks.inpainting import goals, main, peers, similarity, structure
 from benchmarks.inpainting.cases import Case, hole
 from benchmarks.synthesis.resizing import carve, quilt
 from facade_core.labels import DOOR, UNKNOWN
@@ -50,6 +50,14 @@ def test_goals_compare_with_sharp_peers_only():
     assert found["psnr_gain"] == 1.5
     assert found["perceptual_ratio"] == 0.8
     assert found["structure_gain"] == 15.0
+    bare = [{key: value for key, value in one.items() if key != "perceptual"} for one in (row, ours)]
+    assert goals({"shift_map": bare[0], "floors + layout": bare[1]})["perceptual_ratio"] is None
+
+
+def test_a_method_that_is_none_is_refused(capsys):
+    with pytest.raises(SystemExit):
+        main(["--methods", "florrs"])
+    assert "florrs" in capsys.readouterr().err
 
 
 def test_hidden_rows_and_doors_are_counted_in_holes():

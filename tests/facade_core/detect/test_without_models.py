@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.detect import Seen, look, looked_for, models, shop_names
+from facade_core.detect import Seen, look, look_around, looked_for, models, seen, shop_names
 from facade_core.detect.faces import best_of, ious
 from facade_core.detect.plates import is_plate
 from facade_core.detect.text import Line
@@ -36,6 +36,24 @@ def test_without_the_models_nothing_is_looked_for_and_the_doctor_says_so() -> No
     found = second_opinion()
     assert (found.concern, found.well) == ("privacy", None)
     assert "no-such-package not installed; `make detect-setup`" in found.said
+
+
+def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monkeypatch: pytest.MonkeyPatch) -> None:
+    def bright(image: np.ndarray, low: float) -> Seen:
+        columns = np.flatnonzero(image[10, :, 0])
+        runs = np.split(columns, np.flatnonzero(np.diff(columns) > 1) + 1)
+        return Seen(faces=np.array([[run[0], 10, run[-1] + 1, 20] for run in runs], float))
+
+    monkeypatch.setattr(seen, "look", bright)
+    strip = np.zeros((40, 800, 3), np.uint8)
+    strip[10:20, :30] = strip[10:20, 780:] = strip[10:20, 400:440] = 255
+    boxes = look_around(strip).faces.tolist()
+    assert [780, 10, 830, 20] in boxes
+    assert [-20, 10, 30, 20] in boxes
+    hidden = look_around(strip).hidden((40, 800))
+    assert hidden[15, :30].all()
+    assert hidden[15, 780:].all()
+    assert hidden[15].sum() < 30 + 20 + 40 + 4 * 0.25 * 60
 
 
 def test_what_takes_pictures_in_stands_on_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
