@@ -10,32 +10,15 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from facade_core.street.centrelines import Lines, distances
+from facade_core.street.centrelines import Lines
 from facade_core.street.daylight import LEAST
-from facade_core.street.materials import (
-    ASPHALT,
-    CARRIAGEWAY_M,
-    GLASS,
-    KERB_M,
-    PAVING,
-    SKY,
-    asphalt,
-    chance,
-    glass,
-    paving,
-    plaster,
-    roofing,
-    soffit,
-    tiling,
-    wood,
-)
+from facade_core.street.ground_kernels import level, soil
+from facade_core.street.materials import GLASS, SKY, chance, glass, plaster, roofing, soffit, tiling, wood
 from facade_core.street.sampling import Lights, lit
 from facade_core.street.tiled import Mips, laid_at
 
 # What a chart is made of.
 SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE = range(8)
-# A kerb's own grey, as it adds to what is under it, and the share that it takes from that.
-KERB, KERB_TAKES = 112.5, 0.75
 # Of a colour, this much goes where no sky is seen.
 SHADOW = 0.65
 # Places that are worked out together.
@@ -157,19 +140,19 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         east[k], north[k] = points[0, k], points[1, k]
     made, tint, grey = charts.made[c], charts.tint[c], charts.grey[c]
     if made == SOIL:
-        _soil(east, north, side, field.lines, seed, light, grey, x, y, other, out)
+        soil(east, north, side, field.lines, seed, light, grey, x, y, other, out)
         return
     if made == LAID:
         for k in range(n):
             laid = laid_at(roof, x[k], y[k], side[k])
             for band in range(3):
-                out[k, band] = _level(laid[band] * grey * light[k])
+                out[k, band] = level(laid[band] * grey * light[k])
         return
     if made == PANE:
         glass(x, y, size[1], side, seed, tone)
         for k in range(n):
             for band in range(3):
-                out[k, band] = _level((GLASS[band] + tone[k] * (SKY[band] - GLASS[band])) * grey * light[k])
+                out[k, band] = level((GLASS[band] + tone[k] * (SKY[band] - GLASS[band])) * grey * light[k])
         return
     if made == SHEET:
         roofing(east, north, side, seed, tone)
@@ -185,56 +168,7 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         soffit(x, y, side, seed, tone)
     for k in range(n):
         for band in range(3):
-            out[k, band] = _level(tone[k] * tint[band] * light[k])
-
-
-@njit(cache=True, inline="always")
-def _level(value: float) -> np.uint8:
-    return np.uint8(np.int64(min(max(value, 0.0), 255.0) + 0.5))
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _soil(
-    x: np.ndarray,
-    y: np.ndarray,
-    side: np.ndarray,
-    lines: Lines,
-    seed: int,
-    light: np.ndarray,
-    grey: float,
-    road: np.ndarray,
-    slabs: np.ndarray,
-    aside: np.ndarray,
-    out: np.ndarray,
-) -> None:
-    """Ground: carriageway, kerb on its edge, paving beyond, each by its share of the footprint across the street.
-
-    road, slabs, aside (n,): what is known here is written to them.
-    """
-    n = len(x)
-    low, high = np.inf, -np.inf
-    distances(x, y, lines, aside)
-    widest = 2 * (lines.reach - CARRIAGEWAY_M - KERB_M)
-    for k in range(n):
-        reach = 0.5 * min(side[k], widest)
-        low, high = min(low, aside[k] - reach), max(high, aside[k] + reach)
-    if low < CARRIAGEWAY_M:
-        asphalt(x, y, aside, side, seed, road)
-    if high > CARRIAGEWAY_M:
-        paving(x, y, side, seed, slabs)
-    for k in range(n):
-        wide = min(side[k], widest)
-        low, high = aside[k] - 0.5 * wide, aside[k] + 0.5 * wide
-        # shares of the road, of its half of the kerb and of the pavement's
-        left = max(min(high, CARRIAGEWAY_M) - low, 0.0) / wide
-        inner = max(min(high, CARRIAGEWAY_M) - max(low, CARRIAGEWAY_M - KERB_M), 0.0) / wide
-        outer = max(min(high, CARRIAGEWAY_M + KERB_M) - max(low, CARRIAGEWAY_M), 0.0) / wide
-        kerb = KERB * (inner + outer)
-        first = (left - KERB_TAKES * inner) * road[k] if left > 0 else 0.0
-        second = (1 - left - KERB_TAKES * outer) * slabs[k] if left < 1 else 0.0
-        for band in range(3):
-            value = kerb + first * ASPHALT[band] + second * PAVING[band]
-            out[k, band] = _level(value * grey * light[k])
+            out[k, band] = level(tone[k] * tint[band] * light[k])
 
 
 @njit(cache=True)
