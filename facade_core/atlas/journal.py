@@ -42,11 +42,13 @@ class Record(TypedDict, total=False):
     given_deg: float | None
     residual_deg: float | None
     left: list[str]
-    # exemplars: their size at the block's density, what was masked of them, and what of their wall is in shadow
+    # exemplars: their size at the block's density, what was masked of them, what of their wall is in shadow, and what tells
+    # their style, `facade_core.style.look_of`
     width_m: float
     height_m: float
     hidden: float
     shaded: float
+    look: list[float]
     metres_per_pixel: float
     metres_per_texel: float
     # textured buildings: how many charts

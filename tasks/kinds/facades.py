@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from hashlib import blake2b
 
 import numpy as np
 
@@ -10,8 +11,8 @@ from catalogs.block import Block
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
-from facade_core.style import choose_exemplars
-from facade_core.types import Pose
+from facade_core.style import Library, Walls, choose_exemplars
+from facade_core.types import Pose, Street
 from tasks.keys.units import facade_keys
 from tasks.kinds.kind import Change, Kind, Records
 from tasks.kinds.poses import refined
@@ -23,6 +24,8 @@ from tasks.units.unit import Unit
 
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
 VIEWS = 4
+# Where a wall begins and ends at its foot, as shares of its chart.
+_FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
 def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
@@ -68,21 +71,37 @@ def _chosen(run: Run, plan: Plan, records: Records) -> dict[int, tuple[int, str]
 
     Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade alone.
     """
-    usable = [(i, record) for i, record in enumerate(records) if record and record["status"] == "done"]
+    # one that an older version prepared has no look, and is due
+    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "look" in r]
     facades = plan.facades
     if not usable or not len(facades):
         return {}
-    chosen = choose_exemplars(
+    found = [record for _, record in usable]
+    walls = Walls(
         facades.width,
+        facades.height,
         facades.floors,
         plan.scene.building_numbers[facades.building],
-        [record["width_m"] for _, record in usable],
-        [record["floors"] for _, record in usable],
-        [record["hidden"] for _, record in usable],
-        [record["shaded"] for _, record in usable],
-        seed=run.seed,
+        _numbers(plan.streets)[facades.street],
+        plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2],
     )
+    library = Library(
+        [record["width_m"] for record in found],
+        [record["height_m"] for record in found],
+        [record["floors"] for record in found],
+        [record["hidden"] for record in found],
+        [record["shaded"] for record in found],
+        [record["look"] for record in found],
+    )
+    chosen = choose_exemplars(walls, library, seed=run.seed)
     return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in enumerate(chosen.tolist())}
+
+
+def _numbers(streets: Sequence[Street]) -> np.ndarray:
+    """A number for each street, (streets,) int64, of its name, else of its id: it stays when others come and go, and is the
+    same for all parts of a street."""
+    names = [street.name or street.id for street in streets]
+    return np.array([int.from_bytes(blake2b(name.encode(), digest_size=4).digest()) for name in names], np.int64)
 
 
 def _again(change: Change) -> dict[int, int]:

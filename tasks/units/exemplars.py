@@ -19,6 +19,7 @@ from facade_core.labels import FLAGS
 from facade_core.privacy import shielded
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
+from facade_core.style import look_of
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
 from tasks.units.images import LONGEST_EXEMPLAR, read_exemplar_picture
@@ -72,6 +73,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "columns": prepared.columns,
         "hidden": round(float(prepared.facade.occluded.mean()), 4),
         "shaded": round(prepared.shaded, 4),
+        "look": look_of(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": looked_for(),
         "worker": worker_name(),

@@ -10,7 +10,6 @@ from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
 from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
 from facade_core.labels import SKY, WALL, WINDOW
-from facade_core.style import choose_exemplars
 from facade_core.synth import facade as paint
 from facade_core.types import Element, Parsing
 
@@ -122,20 +121,6 @@ def test_columns_are_counted_in_the_fullest_row() -> None:
     row = [Element("window", x, 10, x + 5, 20) for x in (0, 10, 20)] + [Element("window", 0, 30, 5, 40)]
     assert count_columns([*row, Element("door", 0, 40, 5, 60)]) == 3
     assert count_columns([]) == 0
-
-
-def test_one_building_one_exemplar_and_size_decides() -> None:
-    width, floors, building = np.array([20.0, 8.0, 20.0]), np.array([6, 6, 2]), np.array([3, 3, 4])
-    chosen = choose_exemplars(width, floors, building, [20.0, 20.0], [6, 1], [0.0] * 2, [0.0] * 2, seed=1)
-    assert chosen[0] == chosen[1] == 0
-    same = (np.full(40, 20.0), np.full(40, 5), np.arange(40), [20.0] * 6, [5] * 6)
-    many = choose_exemplars(*same, [0.0] * 6, [0.0] * 6, seed=1)
-    assert len(set(many.tolist())) >= 4
-    one = [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
-    assert 2 not in choose_exemplars(*same, one, [0.0] * 6, seed=1), "much of it is a guess"
-    assert 2 not in choose_exemplars(*same, [0.0] * 6, one, seed=1), "much of it is in shadow"
-    some = choose_exemplars(*same, [0.0, 0.1, 0.05, 0.12, 0.1, 0.1], [0.1] * 6, seed=1)
-    assert len(set(some.tolist())) >= 4, "a car at the foot is no reason"
 
 
 def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPatch) -> None:

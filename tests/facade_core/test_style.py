@@ -1,0 +1,113 @@
+"""Exemplars are chosen by fit and by street, never twice within sight, and by what is near alone."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from facade_core.style import NEIGHBOURS_M, ROUNDS, Library, Walls, choose_exemplars, look_of
+from facade_core.synth import facade
+
+# A house every 20 m on both sides of a street 18 m wide.
+STEP, ACROSS = 20.0, 18.0
+
+
+def row(count: int, *, street: int = 1, start: float = 0.0, number: int = 0) -> Walls:
+    west = start + STEP * (np.arange(count) // 2)
+    side = ACROSS * (np.arange(count) % 2)
+    ends = np.stack([np.stack([west, side], 1), np.stack([west + STEP, side], 1)], 1)
+    whole = np.full(count, 1)
+    return Walls(20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends)
+
+
+def joined(*parts: Walls) -> Walls:
+    return Walls(*(np.concatenate([getattr(part, name) for part in parts]) for name in Walls.__dataclass_fields__))
+
+
+def library(count: int, families: int = 1) -> Library:
+    looks = np.zeros((count, 9))
+    looks[:, 0] = 60.0 * (np.arange(count) % families)
+    looks[:, 1] = 2.0 * (np.arange(count) // families)
+    same = [1.0] * count
+    return Library(
+        [20.0] * count, [18.0] * count, [5.0] * count, [0.0] * count, [0.0 * s for s in same], looks.tolist()
+    )
+
+
+def gap(walls: Walls, chosen: np.ndarray) -> float:
+    """The least distance, metres, between two buildings of one exemplar."""
+    middle = walls.ends.mean(axis=1)
+    apart = np.linalg.norm(middle[:, None] - middle[None], axis=-1)
+    same = (chosen[:, None] == chosen[None]) & (walls.building[:, None] != walls.building[None])
+    return float(apart[same].min(initial=np.inf))
+
+
+def test_no_two_neighbours_take_one_exemplar() -> None:
+    walls = row(60)
+    chosen = choose_exemplars(walls, library(16), seed=3)
+    assert gap(walls, chosen) > NEIGHBOURS_M
+    used = np.bincount(chosen, minlength=16)
+    assert used.min() >= 1, "every exemplar is used"
+    assert used.max() <= 8
+
+
+def test_with_fewer_exemplars_than_neighbours_the_farthest_is_repeated() -> None:
+    chosen = choose_exemplars(row(40), library(4), seed=3)
+    assert (chosen[2:] != chosen[:-2]).all(), "no two houses side by side are twins"
+
+
+def test_facades_of_one_building_share_and_size_decides() -> None:
+    walls = row(3)
+    walls = replace(walls, building=np.array([3, 3, 4]), floors=np.array([6, 6, 2]), width=np.array([20.0, 8.0, 20.0]))
+    sizes = replace(library(2), floors=[6.0, 1.0])
+    chosen = choose_exemplars(walls, sizes, seed=1)
+    assert chosen.tolist() == [0, 0, 1]
+    wide = replace(walls, width=np.array([90.0, 8.0, 90.0]))
+    assert choose_exemplars(wide, sizes, seed=1).tolist() == chosen.tolist(), "any width is made"
+
+
+def test_what_was_guessed_or_shaded_is_taken_last() -> None:
+    walls = row(6)
+    walls = replace(walls, ends=walls.ends + 1000.0 * np.arange(6)[:, None, None])
+    much = [0.0, 0.0, 0.5, 0.0, 0.0, 0.0]
+    assert 2 not in choose_exemplars(walls, replace(library(6), hidden=much), seed=1)
+    assert 2 not in choose_exemplars(walls, replace(library(6), shaded=much), seed=1)
+
+
+def test_a_street_keeps_a_character_and_another_has_its_own() -> None:
+    many = library(48, families=8)
+    apart = [row(30, street=number, start=5000.0 * number, number=100 * number) for number in range(1, 9)]
+    families = [np.bincount(many.family[choose_exemplars(street, many, seed=2)], minlength=8) for street in apart]
+    for own in families:
+        assert np.sort(own)[-3:].sum() >= 0.9 * own.sum(), "two or three families make a street"
+    assert len({tuple(np.flatnonzero(own >= 3)) for own in families}) >= 4
+
+
+def test_what_is_far_away_changes_nothing() -> None:
+    here = row(40)
+    far = row(20, start=(ROUNDS + 2) * NEIGHBOURS_M + 40 * STEP, number=500)
+    alone = choose_exemplars(here, library(20), seed=5)
+    np.testing.assert_array_equal(choose_exemplars(joined(here, far), library(20), seed=5)[:40], alone)
+    turned = Walls(*(getattr(here, name)[::-1] for name in Walls.__dataclass_fields__))
+    np.testing.assert_array_equal(choose_exemplars(turned, library(20), seed=5)[::-1], alone)
+
+
+def test_a_house_that_comes_changes_few_beside_it() -> None:
+    here, new = row(200), row(1, start=-STEP, number=900)
+    before = choose_exemplars(here, library(20), seed=5)
+    after = choose_exemplars(joined(here, new), library(20), seed=5)[:200]
+    changed = np.flatnonzero(before != after)
+    assert len(changed) <= 12
+    assert (here.ends[changed, 0, 0] < 600).all()
+
+
+def test_looks_tell_walls_apart() -> None:
+    def of(style: str, seed: int) -> np.ndarray:
+        painted = facade((15.0, 14.0), floors=4, columns=4, style=style, metres_per_pixel=0.08, seed=seed)
+        return np.array([look_of(painted.image, painted.labels, 0.08)])
+
+    brick, again, functionalist = of("brick", 1), of("brick", 2), of("functionalist", 1)
+    three = Library([1] * 3, [1] * 3, [1] * 3, [0] * 3, [0] * 3, np.concatenate([brick, again, functionalist]).tolist())
+    assert three.distance[0, 1] < three.distance[0, 2]
+    assert three.distance[0, 2] > 1
