@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 from shapely.geometry import LineString, box
 
+from facade_core.export import Camera, perspective
 from facade_core.facade import from_exemplar
 from facade_core.ingest import ingest
 from facade_core.layout import complete
@@ -54,7 +55,7 @@ def textures() -> None:
 
 
 def streets() -> None:
-    """Texture the street before a house from one viewpoint, by swatches, and finish all surfaces."""
+    """Texture the street before a house from one viewpoint, by swatches, finish all surfaces, and take a picture of them."""
     plan = ingest(
         [Building("a", box(0, 0, 12, 10), 9.0, "height")],
         [Street("s", "s", LineString([(0, -6), (12, -6)]))],
@@ -84,6 +85,8 @@ def streets() -> None:
 
     for chart in range(len(scene.charts)):
         surface(scene, swatches.materials, chart, Known(read, (), ()), network=False)
+    camera = Camera.towards(plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8))
+    perspective(scene, camera, swatches.materials.raster)
 
 
 # The longest first.

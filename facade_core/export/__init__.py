@@ -2,7 +2,7 @@
 
 from facade_core.export.camera import Camera, aerial, street_level
 from facade_core.export.hidden import draw_cut, overlay_hidden
-from facade_core.export.picture import Picture, aim, draw_facade, draw_layout
+from facade_core.export.picture import Picture, aim, draw_facade, draw_layout, perspective
 
 __all__ = [
     "Camera",
@@ -13,5 +13,6 @@ __all__ = [
     "draw_facade",
     "draw_layout",
     "overlay_hidden",
+    "perspective",
     "street_level",
 ]

@@ -28,10 +28,19 @@ class Camera:
     field_of_view: float
     size: tuple[int, int]
 
+    @classmethod
+    def towards(
+        cls, position: np.ndarray, *, heading: float, pitch: float, field_of_view: float, size: tuple[int, int]
+    ) -> Camera:
+        """At a position (3,), looking along a heading, degrees clockwise from the grid's north, and a pitch, degrees up."""
+        turn, rise = np.radians(heading), np.radians(pitch)
+        ahead = np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
+        return cls(np.asarray(position, float), position + ahead, field_of_view, size)
+
     def rays(self) -> np.ndarray:
         """World unit directions through the pixel centres, (h, w, 3)."""
         height, width = self.size
-        forward, right, down, focal = self._frame()
+        forward, right, down, focal = self.frame()
         x = (np.arange(width) + 0.5 - width / 2) / focal
         y = (np.arange(height) + 0.5 - height / 2) / focal
         rays = forward + x[None, :, None] * right + y[:, None, None] * down
@@ -41,14 +50,14 @@ class Camera:
         """Which polygons, by their corners (n, k, 3), are not wholly beside the picture or behind the camera, (n,) bool: none
         that the picture shows is missed."""
         height, width = self.size
-        forward, right, down, focal = self._frame()
+        forward, right, down, focal = self.frame()
         ahead, across, along = ((corners - self.position) @ axis for axis in (forward, right, down))
         outside = (ahead <= 0).all(axis=1)
         for beside, half in ((across, width / 2 / focal), (along, height / 2 / focal)):
             outside |= (beside > ahead * half).all(axis=1) | (-beside > ahead * half).all(axis=1)
         return ~outside
 
-    def _frame(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
+    def frame(self) -> tuple[np.ndarray, np.ndarray, np.ndarray, float]:
         """Unit vectors ahead, to the right and down, (3,) each, and the focal length in pixels."""
         forward = self.target - self.position
         forward = forward / np.linalg.norm(forward)

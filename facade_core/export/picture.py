@@ -2,55 +2,77 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, replace
 from functools import cached_property
 from io import BytesIO
 from typing import Any
 
 import numpy as np
 
+from facade_core.export import filtering
 from facade_core.export.camera import Camera
 from facade_core.geometry.raycast import MISS
 from facade_core.grouping import Grouped
 from facade_core.labels import CLASSES, COLOURS, colourise
 from facade_core.street.scene import Scene
+from facade_core.street.sky import HAZE_M, HORIZON, sky
 from facade_core.types import Lattice
 
 # An element of which more than this share was hidden is one that the completion made.
 COMPLETED = 0.3
 # Layouts are drawn at least so many pixels high: lines over small facades stay thin.
 LAYOUT_HEIGHT = 480
-SKY_HIGH, SKY_LOW = np.array([126, 168, 214]), np.array([226, 234, 240])
+# Pixels that are hazed together.
+AT_ONCE = 1 << 20
 
 
 @dataclass(frozen=True)
 class Picture:
     """A picture under way: rgb (h, w, 3) uint8 with the sky drawn; pixels of the block wait for the rasters of their charts.
 
-    pixel (k,) flat index; chart (k,); row, column (k,) the texel that each shows on its chart.
+    scene and camera: what is seen, and from where; pixel (k,) flat index; chart (k,); depth (k,) float32, metres.
     """
 
+    scene: Scene
+    camera: Camera
     rgb: np.ndarray
     pixel: np.ndarray
     chart: np.ndarray
-    row: np.ndarray
-    column: np.ndarray
+    depth: np.ndarray
 
     @cached_property
     def seen(self) -> np.ndarray:
         """The charts (c,) that it shows, ascending."""
         return np.unique(self.chart)
 
-    def paint(self, texels: np.ndarray, rasters: Mapping[int, np.ndarray]) -> None:
+    def paint(self, rasters: Mapping[int, np.ndarray]) -> None:
         """Draw, in place, the pixels that show some charts, by their rasters (h, w, 3), which may be coarser than the atlas:
-        texels (charts, 2), width and height of every chart there."""
+        bilinear, and by the means of what a pixel covers where that is more than a texel."""
+        charts, place = self.scene.charts, self.scene.placement
+        ahead, right, down, focal = self.camera.frame()
+        height, width = self.camera.size
+        pinhole = filtering.Pinhole(self.camera.position, ahead, right, down, focal, width, height)
+        axes = np.stack([charts.axis_u, charts.axis_v, charts.normal()], axis=1)
         for chart, raster in rasters.items():
             here = self._by_chart.of(chart)
-            width, height = texels[chart].tolist()
-            rows = self.row[here].astype(np.int64) * raster.shape[0] // height
-            columns = self.column[here].astype(np.int64) * raster.shape[1] // width
-            self.rgb.reshape(-1, 3)[self.pixel[here]] = raster[rows, columns]
+            if not len(here):
+                continue
+            depth = self.depth[here]
+            share = np.array(raster.shape[1::-1]) / (place.width[chart], place.height[chart])
+            density = self.scene.spec.texels_per_metre * share
+            levels = filtering.levels_of(raster, float(depth.max() / focal * density.max()) * filtering.LONGEST)
+            flat = self.rgb.reshape(-1, 3)
+            filtering.paint(flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels)
+
+    def hazed(self) -> np.ndarray:
+        """The painted picture with the haze of its distances, (h, w, 3) uint8."""
+        drawn = self.rgb.copy().reshape(-1, 3)
+        for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // AT_ONCE):
+            share = (1 - np.exp(-self.depth[some] / HAZE_M))[:, None].astype(np.float32)
+            here = self.pixel[some]
+            drawn[here] = (drawn[here] * (1 - share) + HORIZON.astype(np.float32) * share + 0.5).astype(np.uint8)
+        return drawn.reshape(self.rgb.shape)
 
     @cached_property
     def _by_chart(self) -> Grouped:
@@ -58,18 +80,39 @@ class Picture:
 
 
 def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
-    """Which texel every pixel shows. Rays are `samples` times denser per axis; average the picture down after painting."""
-    dense = Camera(
-        camera.position, camera.target, camera.field_of_view, (camera.size[0] * samples, camera.size[1] * samples)
-    )
+    """What every pixel shows, and how far away. Rays are `samples` times denser per axis; average the picture down after
+    painting."""
+    size = (camera.size[0] * samples, camera.size[1] * samples)
+    dense = replace(camera, size=size)
     rays = dense.rays()
     depth, chart = scene.caster.cast(camera.position, rays)
-    up = np.clip(rays[..., 2:], 0, 1) ** 0.6
-    rgb = (SKY_LOW + (SKY_HIGH - SKY_LOW) * up).astype(np.uint8)
+    rgb = sky(rays[..., 2].astype(np.float32)).astype(np.uint8)
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
-    hit = chart.reshape(-1)[pixel]
-    points = camera.position + rays.reshape(-1, 3)[pixel] * depth.reshape(-1)[pixel, None]
-    return Picture(rgb, pixel, hit, *scene.locate(points, hit))
+    return Picture(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
+
+
+def perspective(scene: Scene, camera: Camera, raster: Callable[[int], np.ndarray], *, samples: int = 2) -> np.ndarray:
+    """The textured block as a camera sees it, (h, w, 3) uint8: filtered, with sky and haze.
+
+    raster gives the raster (h, w, 3) uint8 of a chart; that of published pages is `textured_scene(scene, page).raster`, as
+    `tasks.published.opened.published(out)` has it:
+
+        with published(out) as found:
+            camera = Camera.towards(position, heading=40, pitch=3, field_of_view=75, size=(900, 1440))
+            rgb = perspective(found.plan.scene, camera, found.textured.raster)
+    """
+    picture = aim(scene, camera, samples=samples)
+    for chart in picture.seen[np.argsort(scene.placement.page[picture.seen], kind="stable")].tolist():
+        picture.paint({chart: raster(chart)})
+    return averaged(picture.hazed(), samples)
+
+
+def averaged(rgb: np.ndarray, samples: int) -> np.ndarray:
+    """A picture (h * samples, w * samples, 3) as means of its samples, (h, w, 3) uint8."""
+    import cv2
+
+    size = (rgb.shape[1] // samples, rgb.shape[0] // samples)
+    return cv2.resize(rgb, size, interpolation=cv2.INTER_AREA)
 
 
 def file_of(rgb: np.ndarray, format: str, **options: int) -> bytes:

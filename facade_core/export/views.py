@@ -9,9 +9,8 @@ import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.export.camera import Camera, aerial, street_level
-from facade_core.export.picture import Picture
+from facade_core.export.picture import Picture, averaged
 from facade_core.plan import Plan
-from facade_core.street.scene import Scene
 
 VIEW_SIZE = (900, 1440)
 # Rays along each side of a pixel.
@@ -46,16 +45,11 @@ def photo_share(record: Record | None) -> float:
     return record.get("provenance", [0.0])[-1] if record else 0.0
 
 
-def paint(scene: Scene, picture: Picture, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
+def paint(picture: Picture, parts: Iterable[Mapping[int, np.ndarray]]) -> np.ndarray:
     """A picture aimed with SAMPLES, painted from the rasters of charts, (h, w, 3) uint8; parts: some by chart at a time."""
-    import cv2
-
-    place = scene.placement
-    texels = np.column_stack([place.width, place.height])
     for rasters in parts:
-        picture.paint(texels, rasters)
-    size = (picture.rgb.shape[1] // SAMPLES, picture.rgb.shape[0] // SAMPLES)
-    return cv2.resize(picture.rgb, size, interpolation=cv2.INTER_AREA)
+        picture.paint(rasters)
+    return averaged(picture.hazed(), SAMPLES)
 
 
 def spread(values: list[T], count: int) -> list[T]:

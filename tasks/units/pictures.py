@@ -69,7 +69,7 @@ def _view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
     picture = aim(plan.scene, camera, samples=SAMPLES)
     pages = np.unique(plan.scene.placement.page[picture.seen])
     parts = _on_pages if len(pages) <= DECODED else _coarse
-    return file_of(paint(plan.scene, picture, parts(plan, group, picture.seen)), "JPEG", quality=90), {}  # type: ignore[typeddict-item]
+    return file_of(paint(picture, parts(plan, group, picture.seen)), "JPEG", quality=90), {}  # type: ignore[typeddict-item]
 
 
 def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:

@@ -22,6 +22,7 @@ from facade_core.street.blend import blend
 from facade_core.street.field import Materials
 from facade_core.street.propagate import propagate, see
 from facade_core.street.render import render
+from facade_core.street.sky import under_sky
 from facade_core.street.surfaces import paint
 from facade_core.street.translate import Swatches, Translator
 from facade_core.street.window import Window
@@ -114,7 +115,7 @@ def _viewpoint(run: Run, group: StoreGroup, street: int, step: int, street_key: 
 
     panorama = render(here.plan.scene, progress.window, viewpoint, size)
     lap("render")
-    rgb = here.translator.translate(panorama)
+    rgb = under_sky(here.translator.translate(panorama), panorama.depth)
     lap("translate")
     in_turn = progress.done == step
     if here.field is None:

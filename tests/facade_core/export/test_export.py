@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from facade_core.atlas import AtlasSpec
-from facade_core.export import Camera, aerial, aim, draw_cut, draw_facade, overlay_hidden
+from facade_core.export import Camera, aerial, aim, draw_cut, draw_facade, overlay_hidden, perspective
 from facade_core.export.pages import between_charts
 from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import CORNERS
@@ -54,10 +54,46 @@ def test_mipmaps_of_a_page_do_not_bleed(scene: Scene) -> None:
 
 def test_the_picture_shows_walls_upright_and_sky_above(scene: Scene) -> None:
     picture = aim(scene, Camera(np.array([10.0, -30, 3]), np.array([10.0, 0, 3]), 60.0, (60, 80)), samples=1)
-    texels = np.column_stack([scene.placement.width, scene.placement.height])
-    picture.paint(texels, {chart: np.full((3, 5, 3), 9, np.uint8) for chart in picture.seen.tolist()})
+    picture.paint({chart: np.full((3, 5, 3), 9, np.uint8) for chart in picture.seen.tolist()})
     assert (picture.rgb[30, 40] == 9).all()
     assert (picture.rgb[0] > 100).all()
+
+
+def test_what_is_finer_than_pixels_is_seen_as_its_mean_and_what_is_coarser_without_steps(scene: Scene) -> None:
+    """A chequered wall from far and aslant is grey; two colours from near go over into one another."""
+    place = scene.placement
+
+    def chequered(chart: int) -> np.ndarray:
+        row, column = np.indices((place.height[chart], place.width[chart]))
+        return np.repeat((255 * ((row + column) % 2)).astype(np.uint8)[..., None], 3, axis=2)
+
+    for at in ([10.0, -400, 3], [-60.0, -6, 5]):
+        camera = Camera(np.array(at), np.array([10.0, 0, 5]), 2.0, (60, 80))
+        picture = aim(scene, camera, samples=1)
+        walls = scene.charts.kind[picture.chart] == WALL
+        picture.paint({chart: chequered(chart) for chart in picture.seen.tolist()})
+        shown = picture.rgb.reshape(-1, 3)[picture.pixel[walls]]
+        assert walls.sum() > 500
+        assert 120 < shown.mean() < 135
+        assert shown.std() < 30, "by nearest texels it would be 127"
+    near = Camera(np.array([10.0, -3.0, 3]), np.array([10.0, 0, 3]), 4.0, (60, 80))
+    picture = aim(scene, near, samples=1)
+    picture.paint({chart: chequered(chart) for chart in picture.seen.tolist()})
+    steps = np.abs(np.diff(picture.rgb[..., 0].astype(int), axis=1))
+    assert 2 < steps.max() < 60
+
+
+def test_haze_grows_with_distance_and_no_pixel_is_without_colour(scene: Scene) -> None:
+    black = {c: np.zeros((2, 2, 3), np.uint8) for c in range(len(scene.charts))}
+    seen = []
+    for away in (30.0, 300.0):
+        camera = Camera.towards(np.array([10.0, -away, 3]), heading=0, pitch=0, field_of_view=3, size=(20, 20))
+        seen.append(perspective(scene, camera, black.__getitem__))
+    assert 0 < seen[0][10, 10].max() < seen[1][10, 10].min()
+    up = Camera.towards(np.array([10.0, -30, 3]), heading=180, pitch=40, field_of_view=80, size=(40, 40))
+    drawn = perspective(scene, up, black.__getitem__)
+    assert drawn.min() > 90
+    assert drawn[0, 20, 0] < drawn[39, 20, 0], "the sky is deeper above"
 
 
 def test_nothing_that_a_picture_shows_is_said_to_be_out_of_sight(scene: Scene) -> None:

@@ -154,7 +154,7 @@ def view(height, width):
         picture = aim(scene, camera, samples=SAMPLES)
         assert len(picture.pixel) > picture.rgb.size // 9
         parts = ({c: np.copy(page)} for c in picture.seen.tolist())
-        file_of(paint(scene, picture, parts), "JPEG", quality=90)
+        file_of(paint(picture, parts), "JPEG", quality=90)
         return height * width
     return unit
 
