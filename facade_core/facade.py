@@ -67,14 +67,20 @@ class Facade:
 
 @dataclass(frozen=True)
 class Exemplar:
-    """A facade image prepared for retargeting: complete, labelled, cut to the facade, which was the box (x0, y0, x1, y1) of
-    it, at its metric scale; shaded is the share of its wall that lies in shadow."""
+    """A facade image prepared for retargeting: evidence, image, labels and occluded as in `Facade`, cut to the facade, which
+    was the box (x0, y0, x1, y1) of the picture; its metric scale, floors and windows in the fullest row; shaded, the share of
+    its wall that lies in shadow; seconds per stage."""
 
-    facade: Facade
+    evidence: np.ndarray
+    image: np.ndarray
+    labels: np.ndarray
+    occluded: np.ndarray
     box: Box
     metres_per_pixel: float
+    floors: int
     columns: int
     shaded: float
+    seconds: dict[str, float] = field(compare=False)
 
 
 def from_photo(
@@ -177,20 +183,37 @@ def _grown(mask: np.ndarray, share: float) -> np.ndarray:
 
 
 def prepare_exemplar(
-    image: np.ndarray, hidden: np.ndarray, *, storey: float, private: np.ndarray | None = None, seed: int = 0
+    image: np.ndarray,
+    hidden: np.ndarray,
+    *,
+    storey: float,
+    private: np.ndarray | None = None,
+    labels: np.ndarray | None = None,
+    seed: int = 0,
 ) -> Exemplar:
     """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch; hidden and private as
-    in `from_photo`. Raises ImageError where it shows too little, or no window."""
-    cut = cut_to_facade(image, hidden)
-    x0, y0, x1, y1 = cut.box
-    private = None if private is None else private[y0:y1, x0:x1]
-    facade = from_photo(cut.image, cut.hidden, outside=cut.outside, private=private, seed=seed)
-    if not facade.floors:
+    in `from_photo`. One that comes with labels (h, w) uint8, and of which all is seen, is taken as it is: it shows the facade
+    alone. Raises ImageError where it shows too little, or no window."""
+    seconds: dict[str, float] = {}
+    if labels is not None and not hidden.any() and (private is None or not private.any()):
+        evidence = made = image
+        box, occluded = (0, 0, image.shape[1], image.shape[0]), hidden
+        with _timed(seconds, "elements"):
+            floors, layout = storeys(labels), tuple(elements(labels))
+    else:
+        cut = cut_to_facade(image, hidden)
+        x0, y0, x1, y1 = box = cut.box
+        private = None if private is None else private[y0:y1, x0:x1]
+        facade = from_photo(cut.image, cut.hidden, outside=cut.outside, private=private, seed=seed)
+        evidence, made, labels, occluded = facade.evidence, facade.image, facade.labels, facade.occluded
+        floors, layout = facade.floors, facade.elements
+        seconds |= facade.seconds
+    if not floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
-    with _timed(facade.seconds, "scale"):
-        scale = exemplar_scale(facade.image, facade.labels, storey=storey)
-    shaded = shaded_share(facade.image, facade.labels)
-    return Exemplar(facade, cut.box, scale, count_columns(facade.elements), shaded)
+    with _timed(seconds, "scale"):
+        scale = exemplar_scale(made, labels, storey=storey)
+    shaded = shaded_share(made, labels)
+    return Exemplar(evidence, made, labels, occluded, box, scale, floors, count_columns(layout), shaded, seconds)
 
 
 def from_exemplar(

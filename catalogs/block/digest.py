@@ -15,6 +15,7 @@ import numpy as np
 import shapely
 
 from catalogs.file_digest import file_digest
+from catalogs.readers.pictures.folders import with_labels
 
 if TYPE_CHECKING:
     from catalogs.block.reading import Block
@@ -31,7 +32,7 @@ def block_digest(block: Block) -> str:
         "failed_limit": None,  # decides what becomes of a result, not what it is
         "crs": block.crs.to_string(),
         "texture": replace(block.texture, roof_material=None),
-        "exemplars": [(path.stem, file_digest(path)) for path in block.exemplars],
+        "exemplars": [(path.stem, *map(file_digest, with_labels(path))) for path in block.exemplars],
         "photos": [(facade, path.name, file_digest(path)) for facade, path in sorted(block.photos.items())],
         "panoramas": [(one.id, one.path.name, one.pose, file_digest(one.path)) for one in block.panoramas],
         "textures": list(map(file_digest, block.textures)),

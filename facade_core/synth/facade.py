@@ -22,6 +22,7 @@ from facade_core.types import Element
 LOWEST_STOREY, NARROWEST_COLUMN = 2.4, 1.5  # metres
 FINEST, COARSEST = 0.01, 0.2  # metres per pixel
 MOST_PIXELS = 12_000_000
+ROOMS = 4
 _CURTAINS = ("#ece4d2", "#d9b98a", "#b9694c", "#9aa98c", "#e6d3c4", "#f2eee4")
 _BLINDS = ("#e6e0d0", "#d8cdb4", "#c9b48c", "#dfe2e0")
 
@@ -104,7 +105,7 @@ def _checked(
 def _paint(laid: Plan, rng: np.random.Generator) -> Canvas:
     style, mpp = laid.style, laid.metres_per_pixel
     # Fine detail is drawn at about 1.7 cm, whatever the raster.
-    factor = min(4, max(2, round(mpp / 0.0167)))
+    factor = min(4, max(2 if mpp > 0.0167 else 1, round(mpp / 0.0167)))
     canvas = Canvas.blank(laid.height * factor, laid.width * factor, factor / mpp)
     palette = ornament.Palette(
         *(
@@ -145,7 +146,7 @@ def _walls(canvas: Canvas, laid: Plan, palette: ornament.Palette, rng: np.random
         bond = materials.Bond(0.42, 1.0, 0.02, spread=0.035)
         materials.masonry(canvas, upper, palette.wall, palette.wall * 0.62, bond, rng)
     else:
-        rough = {"jugend": 0.9, "functionalist": 0.35}.get(style.name, 0.2)
+        rough = {"jugend": 0.9, "functionalist": 0.35, "classicism": 0.5, "post-war": 1.0}.get(style.name, 0.2)
         materials.plaster(canvas, upper, palette.wall, rng, rough=rough)
     lower = (0.0, ground, w, bottom)
     if style.base == "banded":
@@ -175,7 +176,7 @@ def _openings(
 ) -> None:
     mpp, style = laid.metres_per_pixel, laid.style
     factor = round(canvas.scale * mpp)
-    tiles: dict[tuple[str, str, tuple[int, int]], tuple[Canvas, np.ndarray | None]] = {}
+    tiles: dict[tuple[str, str, tuple[int, int], int], tuple[Canvas, np.ndarray | None]] = {}
 
     def metres(o: Opening) -> ornament.Box:
         x0, y0, x1, y1 = o.box
@@ -188,7 +189,8 @@ def _openings(
     for o in by_label["window"]:
         ornament.surround(canvas, laid, o, metres(o), palette)
     for o in by_label["window"]:
-        key = (o.kind, o.state, shape(o))
+        # Of rooms in one state there are some: no two neighbours draw their curtains alike.
+        key = (o.kind, o.state, shape(o), int(rng.integers(ROOMS)))
         if key not in tiles:
             tiles[key] = window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, rng)
         tile, opening = tiles[key]
@@ -206,7 +208,7 @@ def _openings(
         railings.balcony(canvas, box, style.railing, o.state, palette.trim, parapet, rng, spacing=spacing)
     for o in by_label["door"]:
         ornament.doorway(canvas, laid, metres(o), palette)
-        tile = entrances.door_tile(shape(o), canvas.scale, palette.door, modern=style.glazing == "strip", rng=rng)
+        tile = entrances.door_tile(shape(o), canvas.scale, palette.door, modern=style.modern, rng=rng)
         canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
     signs = rng.permutation(len(entrances.SIGNS))
     for number, o in enumerate(by_label["shop"]):

@@ -32,7 +32,10 @@ def plaster(
     at = canvas.region(*box)
     shape = canvas.relief[at].shape
     grain = noise(shape, 0.022 * canvas.scale, rng)
+    # Grain, the strokes of the trowel, and patches as far as an arm reaches.
     tone = 1 + np.float32(0.012 + 0.03 * rough) * grain + 0.018 * noise(shape, 0.35 * canvas.scale, rng)
+    tone += np.float32(0.010) * noise(shape, (0.05 * canvas.scale, 0.16 * canvas.scale), rng)
+    tone += np.float32(0.014) * noise(shape, 1.7 * canvas.scale, rng)
     canvas.albedo[at] = colour * tone[..., None]
     canvas.relief[at] = np.float32(0.0006 + 0.0028 * rough) * grain
     canvas.gloss[at] = 0

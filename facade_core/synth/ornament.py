@@ -34,6 +34,22 @@ def crown(canvas: Canvas, plan: Plan, palette: Palette) -> None:
     if style.name == "functionalist":
         canvas.moulding(0, y0, w, y0 + 0.12, linear("#7d8082"), (0.12, 0.12, 0.06))
         return
+    if style.name == "post-war":
+        # Boarded eaves, and the shadow that they throw.
+        canvas.moulding(0, y0, w, y0 + 0.5 * tall, trim * 0.9, (0.45, 0.45, 0.42, 0.30))
+        return
+    if style.name == "art-deco":
+        canvas.moulding(0, y0, w, y0 + 0.10, linear("#55585a"), (0.16, 0.16, 0.08))
+        _steps(canvas, plan, y0 + 0.10, y1, trim)
+        return
+    if style.name in ("classicism", "plaster"):
+        canvas.moulding(0, y0, w, y0 + 0.55 * tall, trim, CORNICE)
+        if style.name == "plaster":
+            _dentils(canvas, y0 + 0.34 * tall, y0 + 0.55 * tall, trim, pitch=0.62, relief=0.36)
+            canvas.moulding(0, y1 - 0.12, w, y1, trim, STRING[1:])
+        else:
+            canvas.box(0, y0 + 0.55 * tall, w, y1, 0.5 * (palette.wall + trim), 0.02)
+        return
     if style.name == "neoclassical":
         canvas.box(0, y0, w, y0 + 0.45 * tall, trim * 0.97, 0.10)
         canvas.box(0, y0, w, y0 + 0.09 * tall, trim, 0.18)
@@ -78,10 +94,22 @@ def storeys(canvas: Canvas, plan: Plan, palette: Palette) -> list[float]:
             # The top storey is set off as an attic.
             ledges.append(lines[-2])
             canvas.moulding(0, lines[-2] - 0.06, w, lines[-2] + 0.10, trim, STRING)
+    elif style.name == "classicism":
+        ledges = lines[1:2]
+        if plan.floors > 4:
+            ledges.append(lines[2])
+            canvas.moulding(0, lines[2] - 0.05, w, lines[2] + 0.07, trim, STRING[1:])
+    elif style.name == "plaster":
+        for y in lines[2:-1]:
+            canvas.moulding(0, y - 0.06, w, y + 0.08, trim, STRING)
+    elif style.name == "art-deco":
+        ledges = lines[1:2]
+        _pilasters(canvas, plan, palette)
     else:
         ledges = []
-        _ribbons(canvas, plan)
-    if plan.floors > 1:
+        if style.name == "functionalist":
+            _ribbons(canvas, plan)
+    if plan.floors > 1 and style.name != "post-war":
         y = lines[1]
         canvas.moulding(0, y - 0.16, w, y + 0.12, trim if style.base != "tile" else palette.base * 1.2, (0.24, *STRING))
     plinth = min(0.55, 0.16 * (lines[0] - lines[1]))
@@ -101,6 +129,37 @@ def _ribbons(canvas: Canvas, plan: Plan) -> None:
         at = canvas.region(inset, top * mpp, canvas.width_m - inset, bottom * mpp)
         canvas.albedo[at] *= np.array([0.80, 0.78, 0.76], np.float32)
         canvas.relief[at] -= 0.03
+
+
+def _pilasters(canvas: Canvas, plan: Plan, palette: Palette) -> None:
+    """Fluted strips between the windows run through all upper storeys, over spandrels with ribs."""
+    mpp, style = plan.metres_per_pixel, plan.style
+    pitch, top, foot = plan.pitch * mpp, (plan.roof + plan.crown) * mpp, plan.lines[1] * mpp
+    window = min(style.window_share * pitch, style.window_widest)
+    half = 0.5 * min(0.75, 0.6 * (pitch - window))
+    for opening in plan.openings:
+        if opening.label == "window" and opening.kind == "plain" and opening.floor > 1:
+            x0, _, x1, y1 = (v * mpp for v in opening.box)
+            below = y1 + 0.9 * (plan.lines[opening.floor] * mpp - y1) + 0.15
+            canvas.box(x0, y1 + 0.16, x1, below, palette.trim * 0.86, -0.03)
+            for x in np.linspace(x0, x1, 7)[1:-1]:
+                canvas.box(x - 0.03, y1 + 0.2, x + 0.03, below - 0.04, palette.trim * 0.95, 0.02)
+    if half < 0.12:
+        return
+    for x in np.arange(round(canvas.width_m / pitch) + 1) * pitch:
+        canvas.box(x - half, top, x + half, foot, palette.wall * 1.06, 0.08)
+        for flute in (-0.5, 0.0, 0.5):
+            canvas.box(
+                x + half * flute - 0.02, top + 0.1, x + half * flute + 0.02, foot - 0.25, palette.wall * 0.96, 0.05
+            )
+
+
+def _steps(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
+    """A parapet in low relief, stepped over every pier."""
+    pitch = plan.pitch * plan.metres_per_pixel
+    for x in np.arange(round(canvas.width_m / pitch) + 1) * pitch:
+        for half, share, relief in ((0.30, 0.95, 0.05), (0.20, 0.80, 0.09), (0.10, 0.62, 0.13)):
+            canvas.box(x - half * pitch, y0, x + half * pitch, y0 + share * (y1 - y0), colour, relief)
 
 
 def quoins(canvas: Canvas, plan: Plan, y0: float, y1: float, colour: np.ndarray) -> None:
@@ -132,6 +191,10 @@ def surround(canvas: Canvas, plan: Plan, opening: Opening, box: Box, palette: Pa
         return
     if kind == "none":
         sill(canvas, box, linear("#8f9294"), out=0.06)
+        return
+    if kind == "thin":
+        canvas.box(x0 - 0.10, y0 - 0.10, x1 + 0.10, y1, trim, 0.025)
+        sill(canvas, box, trim if plan.style.name == "classicism" else linear("#84888a"), out=0.12)
         return
     if kind == "band":
         rise = 0.20 * (x1 - x0) if opening.kind == "arched" else 0.0
@@ -177,7 +240,7 @@ def sill(canvas: Canvas, box: Box, colour: np.ndarray, *, out: float) -> None:
 def doorway(canvas: Canvas, plan: Plan, box: Box, palette: Palette) -> None:
     """A door's surround with a hood; stone for the old styles, a thin canopy for the modern one."""
     x0, y0, x1, y1 = box
-    if plan.style.name == "functionalist":
+    if plan.style.modern:
         canvas.box(x0 - 0.08, y0 - 0.08, x1 + 0.08, y1, palette.trim, 0.03)
         canvas.moulding(x0 - 0.35, y0 - 0.24, x1 + 0.35, y0 - 0.08, palette.trim * 1.05, (0.85, 0.85, 0.82))
         return

@@ -14,7 +14,7 @@ GROUND_SHARE = 1.28  # height of the ground floor, in upper storeys
 WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")
 WINDOW_ODDS = (0.34, 0.26, 0.12, 0.17, 0.11)
 BALCONY_STATES = ("bare", "flowers")
-BALCONY_ODDS = (0.6, 0.4)
+BALCONY_ODDS = (0.85, 0.15)
 SHOP_STATES = ("plain", "awning")
 SMALLEST_ROOF_WITH_DORMERS = 1.7
 
@@ -126,7 +126,7 @@ def _centred(column: float, pitch: float, width: int, top: int, bottom: int) -> 
 
 def _balcony_places(style: Style, floors: int, columns: int, rng: np.random.Generator) -> set[tuple[int, int]]:
     upper = range(1, floors)
-    if floors == 1:
+    if floors == 1 or style.balconies == "none":
         return set()
     if style.balconies == "parisian":
         return {(f, c) for f in upper for c in range(columns)}

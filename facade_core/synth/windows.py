@@ -54,6 +54,7 @@ def window_tile(
 def mirrored(shape: tuple[int, int], rng: np.random.Generator, horizon: float = 0.68) -> np.ndarray:
     """What a pane mirrors (H, W, 3): sky paling towards the roofs across the street, and those roofs below."""
     rows, columns = shape
+    horizon = horizon + float(rng.uniform(-0.06, 0.1))
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
     x = ((np.arange(columns, dtype=np.float32) + 0.5) / columns)[None, :]
     down = np.clip(y / horizon, 0, 1) ** 1.2 + np.zeros_like(x)
@@ -62,7 +63,9 @@ def mirrored(shape: tuple[int, int], rng: np.random.Generator, horizon: float = 
     roofs = horizon + 0.07 * np.repeat(rng.random(4).astype(np.float32), -(-columns // 4))[:columns]
     street = np.clip((y - roofs) * 14, 0, 1)[..., None]
     depth = 1 - 0.35 * np.clip((y - horizon) / (1 - horizon), 0, 1)
-    return sky * (1 - 0.75 * street) + _STREET * (0.75 * street * depth[..., None])
+    # Panes that lean in or out mirror less or more of the sky.
+    lean = np.float32(rng.uniform(0.78, 1.0))
+    return lean * (sky * (1 - 0.75 * street) + _STREET * (0.75 * street * depth[..., None]))
 
 
 def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rng: np.random.Generator) -> np.ndarray:
@@ -79,13 +82,17 @@ def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rn
         else:
             # Tall windows have tied drapes, broad ones hang straight.
             tie = 0.12 if rows > 1.35 * columns else 0.0
-            drape = (0.29 if tie else 0.2) - tie * np.exp(-(((y - 0.68) / 0.24) ** 2)) + 0.02 * y
+            drape = (
+                (0.29 if tie else 0.2) * float(rng.uniform(0.75, 1.15))
+                - tie * np.exp(-(((y - 0.68) / 0.24) ** 2))
+                + 0.02 * y
+            )
             cover = np.clip((np.abs(x - 0.5) - (0.5 - drape)) * columns / 2, 0, 1)
         # A net curtain veils the whole window behind.
         room = room * 0.75 + linear("#d8d8d2") * 0.10
         return room + cover[..., None] * (cloth - room)
     if state.startswith("blind"):
-        reach = 0.52 if state == "blind-half" else 1.0
+        reach = float(rng.uniform(0.42, 0.62)) if state == "blind-half" else 1.0
         slats = 0.86 + 0.14 * np.sin(2 * np.pi * y * rows / max(4.0, 0.12 * scale))
         cover = np.clip((reach - y) * rows / 2, 0, 1) + np.zeros_like(x)
         edge = np.exp(-(((reach - y) * rows / (0.03 * scale)) ** 2)) * (reach < 1)
@@ -108,11 +115,14 @@ def _frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> None:
         "strip": (0.0, max(2, round(w / 0.95)), 1, 1),
         "french": (0.20, 2, 1, 3),
         "dormer": (0.0, 2, 1, 2),
+        "grid": (0.0, 2, 1, 3),
+        "deco": (0.24, 3, 1, 1),
+        "picture": (0.0, 2, 1, 1),
     }[glazing]
     edge, bar, thin = 0.075, 0.065, 0.034
     light = (h - foot) * transom
     posts = np.linspace(0, w, sashes + 1)[1:-1]
-    if glazing == "strip":
+    if glazing in ("strip", "picture"):
         # One narrow casement to air the room beside the broad lights.
         posts = np.array([min(0.5, 0.3 * w), *np.linspace(min(0.5, 0.3 * w), w, sashes)[1:-1]])
     for x in posts:

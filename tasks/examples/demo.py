@@ -11,7 +11,7 @@ import numpy as np
 import yaml
 
 from catalogs.block import Block, read_block
-from facade_core.synth import STYLES, PaintedFacade, exemplars, facade
+from facade_core.synth import NORDIC, PaintedFacade, exemplar, facade
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
 
@@ -20,7 +20,8 @@ AREA = [24.94575, 60.1651, 24.95025, 60.1673]
 STREETS = ["Kasarmikatu", "Fabianinkatu", "Rikhardinkatu"]
 SEED = 7
 TEXELS_PER_METRE = 16
-EXEMPLARS = 14
+# Painted walls of eight northern families: finer than the block, so that they serve blocks of any density.
+EXEMPLARS, EXEMPLAR_PIXELS_PER_METRE = 40, 64
 # Of the facades wide enough to be photographed, this many (from the first, every third) get a painted photo with a hole.
 PHOTO_EVERY = 3
 PHOTO_METRES = (6.0, 40.0)
@@ -68,12 +69,21 @@ def _write(path: Path, exemplar_folder: Path, *, photos: bool) -> None:
 
 
 def paint_exemplars(folder: Path) -> None:
-    """Paint a style library into a folder, EXEMPLARS pictures of every style."""
+    """Paint a style library into a folder, EXEMPLARS pictures of every northern style, with their labels beside them."""
+    from PIL import Image
+
     begin_stage("paint", EXEMPLARS)
     folder.mkdir(parents=True, exist_ok=True)
-    for number, painted in enumerate(exemplars(EXEMPLARS, seed=SEED, metres_per_pixel=1 / TEXELS_PER_METRE)):
-        _save(folder / f"exemplar-{number:02d}.png", painted)
+
+    def paint(number: int) -> None:
+        painted = exemplar(number, seed=SEED, metres_per_pixel=1 / EXEMPLAR_PIXELS_PER_METRE, styles=NORDIC)
+        name = f"exemplar-{number:02d}"
+        Image.fromarray(painted.image).save(folder / f"{name}.png", compress_level=1)
+        Image.fromarray(painted.labels).save(folder / f"{name}.labels.png", compress_level=1)
         advance("paint", 1)
+
+    with ThreadPoolExecutor(2) as threads:
+        list(threads.map(paint, range(EXEMPLARS)))
 
 
 def _paint_photos(block: Block, folder: Path) -> None:
@@ -91,7 +101,7 @@ def _paint_photos(block: Block, folder: Path) -> None:
             (height, width),
             floors=floors,
             columns=max(1, round(width / 3.4)),
-            style=STYLES[number % len(STYLES)],
+            style=NORDIC[number % len(NORDIC)],
             metres_per_pixel=1 / TEXELS_PER_METRE,
             seed=SEED + i,
             occluders=2,

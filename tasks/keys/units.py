@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 from catalogs.file_digest import file_digest
+from catalogs.readers.pictures.folders import with_labels
 from facade_core.atlas.journal import unit_key
 from facade_core.geometry.charts import CORNERS
 from facade_core.plan import Plan
@@ -49,7 +50,7 @@ def exemplar_key(run: Run, path: Path) -> str:
     return parts_key(
         stage_code("exemplars"),
         settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
-        picture=[path.stem, file_digest(path)],
+        picture=[path.stem, *map(file_digest, with_labels(path))],
     )
 
 

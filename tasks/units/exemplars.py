@@ -22,7 +22,7 @@ from facade_core.resizing import resized
 from facade_core.style import look_of
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
-from tasks.units.images import LONGEST_EXEMPLAR, read_exemplar_picture
+from tasks.units.images import LONGEST_EXEMPLAR, read_exemplar_picture, read_labels
 from tasks.units.unit import Piece
 
 IMAGE = Array(
@@ -46,15 +46,17 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     private = look(picture.rgb).hidden(hidden.shape)
     seconds = {"read": time.time() - start}
     seed = unit_seed(run, unit.name, "exemplar")
-    prepared = prepare_exemplar(picture.rgb, hidden, storey=run.storey, private=private, seed=seed)
-    seconds |= prepared.facade.seconds
+    prepared = prepare_exemplar(
+        picture.rgb, hidden, storey=run.storey, private=private, labels=read_labels(path, hidden.shape), seed=seed
+    )
+    seconds |= prepared.seconds
     begun = time.time()
     factor = prepared.metres_per_pixel * run.texture.texels_per_metre
-    height, width = (max(8, round(side * factor)) for side in prepared.facade.labels.shape)
+    height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
     shrink = min(1.0, LONGEST_EXEMPLAR / max(height, width))
     size = (round(width * shrink), round(height * shrink))
-    texture = resized(prepared.facade.image, size[::-1])
-    labels = cv2.resize(prepared.facade.labels, size, interpolation=cv2.INTER_NEAREST)
+    texture = resized(prepared.image, size[::-1])
+    labels = cv2.resize(prepared.labels, size, interpolation=cv2.INTER_NEAREST)
     metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)
 
     group = open_root(fork)
@@ -69,9 +71,9 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "width_m": size[0] * metres_per_texel,
         "height_m": size[1] * metres_per_texel,
         "metres_per_texel": metres_per_texel,
-        "floors": prepared.facade.floors,
+        "floors": prepared.floors,
         "columns": prepared.columns,
-        "hidden": round(float(prepared.facade.occluded.mean()), 4),
+        "hidden": round(float(prepared.occluded.mean()), 4),
         "shaded": round(prepared.shaded, 4),
         "look": look_of(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
@@ -85,10 +87,10 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
 
 def _preview(run: Run, given: np.ndarray, private: np.ndarray, prepared: Exemplar) -> np.ndarray:
     """A picture as given, with what was cut off and what was made anew, as the block's privacy has it."""
-    facade, (x0, y0, x1, y1) = prepared.facade, prepared.box
+    x0, y0, x1, y1 = prepared.box
     shown = shielded(given, private, run.privacy, 1 / prepared.metres_per_pixel).copy()
-    shown[y0:y1, x0:x1] = shielded(facade.evidence, facade.occluded, run.privacy, 1 / prepared.metres_per_pixel)
-    return draw_cut(shown, facade.occluded, prepared.box)
+    shown[y0:y1, x0:x1] = shielded(prepared.evidence, prepared.occluded, run.privacy, 1 / prepared.metres_per_pixel)
+    return draw_cut(shown, prepared.occluded, prepared.box)
 
 
 def read_exemplar(group: StoreGroup, index: int) -> tuple[np.ndarray, np.ndarray, float]:

@@ -10,7 +10,10 @@ from pathlib import Path
 
 import numpy as np
 
+from catalogs.readers.pictures.folders import labels_beside
 from catalogs.readers.pictures.opening import LEAST_SIDE, Picture, opened, read_picture
+from facade_core.errors import ImageError
+from facade_core.labels import CLASSES, UNKNOWN
 from tasks.outcome import refusing
 
 # Of a frame of 35 mm film, 36 x 24 mm.
@@ -90,3 +93,26 @@ def read_whole(path: Path, *, least: int = 1) -> Picture:
 def read_exemplar_picture(path: Path) -> Picture:
     """An exemplar, reduced to what can be prepared from it."""
     return read_picture(path, longest=LONGEST_EXEMPLAR, least=LEAST_SIDE)
+
+
+def read_labels(path: Path, shape: tuple[int, int]) -> np.ndarray | None:
+    """The labels (h, w) uint8 that lie beside an exemplar, at the size it was reduced to; None where there are none.
+
+    Raises ImageError where they are not of a picture of these proportions, or no classes of `facade_core.labels`.
+    """
+    import cv2
+
+    beside = labels_beside(path)
+    if beside is None:
+        return None
+    with opened(beside) as image:
+        labels = np.asarray(image if image.mode in ("L", "P") else image.convert("L"))
+    known = np.isin(np.unique(labels), [*range(len(CLASSES)), UNKNOWN]).all()
+    if (
+        not known
+        or abs(labels.shape[0] * shape[1] - labels.shape[1] * shape[0]) > labels.shape[0] + shape[0] + shape[1]
+    ):
+        raise ImageError(
+            f"{beside.name} is no label map of {path.name}; give one grey value a class, at its size, or remove it"
+        )
+    return cv2.resize(labels, shape[::-1], interpolation=cv2.INTER_NEAREST)

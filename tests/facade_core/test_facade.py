@@ -101,9 +101,23 @@ def test_an_exemplar_is_measured_and_measured() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
     prepared = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), storey=3.2)
     assert prepared.metres_per_pixel == pytest.approx(0.05, rel=0.2)
-    assert prepared.facade.floors == 4
-    assert (prepared.facade.labels[0] == SKY).mean() < 0.5
-    assert (prepared.facade.labels == WALL).any()
+    assert prepared.floors == 4
+    assert (prepared.labels[0] == SKY).mean() < 0.5
+    assert (prepared.labels == WALL).any()
+
+
+def test_labels_that_come_with_an_exemplar_are_believed() -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
+    nothing = np.zeros(clean.labels.shape, bool)
+    prepared = prepare_exemplar(clean.image, nothing, storey=3.2, labels=clean.labels)
+    np.testing.assert_array_equal(prepared.labels, clean.labels)
+    assert (prepared.floors, prepared.columns) == (4, 4)
+    assert "parse" not in prepared.seconds
+    hidden = nothing.copy()
+    hidden[:40, :40] = True
+    assert "parse" in prepare_exemplar(clean.image, hidden, storey=3.2, labels=clean.labels).seconds, (
+        "what is hidden is made"
+    )
 
 
 def test_visible_boxes_leave_out_the_holes() -> None:

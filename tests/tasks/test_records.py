@@ -9,12 +9,14 @@ import pytest
 from PIL import Image
 
 from catalogs.block import TextureSettings
+from catalogs.readers.pictures.folders import image_files
 from facade_core.errors import FacadeError, ImageError
+from tasks.keys.units import exemplar_key
 from tasks.outcome import Outcome, failure, is_done
 from tasks.progress import StageProgress, advance, begin_stage, listen
 from tasks.run import Run
 from tasks.units.context import unit_seed
-from tasks.units.images import read_image
+from tasks.units.images import read_image, read_labels
 
 RUN = Run("out", "b", "key", "EPSG:32635", 7, 3.2, TextureSettings())
 
@@ -94,3 +96,21 @@ def test_a_truncated_image_is_named(tmp_path: Path) -> None:
     path.write_bytes(path.read_bytes()[:700])
     with pytest.raises(ImageError, match=r"broken\.jpg"):
         read_image(path)
+
+
+def test_labels_lie_beside_an_exemplar(tmp_path: Path) -> None:
+    picture = tmp_path / "a.png"
+    Image.fromarray(np.zeros((40, 60, 3), np.uint8)).save(picture)
+    assert read_labels(picture, (40, 60)) is None
+    labels = np.zeros((40, 60), np.uint8)
+    labels[20:] = 1
+    Image.fromarray(labels).save(tmp_path / "a.labels.png")
+    assert image_files(tmp_path, "exemplar")[0] == (picture,), "labels are no picture of their own"
+    read = read_labels(picture, (20, 30))
+    assert read is not None
+    assert (read.shape, read[9].max(), read[10].min()) == ((20, 30), 0, 1)
+    before = exemplar_key(RUN, picture)
+    Image.fromarray(labels + np.uint8(40)).save(tmp_path / "a.labels.png")
+    assert exemplar_key(RUN, picture) != before
+    with pytest.raises(ImageError, match=r"a\.labels\.png is no label map of a\.png"):
+        read_labels(picture, (40, 60))

@@ -11,6 +11,7 @@ from catalogs.readers.pictures.opening import LEAST_SIDE, REMEDY, opened
 from facade_core.errors import InputError
 
 SUFFIXES = (".jpg", ".jpeg", ".png", ".webp", ".tif", ".tiff")
+LABELS = ".labels.png"
 _START_OF_SCAN = 0xDA
 _END_OF_IMAGE = b"\xff\xd9"
 
@@ -81,8 +82,21 @@ def _absent(path: Path) -> str | None:
     return f"{path.name} leads to no file; mend what it links to, or remove it"
 
 
+def labels_beside(picture: Path) -> Path | None:
+    """The label map of a picture, NAME.labels.png beside it; None where there is none."""
+    labels = picture.with_name(f"{picture.stem}{LABELS}")
+    return labels if labels.is_file() else None
+
+
+def with_labels(picture: Path) -> list[Path]:
+    """A picture, and its label map where there is one."""
+    labels = labels_beside(picture)
+    return [picture] if labels is None else [picture, labels]
+
+
 def _is_image(path: Path) -> bool:
-    return path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and not path.is_dir()
+    whole = path.suffix.lower() in SUFFIXES and not path.name.startswith(".") and not path.is_dir()
+    return whole and not path.name.endswith(LABELS)
 
 
 def _damage(path: Path, least: int) -> str | None:
