@@ -1,0 +1,150 @@
+"""Whether materials repeat: the highest autocorrelation of plain ground and plain wall away from no shift at all."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import shapely
+
+from benchmarks.look.outputs import Output
+from facade_core.geometry.charts import GROUND
+
+# Patches are looked at with so many pixels a metre, up to this side; shifts are this long, in metres: shorter than the first is
+# grain, and shifts that leave less than this share of the patch over itself say nothing.
+_PIXELS, _SIDE_M, SHIFTS_M, _OVERLAP = 8.0, 24.0, (0.8, 12.0), 0.3
+# What changes slower than this is wear and light, not a material's picture.
+_SLOW_M = 0.6
+# Of the roadway: between its middle, where lanes are marked, and its edges.
+_ROADWAY_M = (0.6, 2.4)
+_PATCHES = 12
+# A patch holds at least so many square metres.
+_LEAST_M2 = 12.0
+
+
+def repeats(output: Output) -> dict[str, Any]:
+    """For ground of the roadway and walls of material alone: the median and highest peak, and the shift of that, of the
+    largest charts."""
+    area = output.charts.size.prod(axis=1)
+    ground = np.flatnonzero(output.charts.kind == GROUND)
+    return {
+        "roadway": _peaks(output, ground[np.argsort(-area[ground])], _roadway),
+        "plain_walls": _peaks(output, output.walls[np.argsort(-area[output.walls])], _plain),
+    }
+
+
+def _peaks(output: Output, charts: np.ndarray, mask_of: Any) -> dict[str, Any]:
+    import cv2
+
+    found: list[tuple[float, float, float]] = []
+    pixels: tuple[int, np.ndarray] | None = None
+    for chart in charts.tolist():
+        if len(found) == _PATCHES:
+            break
+        mask = mask_of(output, chart)
+        if mask is None or mask.sum() < _LEAST_M2 * _PIXELS**2:
+            continue
+        if pixels is None or pixels[0] != output.placement.page[chart]:
+            pixels = (int(output.placement.page[chart]), output.pixels(int(output.placement.page[chart])))
+        raster = output.raster(pixels[1], chart)
+        whole = cv2.cvtColor(np.ascontiguousarray(raster), cv2.COLOR_RGB2GRAY).astype(np.float32)
+        grey = cv2.resize(whole, _shape(output, chart)[::-1], interpolation=cv2.INTER_AREA)
+        top, left = _densest(mask)
+        side = int(_SIDE_M * _PIXELS)
+        window = (slice(top, top + side), slice(left, left + side))
+        peak = highest_peak(grey[window], mask[window])
+        if peak is not None:
+            found.append(peak)
+    if not found:
+        return {"patches": 0}
+    values = [value for value, _, _ in found]
+    worst = found[int(np.argmax(values))]
+    return {
+        "patches": len(found),
+        "median": round(float(np.median(values)), 3),
+        "highest": round(worst[0], 3),
+        "its_shift_m": [round(worst[1], 2), round(worst[2], 2)],
+    }
+
+
+def highest_peak(grey: np.ndarray, mask: np.ndarray) -> tuple[float, float, float] | None:
+    """The highest normalised autocorrelation of the pixels (h, w) in a mask over shifts of SHIFTS_M, and that shift in metres
+    right and down; None where no shift leaves enough."""
+    import cv2
+
+    weight = mask.astype(np.float32)
+    blurred = cv2.GaussianBlur(grey * weight, (0, 0), _SLOW_M * _PIXELS)
+    own = cv2.GaussianBlur(weight, (0, 0), _SLOW_M * _PIXELS)
+    detail = np.where(mask, grey - blurred / np.maximum(own, 1e-6), 0).astype(np.float64)
+    if detail[mask].std() < 1e-3:
+        return None
+    shape = [2 * n for n in grey.shape]
+
+    def correlated(a: np.ndarray, b: np.ndarray) -> np.ndarray:
+        return np.fft.irfft2(np.fft.rfft2(a, shape) * np.conj(np.fft.rfft2(b, shape)), shape)
+
+    over = correlated(weight, weight)
+    squares = correlated(detail**2, weight)
+    reverse = correlated(weight, detail**2)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        likeness = correlated(detail, detail) / np.sqrt(np.maximum(squares * reverse, 1e-12))
+    dy, dx = (np.fft.fftfreq(n, 1 / n) / _PIXELS for n in shape)
+    away = np.hypot(dy[:, None], dx[None])
+    ask = (away >= SHIFTS_M[0]) & (away <= SHIFTS_M[1]) & (over > _OVERLAP * mask.sum())
+    ask &= np.minimum(squares, reverse) > _OVERLAP / 2 * float(
+        (detail**2).sum()
+    )  # what is all but even correlates with anything
+    if not ask.any():
+        return None
+    at = int(np.argmax(np.where(ask, likeness, -np.inf)))
+    row, column = np.unravel_index(at, likeness.shape)
+    return float(likeness[row, column]), float(dx[column]), float(dy[row])
+
+
+def _roadway(output: Output, chart: int) -> np.ndarray:
+    """Where on a ground chart the roadway is, (h, w) bool."""
+    height, width = _shape(output, chart)
+    y, x = np.mgrid[:height, :width]
+    size = output.charts.size[chart]
+    points = output.charts.points(chart, (x + 0.5) * size[0] / width, (y + 0.5) * size[1] / height)
+    lines = shapely.MultiLineString(output.streets)
+    box = shapely.box(*points[..., :2].reshape(-1, 2).min(0), *points[..., :2].reshape(-1, 2).max(0))
+    near = shapely.intersection(lines, box.buffer(_ROADWAY_M[1]))
+    if near.is_empty:
+        return np.zeros((height, width), bool)
+    shapely.prepare(near)
+    away = shapely.distance(near, shapely.points(points[..., :2].reshape(-1, 2))).reshape(height, width)
+    return (away > _ROADWAY_M[0]) & (away < _ROADWAY_M[1])
+
+
+def _plain(output: Output, chart: int) -> np.ndarray | None:
+    """Where a wall is of its material alone, (h, w) bool; None where it is nowhere."""
+    import cv2
+
+    if "material" not in output.sources:
+        return None
+    plain = output.provenance(chart) == output.sources.index("material")
+    if not plain.any():
+        return None
+    shape = _shape(output, chart)
+    return cv2.resize(plain.astype(np.float32), shape[::-1], interpolation=cv2.INTER_AREA) > 0.999
+
+
+def _shape(output: Output, chart: int) -> tuple[int, int]:
+    width, height = output.charts.size[chart]
+    return max(1, round(height * _PIXELS)), max(1, round(width * _PIXELS))
+
+
+def _densest(mask: np.ndarray) -> tuple[int, int]:
+    """The first row and column of the square of _SIDE_M that holds most of a mask."""
+    import cv2
+
+    side = int(_SIDE_M * _PIXELS)
+    height, width = mask.shape
+    total = cv2.integral(mask.astype(np.uint8))
+    tops = np.arange(0, max(1, height - side + 1), side // 4)
+    lefts = np.arange(0, max(1, width - side + 1), side // 4)
+    bottoms, rights = np.minimum(tops + side, height), np.minimum(lefts + side, width)
+    held = total[np.ix_(bottoms, rights)] - total[np.ix_(tops, rights)] - total[np.ix_(bottoms, lefts)]
+    row, column = np.unravel_index(int((held + total[np.ix_(tops, lefts)]).argmax()), held.shape)
+    return int(tops[row]), int(lefts[column])

@@ -1,0 +1,113 @@
+"""What the benchmark of looks counts, on pictures of which the answer is known."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from benchmarks.blind_pairs import counts, sheet
+from benchmarks.look.likeness import _wall_distance, gradient_energy, relative_energy
+from benchmarks.look.photos import panorama_places, perspective
+from benchmarks.look.repeats import highest_peak
+from benchmarks.look.walls import _in_triangle, _likeness, _roof_shape, _to_boxes
+
+KEY = {"pairs": {"1": {"A": "out", "B": "against"}, "2": {"A": "against", "B": "out"}}}
+
+
+def test_tiles_are_found_at_their_period_and_noise_is_not() -> None:
+    rng = np.random.default_rng(1)
+    everywhere = np.ones((192, 192), bool)
+    noise = rng.normal(128, 20, (192, 192)).astype(np.float32)
+    tiled = np.tile(rng.normal(128, 20, (32, 32)).astype(np.float32), (6, 6))  # 4 m at 8 pixels a metre
+    peak = highest_peak(tiled, everywhere)
+    plain = highest_peak(noise, everywhere)
+    assert peak is not None
+    assert plain is not None
+    assert peak[0] > 0.9
+    assert {abs(peak[1]) % 4, abs(peak[2]) % 4} == {0.0}
+    assert plain[0] < 0.1
+
+
+def test_what_is_even_has_no_peak() -> None:
+    assert highest_peak(np.full((192, 192), 90, np.float32), np.ones((192, 192), bool)) is None
+
+
+def test_a_part_of_a_facade_is_found_in_its_twin_alone() -> None:
+    rng = np.random.default_rng(2)
+    one, other = (rng.normal(0, 20, (120, 150)).astype(np.float32) for _ in range(2))
+    assert _likeness(one, np.roll(one, 9, axis=1)) > 0.9
+    assert _likeness(one, other) < 0.5
+
+
+def test_gradients_are_relative_to_brightness_and_by_distance() -> None:
+    ramp = np.repeat(np.repeat(np.arange(50, 150, dtype=np.uint8)[None], 20, 0)[..., None], 3, 2)
+    distance = np.full((20, 100), 15.0)
+    distance[:, 50:] = 100.0
+    half = relative_energy([gradient_energy(ramp, distance, np.ones((20, 100), bool))])
+    value, pixels = half[15.0]
+    assert pixels == 1000
+    assert value == pytest.approx(1 / np.arange(50, 100).mean() ** 2, rel=0.01)
+    assert half[40.0] == (None, 0)
+    assert half[5.0] == (None, 0)
+
+
+def test_a_view_of_a_panorama_shows_what_lies_in_its_direction() -> None:
+    panorama = np.zeros((512, 1024, 3), np.uint8)
+    panorama[..., 0] = (np.arange(1024) // 4)[None]
+    view = perspective(panorama, 90.0, 0.0, (60, 80))
+    assert view.shape == (60, 80, 3)
+    assert view[30, 40, 0] == pytest.approx(192, abs=1)
+    assert view[30, 60, 0] > view[30, 40, 0] > view[30, 20, 0]
+
+
+def test_a_marked_wall_is_as_far_as_its_foot_says() -> None:
+    # 2.3 m below the camera and 45 degrees down: 2.3 m away; the wall runs across the view ahead
+    down = (0.5 + 0.25) * 2048
+    aside = (0.5 + np.arctan(0.5) / (2 * np.pi)) * 4096
+    foot = (0.5 + np.arctan(2.3 / np.hypot(2.3, 1.15)) / np.pi) * 2048
+    u, v = panorama_places(0.0, 0.0, (61, 81), samples=1)
+    away = _wall_distance(u, v, [2048, down, aside, foot, 1800, 2300, 1, 4])
+    assert away[30, 40] == pytest.approx(2.3, rel=0.02)
+    assert np.isinf(away[0, 0])
+
+
+def test_distance_to_a_window_is_measured_round_its_edges() -> None:
+    window = np.array([[[0.0, 0, 2], [1.0, 0, 1]]])
+    points = np.array([[0.5, 0, 1.5], [0.5, 0, 4.0], [4.0, 0, 1.5], [0.5, 3, 1.5]])
+    assert _to_boxes(points, window).tolist() == pytest.approx([0, 2, 3, 3])
+    assert np.isinf(_to_boxes(points, np.empty((0, 2, 3)))).all()
+
+
+def test_places_in_a_triangle() -> None:
+    corners = np.array([[0, 0], [4, 0], [0, 4.0]])
+    for triangle in (corners, corners[::-1]):
+        assert _in_triangle(np.array([[1, 1], [3, 3], [0, 0]]), triangle).tolist() == [True, False, True]
+
+
+def test_roofs_are_told_by_the_sides_they_slope_to() -> None:
+    side = np.array([[0.5, 0, 0.87], [-0.5, 0, 0.87], [0, 0, 1.0]])
+    assert _roof_shape(side[2:], np.ones(1)) == "flat"
+    assert _roof_shape(side[:2], np.ones(2)) == "2 sides"
+    assert _roof_shape(np.empty((0, 3)), np.empty(0)) == "none"
+
+
+def test_answers_are_counted_by_the_key() -> None:
+    answers = [
+        {"pair": "1", "preferred": "a", "why": "kerbs; light"},
+        {"pair": "2", "preferred": "B", "why": "light"},
+    ]
+    assert counts(answers, KEY)["preferred"] == {"out": 2, "against": 0, "neither": 0}
+    assert counts(answers, KEY)["why"] == {"out": {"light": 2, "kerbs": 1}}
+    assert counts([{"pair": "2", "preferred": "", "why": ""}], KEY)["preferred"]["neither"] == 1
+
+
+@pytest.mark.parametrize("answer", [{"pair": "3", "preferred": "A"}, {"pair": "1", "preferred": "left"}])
+def test_an_answer_that_fits_no_pair_is_refused(answer: dict[str, str]) -> None:
+    with pytest.raises(SystemExit, match="say A, B or nothing"):
+        counts([{"why": "", **answer}], KEY)
+
+
+def test_a_sheet_holds_all_its_pairs() -> None:
+    dark, bright = np.zeros((20, 30, 3), np.uint8), np.full((20, 30, 3), 200, np.uint8)
+    drawn = sheet([(dark, bright)] * 3, 1)
+    assert (drawn == 200).all(axis=2).sum() == 3 * 20 * 30
