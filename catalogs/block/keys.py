@@ -46,6 +46,16 @@ class MaterialSettings:
 
 
 @dataclass(frozen=True, slots=True)
+class SunSettings:
+    """Where the sun stands, degrees: clockwise from north, and over the horizon."""
+
+    __pydantic_config__ = ConfigDict(extra="forbid")
+
+    azimuth: Annotated[float, _between(0, 360)]
+    elevation: Annotated[float, _between(5, 90)]
+
+
+@dataclass(frozen=True, slots=True)
 class TextureSettings:
     """How a block is textured; lengths in metres, panorama_width in pixels. The README says what each key means."""
 
@@ -60,6 +70,7 @@ class TextureSettings:
     panorama_width: Annotated[int, _whole(64, 8192), AfterValidator(_even)] = 1024
     levelling: Annotated[bool, Field(strict=True)] = True
     roof_material: MaterialSettings | None = None
+    sun: SunSettings | None = None
 
 
 class _Keys(BaseModel):

@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.scene import Scene
 
@@ -14,9 +15,15 @@ from facade_core.street.scene import Scene
 FRAME = 1.04
 # Width of the panoramas by which a street's viewpoint is chosen.
 WIDE = 64
-# What is nearer counts less, in proportion, and so does a view that ends nearer: a wall at the end of a street fills the
-# picture and shows little.
+# What is nearer counts less, in proportion, and so does a street that ends nearer: a wall at its end fills the picture and
+# shows little.
 FAR_M, OPEN_M = 30.0, 60.0
+# Height of the eyes of who walks; how far aside of the street a picture of it looks, degrees, and how far up.
+EYE_M, ASIDE, UP = 1.7, 40.0, 7.0
+# From where a close-up looks at a facade's foot: metres before it and aside, and the height that it looks at.
+BEFORE_M, BESIDE_M, LOOKED_AT_M = 5.5, 3.8, 2.4
+# Facades that are tried for the close-up: something may stand before one.
+TRIED = 12
 
 
 @dataclass(frozen=True)
@@ -105,18 +112,49 @@ def _shown(scene: Scene, side: np.ndarray, worth: np.ndarray) -> float:
 
 
 def street_level(scene: Scene, viewpoints: Sequence[Viewpoint], size: tuple[int, int], worth: np.ndarray) -> Camera:
-    """Looking along a street, slightly upwards, from the viewpoint and in the direction, ahead or back, that shows most of
-    what is worth seeing (per chart)."""
+    """As who walks along a street sees its one side, ASIDE of the way ahead or back: from the viewpoint and in the direction
+    that show most of what is worth seeing (per chart)."""
     rows, columns = slice(WIDE // 8, WIDE // 4), slice(WIDE * 3 // 8, WIDE * 5 // 8)
-    best, found = -1.0, (viewpoints[0], 1.0)
+    best, found = -1.0, (viewpoints[0], 0.0)
     for viewpoint in viewpoints:
         _, depth, chart = scene.look(viewpoint, WIDE)
         value = np.where(chart >= 0, worth[chart] * np.clip(depth / FAR_M, 0.0, 1.0), 0.0)
-        for sense, turn in ((1.0, 0), (-1.0, WIDE // 2)):
-            shown, ahead = (np.roll(layer, turn, axis=1) for layer in (value, depth))
-            end = ahead[WIDE // 4 - 1, WIDE // 2 - 1 : WIDE // 2 + 1].min()
-            if (score := float(shown[rows, columns].mean() * min(1.0, end / OPEN_M))) > best:
-                best, found = score, (viewpoint, sense)
-    viewpoint, sense = found
-    direction = np.array([*(sense * viewpoint.forward), 0.14])
-    return Camera(viewpoint.position, viewpoint.position + direction, 84.0, size)
+        for along in (0, 180):
+            middle = WIDE // 2 - round(along / 360 * WIDE)
+            end = depth[WIDE // 4 - 1, (middle - 1, middle)].min()
+            for turn in (along - ASIDE, along + ASIDE):
+                shown = np.roll(value, -round(turn / 360 * WIDE), axis=1)
+                if (score := float(shown[rows, columns].mean() * min(1.0, end / OPEN_M))) > best:
+                    best, found = score, (viewpoint, turn)
+    viewpoint, turn = found
+    heading = float(np.degrees(np.arctan2(*viewpoint.forward))) + turn
+    return Camera.towards(
+        at_eye_height(scene, viewpoint.position), heading=heading, pitch=UP, field_of_view=75.0, size=size
+    )
+
+
+def close_up(scene: Scene, facades: np.ndarray, size: tuple[int, int], worth: np.ndarray) -> Camera:
+    """At the foot of the facade (charts (n,), at least one) that is most worth seeing (per chart and area), aslant from the
+    pavement: of those with nothing before them, or the first."""
+    charts = scene.charts
+    order = facades[np.argsort(-worth[facades] * charts.size[facades].prod(axis=1), kind="stable")][:TRIED]
+    found = None
+    for chart in order.tolist():
+        width, height = charts.size[chart]
+        foot = charts.points(chart, np.array([width / 2]), np.array([height]))[0]
+        looked_at = foot + np.array([0.0, 0.0, min(LOOKED_AT_M, height / 2)])
+        for aside in (BESIDE_M, -BESIDE_M):
+            place = foot + BEFORE_M * charts.normal()[chart] + aside * charts.axis_u[chart] + [0.0, 0.0, 3.0]
+            camera = Camera(at_eye_height(scene, place), looked_at, 62.0, size)
+            found = found or camera
+            _, hit = scene.caster.cast(camera.position, (looked_at - camera.position)[None])
+            if hit[0] == chart:
+                return camera
+    assert found is not None
+    return found
+
+
+def at_eye_height(scene: Scene, place: np.ndarray) -> np.ndarray:
+    """A place (3,) lowered to EYE_M above the ground below it; as it is where there is none."""
+    depth, chart = scene.caster.cast(place, np.array([[0.0, 0.0, -1.0]]))
+    return place if chart[0] == MISS else place - [0.0, 0.0, float(depth[0]) - EYE_M]

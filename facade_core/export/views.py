@@ -8,7 +8,7 @@ from typing import TypeVar
 import numpy as np
 
 from facade_core.atlas.journal import Record
-from facade_core.export.camera import Camera, aerial, street_level
+from facade_core.export.camera import Camera, aerial, close_up, street_level
 from facade_core.export.picture import Picture, averaged
 from facade_core.plan import Plan
 
@@ -24,8 +24,9 @@ T = TypeVar("T")
 
 
 def view_names(plan: Plan) -> list[str]:
-    """The views of a block: from above, and along some streets."""
-    return ["above", *(f"street-{number}" for number in range(len(_streets(plan))))]
+    """The views of a block: from above, along some streets, and of a facade from near."""
+    near = ["close-up"] if len(plan.facades.chart) else []
+    return ["above", *(f"street-{number}" for number in range(len(_streets(plan)))), *near]
 
 
 def cameras(plan: Plan, records: Sequence[Record | None]) -> list[Camera]:
@@ -37,6 +38,8 @@ def cameras(plan: Plan, records: Sequence[Record | None]) -> list[Camera]:
     for street in _streets(plan):
         own = spread(plan.of_street(street), LOOKED_AT)
         found.append(street_level(plan.scene, own, VIEW_SIZE, worth))
+    if len(plan.facades.chart):
+        found.append(close_up(plan.scene, plan.facades.chart, VIEW_SIZE, worth))
     return found
 
 

@@ -12,10 +12,12 @@ from facade_core.atlas.provenance import MATERIAL, PHOTO, TRANSLATED, UNSEEN
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import Placement
+from facade_core.street.contact import contact
 from facade_core.street.enclosed import enclosed
 from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial, from_above
 from facade_core.street.scene import Scene
+from facade_core.street.sun import Sun, lit, sunlight
 from facade_core.street.translate import footprint
 from facade_core.street.window import Window
 
@@ -63,16 +65,39 @@ def surface(
     pixels: Pixels | None = None,
     levelling: bool = True,
     aerial: Aerial | None = None,
+    sun: Sun | None = None,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A whole chart: colour (h, w, 3) uint8 and provenance (h, w) uint8, of which none is UNSEEN.
 
-    What nobody can ever see of a wall takes one colour, which costs nothing to keep.
+    What nobody can ever see of a wall takes one colour, which costs nothing to keep. Where walls stand on the ground what is
+    painted beside the line is darker; with a `sun` all is in its light and its shadows.
 
     Bare texels take their material, bare ground under the
     free sky the `aerial` picture. With `levelling` what is painted is levelled to what was seen of the same surface, on its own
     chart or beside it, and both together to what pictures show. network: whether streets were translated by the network, whose
     colours are not those of the materials; pixels: of what, so that what is finer than they are is added from the material.
     """
+    colour, provenance = _levelled_surface(scene, materials, chart, known, network, pixels, levelling, aerial)
+    left = contact(scene, chart)
+    if left is not None:
+        darker = (provenance <= TRANSLATED) & (left < 1)
+        colour[darker] = (colour[darker] * left[darker][:, None] + 0.5).astype(np.uint8)
+    if sun is not None:
+        colour = lit(colour, sunlight(scene, chart, sun))
+    return colour, provenance
+
+
+def _levelled_surface(
+    scene: Scene,
+    materials: Materials,
+    chart: int,
+    known: Known,
+    network: bool,
+    pixels: Pixels | None,
+    levelling: bool,
+    aerial: Aerial | None,
+) -> tuple[np.ndarray, np.ndarray]:
+    """As `surface`, before the light at feet and of the sun."""
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
     bare = provenance == UNSEEN

@@ -3,8 +3,7 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import AsyncIterator, Callable, Mapping
-from contextlib import asynccontextmanager
+from collections.abc import Callable, Mapping
 from ipaddress import ip_address
 from pathlib import Path
 from typing import Any
@@ -14,14 +13,14 @@ from starlette.datastructures import Headers
 from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
-from starlette.responses import JSONResponse, PlainTextResponse, Response
+from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from facade_core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_held
-from flows.viewer.guard import Guard, guard, in_address, name_in
-from flows.viewer.model import Model
+from flows.viewer.guard import Guard, guard, in_address
+from flows.viewer.model import model, model_file
 from tasks.viewing import Reader, picture, stages
 from tasks.viewing.growth import Growth
 from tasks.viewing.pictures import encode
@@ -29,10 +28,10 @@ from tasks.viewing.pictures import encode
 PAGE = Path(__file__).parent / "page"
 # A picture's address names its snapshot, and a snapshot never changes.
 FOR_EVER = {"Cache-Control": "private, max-age=31536000, immutable"}
-# Scripts, styles and pictures are the page's own; the model comes from the viewer's second port.
+# Scripts, styles, pictures and the model are the page's own.
 POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' data:; connect-src 'self'; "
-    "frame-src http://{host}:*; frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
+    "frame-ancestors 'none'; base-uri 'none'; form-action 'none'"
 )
 # No other site may show, embed or learn of what is here.
 HEADERS = {
@@ -40,13 +39,14 @@ HEADERS = {
     "X-Frame-Options": "DENY",
     "Referrer-Policy": "no-referrer",
     "Cross-Origin-Resource-Policy": "same-origin",
+    "Content-Security-Policy": POLICY,
 }
 
 
 def application(out: Path, host: str, bound: str) -> Starlette:
     """The viewer of the run in folder `out`, told to listen on `host`, which is the address `bound`."""
     who = guard(host, bound)
-    reader, model, growth = Reader(out), Model(out, bound, who), Growth()
+    reader, growth = Reader(out), Growth()
 
     def answer(make: Callable[[Request], Response]) -> Callable[[Request], Response]:
         def endpoint(request: Request) -> Response:
@@ -98,7 +98,11 @@ def application(out: Path, host: str, bound: str) -> Starlette:
         return Response(encode(image), media_type="image/webp", headers=FOR_EVER)
 
     def in_3d(request: Request) -> Response:
-        return JSONResponse({"port": model.port()})
+        return JSONResponse(model(out, reader.view()))
+
+    def tile(request: Request) -> Response:
+        file = model_file(out, request.query_params["of"], request.query_params.get("tile"))
+        return FileResponse(file, media_type="model/gltf-binary", headers=FOR_EVER)
 
     routes = [
         Route("/", lambda request: Response((PAGE / "index.html").read_text("utf-8"), media_type="text/html")),
@@ -106,6 +110,7 @@ def application(out: Path, host: str, bound: str) -> Starlette:
         Route("/api/progress", answer(progress)),
         Route("/api/facade", answer(facade)),
         Route("/api/model", answer(in_3d)),
+        Route("/model", answer(tile)),
         Route("/picture/facade", answer(stage)),
         Route("/picture/panorama", answer(panorama)),
         Route("/picture/grown", answer(grown)),
@@ -115,13 +120,7 @@ def application(out: Path, host: str, bound: str) -> Starlette:
         Middleware(_Guarded, guard=who),
         Middleware(GZipMiddleware, minimum_size=2000),
     ]
-
-    @asynccontextmanager
-    async def lifespan(app: Starlette) -> AsyncIterator[None]:
-        yield
-        model.close()
-
-    return Starlette(routes=routes, middleware=middleware, lifespan=lifespan)
+    return Starlette(routes=routes, middleware=middleware)
 
 
 class _Guarded:
@@ -137,9 +136,7 @@ class _Guarded:
         asked = Headers(scope=scope)
         hosts = asked.getlist("host")
         refused = self.guard.refusal(hosts, asked.getlist("origin"))
-        policy = POLICY.format(host="127.0.0.1" if refused else in_address(name_in(hosts[0])))
         added = [(name.lower().encode(), value.encode()) for name, value in HEADERS.items()]
-        added.append((b"content-security-policy", policy.encode()))
 
         async def with_headers(message: Any) -> None:
             if message["type"] == "http.response.start":
@@ -199,6 +196,6 @@ def _seen_by(host: str, bound: str, port: int) -> str | None:
     if ip_address(bound).is_unspecified:
         names = f"any address of this machine in digits or as {socket.gethostname()}, port {port}"
     return (
-        f"--host {host}: whoever reaches this machine can look in, without a password, also at the port of the 3D view, which "
-        f"is any that is free; it needs to be asked for as {names}: under another name it answers only with --host NAME"
+        f"--host {host}: whoever reaches this machine can look in, without a password; "
+        f"it needs to be asked for as {names}: under another name it answers only with --host NAME"
     )

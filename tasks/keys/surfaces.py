@@ -12,6 +12,7 @@ from facade_core.geometry.charts import CORNERS, GROUND
 from facade_core.plan import Plan
 from facade_core.street.daylight import REACH_M
 from facade_core.street.field import BESIDE_M
+from facade_core.street.sun import REACH_M as SHADOWS_M
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import parts_key
 from tasks.run import Run
@@ -30,10 +31,11 @@ def surface_key(
     known = [f"{number:016x}" for number in plan.ids[[*charts, *beside]].tolist()]
     corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)
     low, high = corners.min(axis=(0, 1)), corners.max(axis=(0, 1))
+    reach = REACH_M if run.texture.sun is None else SHADOWS_M
     parts: dict[str, Any] = {
         "settings": _settings(run),
         "geometry": [known[: len(charts)], sorted(known[len(charts) :])],
-        "around": plan.things.within(low - REACH_M, high + REACH_M),
+        "around": plan.things.within(low - reach, high + reach),
         "seeds": [seeds.get(name) for name in known],
         "streets": [streets.get(name) for name in known],
     }
@@ -53,4 +55,6 @@ def _settings(run: Run) -> list[Any]:
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
         settings += [file_digest(path), metres_per_pixel]
+    if texture.sun is not None:
+        settings.append({"azimuth": texture.sun.azimuth, "elevation": texture.sun.elevation})
     return settings

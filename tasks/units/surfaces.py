@@ -18,6 +18,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.packing import Placement
 from facade_core.plan import Plan
 from facade_core.street.field import Materials
+from facade_core.street.sun import Sun
 from facade_core.street.surfaces import Known, Pixels, surface
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
@@ -43,6 +44,8 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
     known = Known(_reader(group, scene.placement, seeded, written), seeded, written)
     above = sampler(run)
+    stands = run.texture.sun
+    sun = None if stands is None else Sun(stands.azimuth, stands.elevation)
     rasters = Rasters.of(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     for chart in charts:
@@ -55,6 +58,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             pixels=_pixels(run, plan, chart),
             levelling=run.texture.levelling,
             aerial=above,
+            sun=sun,
         )
         texels = rasters.slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 from PIL import Image
 
@@ -80,6 +81,7 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
         "review": "nav a[aria-current][href='#/review']",
         f"facade/{facade}": ".stages img",
         "street": "#step",
+        "model": "#model[data-mode]",
         "run": "progress",
     }.items():
         opened.goto(f"{address}/#/{place}")
@@ -90,20 +92,61 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
     opened.close()
 
 
-def test_the_block_in_3d_is_not_blank(browser: Any, address: str) -> None:
-    opened = browser.new_page(viewport={"width": 480, "height": 420})
-    opened.goto(f"{address}/#/model")
-    frame = opened.frame_locator("#model")
-    frame.locator("canvas").first.wait_for(timeout=120_000)
-    colours = 0
-    for _ in range(20):  # the model travels after the canvas is there, and software draws it slowly
-        opened.wait_for_timeout(3000)
-        image = Image.open(io.BytesIO(frame.locator("canvas").first.screenshot(timeout=120_000))).convert("RGB")
-        colours = len(image.quantize(64).getcolors() or [])
-        if colours > 24:
-            break
-    opened.close()
-    assert colours > 24
+def test_the_block_in_3d_opens_on_a_street_and_is_walked_through(page: Any, address: str) -> None:
+    page.goto(f"{address}/#/model")
+    page.wait_for_selector("#model")
+    wait(page, "document.getElementById('model').dataset.stands === 'true'")  # software draws slowly
+
+    def said() -> dict[str, Any]:
+        values = page.evaluate("({...document.getElementById('model').dataset})")
+        return {key: value if key in ("mode", "stands") else float(value) for key, value in values.items()}
+
+    begun = said()
+    assert begun["mode"] == "street"
+    assert begun["overGround"] == pytest.approx(1.7, abs=0.01)
+    assert abs(begun["pitch"]) < 0.2
+    wait(page, "document.querySelector('.note').textContent === ''")
+    page.wait_for_timeout(1000)
+    image = Image.open(io.BytesIO(page.locator("#model").screenshot(timeout=90_000))).convert("RGB")
+    assert len(image.quantize(64).getcolors() or []) > 24
+    sky, ground = (
+        np.asarray(image)[rows, 300:600].reshape(-1, 3).mean(axis=0) for rows in (slice(8, 60), slice(-60, -8))
+    )
+    assert np.abs(sky - ground).max() > 20
+
+    def walk(*keys: str) -> dict[str, Any]:
+        """Hold keys until the walker stands still or has gone 30 m."""
+        start = before = said()
+        for key in keys:
+            page.keyboard.down(key)
+        while True:
+            page.wait_for_timeout(2500)
+            now = said()
+            gone, step = (np.hypot(now["x"] - at["x"], now["z"] - at["z"]) for at in (start, before))
+            if step < 0.05 or gone > 30:
+                break
+            before = now
+        for key in keys:
+            page.keyboard.up(key)
+        return now
+
+    page.keyboard.down("w")
+    wait(page, f"document.getElementById('model').dataset.z !== '{begun['z']:.3f}'")
+    page.keyboard.up("w")
+    ahead = said()
+    moved = np.array([ahead["x"] - begun["x"], ahead["z"] - begun["z"]])
+    assert moved @ [np.sin(begun["yaw"]), -np.cos(begun["yaw"])] > 0.9 * np.linalg.norm(moved) > 0
+    # walls stand at the side of a street, and stop who walks into them
+    left, right = walk("a", "Shift"), walk("d", "Shift")
+    assert min(np.hypot(at["x"] - ahead["x"], at["z"] - ahead["z"]) for at in (left, right)) < 25
+    assert right["overGround"] == pytest.approx(1.7, abs=0.01)
+
+    page.click("#bird")
+    wait(page, f"Number(document.getElementById('model').dataset.y) > {begun['y'] + 15}")
+    assert said()["mode"] == "bird"
+    page.keyboard.press("b")
+    wait(page, "Math.abs(Number(document.getElementById('model').dataset.overGround) - 1.7) < 0.01")
+    assert said()["mode"] == "street"
 
 
 def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(

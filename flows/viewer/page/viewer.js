@@ -265,12 +265,23 @@ function drawStreet(street, step) {
 }
 
 async function drawModel() {
-  const { port } = await ask("/api/model");
+  const model = await ask("/api/model");
+  const { show } = await import("./model.js");
+  const canvas = element("canvas", { id: "model", tabindex: 0, role: "img", "aria-label": "The textured block in 3D; keys are told below" });
+  const note = element("p", { class: "note", role: "status" });
+  let viewer = null;
+  const bird = element("button", { type: "button", id: "bird", onclick: () => { viewer?.fly(); canvas.focus(); } }, "Bird's view / street");
+  const held = (key, text, label) => element("button", { type: "button", "data-key": key, "aria-label": label }, text);
+  const full = element("button", { type: "button", onclick: () => canvas.parentElement.requestFullscreen?.() }, "Full screen");
   fill(
-    element("h2", {}, "The block in 3D"),
-    element("iframe", { src: `http://${location.hostname}:${port}/`, title: "The textured block in 3D", id: "model" }),
-    element("p", {}, "Drag to turn, right-drag or two fingers to move, wheel to come nearer; W, A, S, D, Q and E move by keyboard."),
+    element("div", { class: "model" }, canvas, note,
+      element("div", { class: "pad" }, held("KeyW", "\u25b2", "Walk ahead"), held("KeyA", "\u25c0", "Walk to the left"),
+        held("KeyS", "\u25bc", "Walk back"), held("KeyD", "\u25b6", "Walk to the right"))),
+    element("div", { class: "controls" }, bird, full,
+      element("span", {}, "W A S D or arrows walk, Shift faster, Q E or drag look, wheel nearer, B bird's view and back")),
   );
+  viewer = await show(canvas, model, (text) => { if (note.textContent !== text) note.textContent = text; });
+  canvas.focus({ preventScroll: true });
 }
 
 function drawRun() {
@@ -319,7 +330,7 @@ async function draw(again = false) {
   } catch (error) {
     fill(element("p", { class: "failed" }, error.message));
   }
-  if (moved && !again) main.focus({ preventScroll: true });
+  if (moved && !again && parts[0] !== "model") main.focus({ preventScroll: true });
 }
 
 // What may be drawn anew under a reader's hands: not a model, a list in use or a slider that is held.

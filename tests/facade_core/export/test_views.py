@@ -8,8 +8,11 @@ from facade_core.export import views
 
 def test_views_are_along_the_streets_with_the_most_facades() -> None:
     facades = SimpleNamespace(
-        street=np.array([4, 4, 1, 2, 0]), width=np.array([10.0, 10, 30, 4, 50]), height=np.array([12.0, 12, 3, 4, 20])
+        chart=np.arange(5),
+        street=np.array([4, 4, 1, 2, 0]),
+        width=np.array([10.0, 10, 30, 4, 50]),
+        height=np.array([12.0, 12, 3, 4, 20]),
     )
     plan: Any = SimpleNamespace(facades=facades, streets=[None] * 5, street_of_viewpoints=np.array([1, 1, 2, 3, 4]))
     assert views._streets(plan) == [1, 2, 4], "nobody walks along street 0, and street 3 has none"
-    assert views.view_names(plan) == ["above", "street-0", "street-1", "street-2"]
+    assert views.view_names(plan) == ["above", "street-0", "street-1", "street-2", "close-up"]

@@ -18,11 +18,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from catalogs.block import TextureSettings
+from catalogs.block.keys import SunSettings
 from facade_core.atlas.journal import write_record
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
 from facade_core.types import Building, Pose, Shell, Street
 from tasks.keys.streets import SETTINGS, StreetKeys, street_keys
+from tasks.keys.surfaces import surface_key
 from tasks.keys.units import changed_parts, exemplar_key, facade_keys, parts_key, parts_of, pose_key, texture_key
 from tasks.kinds.order import STAGES
 from tasks.run import Run
@@ -355,3 +357,16 @@ def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
             assert changed_parts(before.street, now.street) == ["earlier"] * earlier
             told.add(earlier)
         assert told == ({False} if plan.wave[street] == plan.wave.min() else {False, True})
+
+
+def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() -> None:
+    def key(run: Run, *kinds: str) -> str:
+        plan = planned(*kinds)
+        charts = np.flatnonzero(plan.scene.charts.building == plan.scene.names.index("a")).tolist()
+        return surface_key(run, plan, charts, [], {}, {})
+
+    sunny = changed(RUN, {"sun": SunSettings(200.0, 30.0)})
+    assert {"settings"} <= set(changed_parts(key(RUN), key(sunny))) <= {"settings", "around"}
+    assert key(sunny) != key(changed(RUN, {"sun": SunSettings(200.0, 31.0)}))
+    assert key(RUN) == key(RUN, "far")
+    assert key(sunny) == key(sunny, "far")

@@ -1,0 +1,28 @@
+// Binary glTF as facade_core/export/glb.py writes it: unlit triangles, one JPEG for each material, no gaps between values.
+
+const JSON_CHUNK_AT = 12;
+const FLOAT = 5126;
+const SIZES = { SCALAR: 1, VEC2: 2, VEC3: 3 };
+
+// {origin: [east, north, up] or null, parts: [{position, uv, triangles, picture}], pictures: [Blob]}; positions x east, y up, z south.
+export function readGlb(buffer) {
+  const view = new DataView(buffer);
+  const length = view.getUint32(JSON_CHUNK_AT, true);
+  const said = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, JSON_CHUNK_AT + 8, length)));
+  const data = JSON_CHUNK_AT + 8 + length + 8;
+  const place = ({ bufferView, byteOffset = 0 }) => data + said.bufferViews[bufferView].byteOffset + byteOffset;
+  const values = (number) => {
+    const accessor = said.accessors[number];
+    const kind = accessor.componentType === FLOAT ? Float32Array : Uint32Array;
+    return new kind(buffer, place(accessor), accessor.count * SIZES[accessor.type]);
+  };
+  const parts = (said.meshes || []).flatMap((mesh) => mesh.primitives.map((primitive) => ({
+    position: values(primitive.attributes.POSITION),
+    uv: values(primitive.attributes.TEXCOORD_0),
+    triangles: values(primitive.indices),
+    picture: said.textures[said.materials[primitive.material].pbrMetallicRoughness.baseColorTexture.index].source,
+  })));
+  const pictures = (said.images || []).map((image) =>
+    new Blob([new Uint8Array(buffer, place(image), said.bufferViews[image.bufferView].byteLength)], { type: image.mimeType }));
+  return { origin: said.scenes[0].extras?.origin || null, parts, pictures };
+}

@@ -1,0 +1,54 @@
+"""Where a walk through the block begins: on the street that shows most, at the place and in the direction that do."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.export.views import PHOTO_WORTH, photo_share
+from tasks.viewing.reading import View
+
+# A facade that lies more aside than this (cosine) is not ahead; one that is nearer than this, metres, is seen too steeply.
+AHEAD, NEAR_M = 0.35, 6.0
+
+
+@dataclass(frozen=True)
+class Opening:
+    """position [east, north, up], world metres, of a viewpoint; heading along its street, degrees clockwise from north."""
+
+    position: list[float]
+    heading: float
+
+
+def opening(view: View) -> Opening | None:
+    """The viewpoint that sees the largest facades ahead of it on both sides, from photos before others; None without one."""
+    tables = view.tables
+    facade = np.full(len(tables.placement.page), -1)
+    facade[tables.facades.chart] = np.arange(len(tables.facades.id))
+    viewpoint, seen = tables.views[:, 0], facade[tables.views[:, 1]]
+    viewpoint, seen = viewpoint[seen >= 0], seen[seen >= 0]
+    if not len(seen):
+        return None
+    photos = np.array([photo_share(record) for record in view.records])
+    worth = (1 + PHOTO_WORTH * photos) * tables.facades.width * tables.facades.height
+    away = tables.line.mean(axis=1)[seen] - tables.position[viewpoint, :2]
+    far = np.maximum(np.linalg.norm(away, axis=1), NEAR_M)
+    forward = tables.forward[viewpoint]
+    ahead = np.einsum("ij,ij->i", away, forward) / far
+    left = forward[:, 0] * away[:, 1] > forward[:, 1] * away[:, 0]
+    best, found = 0.0, Opening([], 0.0)
+    for sense in (1.0, -1.0):
+        # a street counts by both of its sides: one that is bare shows half
+        sides = [
+            np.bincount(viewpoint, np.where(side & (sense * ahead > AHEAD), worth[seen], 0), len(tables.street))
+            for side in (left, ~left)
+        ]
+        score = np.sqrt(sides[0]) + np.sqrt(sides[1])
+        chosen = int(np.argmax(score))
+        if score[chosen] > best:
+            best = float(score[chosen])
+            east, north = sense * tables.forward[chosen]
+            heading = float(np.degrees(np.arctan2(east, north))) % 360
+            found = Opening([float(value) for value in tables.position[chosen]], round(heading, 3))
+    return found if best > 0 else None

@@ -1,0 +1,133 @@
+"""Light that is laid over finished surfaces: at the feet of walls, and of a sun."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.atlas import PHOTO, UNSEEN, AtlasSpec
+from facade_core.geometry import GROUND, ROOF, WALL, block_surfaces, pack, terrain_of
+from facade_core.street import Materials, Scene
+from facade_core.street.contact import contact
+from facade_core.street.sun import Sun, lit, sunlight
+from facade_core.street.surfaces import Known, surface
+from facade_core.types import Building, Street
+
+STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
+DENSITY = 8.0
+SOUTH = Sun(180.0, 45.0)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    houses = [
+        Building("a", shapely.box(0, 0, 20, 10), 10.0, "height"),
+        Building("b", shapely.box(-45, 0, -25, 10), 10.0, "height"),
+    ]
+    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=45, largest=35)
+    placement = pack(charts.texels(DENSITY), charts.building, page=1024, chunk=128, gutter=2)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024), names=("a", "b"))
+
+
+def at(scene: Scene, chart: int, place: tuple[float, float, float]) -> tuple[int, int] | None:
+    """The texel of a chart at a place of the world; None beside it."""
+    row, column = scene.charts.coordinates(np.array([chart]), np.array([place]))[0][::-1] * DENSITY
+    inside = 0 <= row < scene.placement.height[chart] and 0 <= column < scene.placement.width[chart]
+    return (int(row), int(column)) if inside else None
+
+
+def on_ground(scene: Scene, place: tuple[float, float]) -> tuple[int, tuple[int, int]]:
+    for chart in np.flatnonzero(scene.charts.kind == GROUND).tolist():
+        if texel := at(scene, chart, (*place, 0.0)):
+            return chart, texel
+    raise AssertionError(place)
+
+
+def test_shadows_fall_away_from_the_sun_and_end_where_its_height_says(scene: Scene) -> None:
+    def seen(place: tuple[float, float], sun: Sun) -> float:
+        chart, texel = on_ground(scene, place)
+        return float(sunlight(scene, chart, sun)[texel])
+
+    for sun, shaded, free in (
+        (SOUTH, (10, 15), (10, -5)),
+        (Sun(0.0, 45.0), (10, -5), (10, 15)),
+        (Sun(90.0, 45.0), (-5, 5), (25, 5)),
+    ):
+        assert seen(shaded, sun) == 0
+        assert seen(free, sun) == pytest.approx(np.sqrt(0.5), abs=1e-3)
+    # the roof's edge, 10 m up, has its shadow 10 m behind the house; the sun is a disk
+    edge = [seen((10, 20 + d), SOUTH) for d in (-1.2, 0.0, 1.2)]
+    assert edge[0] == 0
+    assert 0.1 < edge[1] < 0.6
+    assert edge[2] == pytest.approx(np.sqrt(0.5), abs=1e-3)
+    assert seen((10, 16), Sun(180.0, 70.0)) > 0.9
+
+
+def test_walls_face_the_sun_or_not(scene: Scene) -> None:
+    north = scene.charts.normal()[:, 1]
+    walls = (scene.charts.kind == WALL) & (scene.charts.building == 0)
+    (front,), (back,) = (np.flatnonzero(walls & (sense * north < -0.9)) for sense in (1, -1))
+    assert sunlight(scene, int(front), SOUTH).min() == pytest.approx(np.sqrt(0.5), abs=1e-3)
+    assert not sunlight(scene, int(back), SOUTH).any()
+    grey = np.full((2, 2, 3), 120, np.uint8)
+    light, shade = (lit(grey, np.full((2, 2), share, np.float32))[0, 0].astype(int) for share in (0.7, 0.0))
+    assert (light > shade + 30).all()
+    assert shade[2] > shade[0], "what is in the shade is lit by the sky"
+
+
+def test_ground_and_wall_are_darker_where_they_meet(scene: Scene) -> None:
+    light = []
+    for away in (0.1, 0.5, 2.0):
+        chart, texel = on_ground(scene, (10, -away))
+        left = contact(scene, chart)
+        assert left is not None
+        light.append(float(left[texel]))
+    assert 0.6 < light[0] < light[1] - 0.1 < light[2] - 0.1
+    assert light[2] == 1
+    for wall in np.flatnonzero(scene.charts.kind == WALL).tolist():
+        left = contact(scene, wall)
+        assert left is not None
+        assert left[-1].max() < 0.9
+        assert (left[: int(8 * DENSITY)] == 1).all()
+    assert all(contact(scene, roof) is None for roof in np.flatnonzero(scene.charts.kind == ROOF).tolist())
+
+
+def test_pieces_of_the_ground_meet_with_one_light(scene: Scene) -> None:
+    """Beside the border of two pieces the line of a wall is as far away on both."""
+    ground = np.flatnonzero(scene.charts.kind == GROUND)
+    west = scene.charts.origin[ground, 0]
+    border = west[(west > -44) & (west < -26)]
+    assert len(border), "no border of pieces lies before a house"
+    values = []
+    for side in (-0.07, 0.07):
+        chart, texel = on_ground(scene, (float(border[0]) + side, -0.4))
+        left = contact(scene, chart)
+        assert left is not None
+        values.append(float(left[texel]))
+    assert values[0] == pytest.approx(values[1], abs=0.06)
+
+
+def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) -> None:
+    materials = Materials(scene, [STREET], seed=1)
+    chart = int(np.flatnonzero(scene.charts.kind == WALL)[0])
+    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+
+    def known(rank: int) -> Known:
+        def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+            colour = np.full((*size, 3), 200 if rank == PHOTO else 0, np.uint8)
+            return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
+
+        return Known(read, (), ())
+
+    photo, _ = surface(scene, materials, chart, known(PHOTO), network=False)
+    assert (photo == 200).all()
+    bare, _ = surface(scene, materials, chart, known(UNSEEN), network=False)
+    left = contact(scene, chart)
+    assert left is not None
+    expected = np.where(left[..., None] < 1, (materials.raster(chart) * left[..., None] + 0.5).astype(np.uint8), 0)
+    np.testing.assert_array_equal(np.where(left[..., None] < 1, bare, 0), expected)
+    assert (bare[left == 1] == materials.raster(chart)[left == 1]).all()
+    sunny, _ = surface(scene, materials, chart, known(UNSEEN), network=False, sun=SOUTH)
+    assert (sunny != bare).any()
+    np.testing.assert_array_equal(sunny, lit(bare, sunlight(scene, chart, SOUTH)))
