@@ -24,6 +24,8 @@ NEIGHBOURS_M = 60.0
 TWIN, ALIKE = 100.0, 1.2
 # A street keeps to so many families of exemplars, and what one of another family costs.
 STREET_FAMILIES, STRANGER = 3, 1.0
+# What it costs to show shops where the map has none, or none where it has some.
+SHOPPING = 1.4
 # A family has about so many exemplars, and a library at most so many families.
 FAMILY_SIZE, MOST_FAMILIES = 5, 8
 # Who goes first is decided by chance among neighbours, in so many rounds; who is left then takes no notice of others that are.
@@ -38,7 +40,8 @@ class Walls:
     """Facades to choose for, as columns of n.
 
     width, height (n,) metres; floors (n,); building (n,) a number of each one's building that stays when others come and go;
-    street (n,) the same of its street; ends (n, 2, 2) metres, where each begins and ends, from above.
+    street (n,) the same of its street; ends (n, 2, 2) metres, where each begins and ends, from above; shops (n,) 1 where a map
+    has shops, 0 where it has none, -1 where none tells.
     """
 
     width: np.ndarray
@@ -47,18 +50,20 @@ class Walls:
     building: np.ndarray
     street: np.ndarray
     ends: np.ndarray
+    shops: np.ndarray
 
 
 @dataclass(frozen=True)
 class Library:
     """Exemplars to choose from, as columns of k: width, height in metres, floors; hidden, the share that was hidden and made
-    anew; shaded, the share of the wall in shadow; looks (k, 9), see `look_of`."""
+    anew; shaded, the share of the wall in shadow; shops, the share of the width that shops take; looks (k, 9), `look_of`."""
 
     width: Sequence[float]
     height: Sequence[float]
     floors: Sequence[float]
     hidden: Sequence[float]
     shaded: Sequence[float]
+    shops: Sequence[float]
     looks: Sequence[Sequence[float]]
 
     @cached_property
@@ -154,6 +159,8 @@ def _misfits(walls: Walls, main: np.ndarray, library: Library) -> np.ndarray:
     misfit += STOREY * ratio(walls.height[main] / floors, np.asarray(library.height, float) / given)
     misfit += WIDTH * ratio(walls.width[main], np.asarray(library.width, float))
     misfit += GUESSED * np.maximum(0, np.asarray(library.hidden, float) - OFTEN_HIDDEN)
+    told, has = walls.shops[main][:, None], np.asarray(library.shops, float) > 0
+    misfit += SHOPPING * ((told >= 0) & (has != (told > 0)))
     return misfit + GUESSED * np.maximum(0, np.asarray(library.shaded, float) - SHADED)
 
 

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
 import shapely
 
 from catalogs.block.file import BlockFile
@@ -16,8 +17,18 @@ from catalogs.block.streets import block_streets, followed
 from catalogs.buildings.extents import Bounds, Source, check_area, places_of, together
 from catalogs.buildings.outlines import Buildings, block_buildings
 from catalogs.features import Centrelines, Fault, by_reason, notes_by_reason
-from catalogs.frames import area_outline, block_frame, check_axes, check_scale, known_frame, named_frame, outside
+from catalogs.frames import (
+    area_outline,
+    between,
+    block_frame,
+    check_axes,
+    check_scale,
+    known_frame,
+    named_frame,
+    outside,
+)
 from catalogs.readers.files import read_buildings, read_centrelines
+from catalogs.readers.vectors.shops import read_shops
 from facade_core.errors import BlockFileError
 from facade_core.types import Building, Street
 
@@ -34,7 +45,8 @@ FOLLOWED_M = 1000.0
 
 @dataclass(frozen=True)
 class Geometry:
-    """What a block is made of. crs: its frame; extent: (xmin, ymin, xmax, ymax) around the buildings and their surroundings."""
+    """What a block is made of. crs: its frame; extent: (xmin, ymin, xmax, ymax) around the buildings and their surroundings;
+    shops: where a map has some within it, (x, y) in the frame, None where no map tells."""
 
     crs: CRS
     built: Buildings
@@ -42,6 +54,7 @@ class Geometry:
     extent: tuple[float, float, float, float]
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
+    shops: tuple[tuple[float, float], ...] | None = None
 
 
 def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
@@ -58,10 +71,11 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
     if not built.items:
         raise _nothing("buildings", keys, files, bounds, built.faults, file)
     extent = _extent(built.items)
+    shops = _shops(files, frame, extent)
     if centrelines is None:
-        return Geometry(frame, built, (), extent, notes, built.faults)
+        return Geometry(frame, built, (), extent, notes, built.faults, shops)
     streets, cut, broken = _streets(keys, files, centrelines, frame, area, extent, file)
-    return Geometry(frame, built, streets, extent, notes + cut, (*built.faults, *broken))
+    return Geometry(frame, built, streets, extent, notes + cut, (*built.faults, *broken), shops)
 
 
 def _building_sources(keys: BlockKeys, files: Files, file: BlockFile) -> list[Source]:
@@ -136,6 +150,19 @@ def _streets(
     reasons = by_reason(remark for remark in near.remarks if remark.id in known)
     reasons[f"streets cut off over {FOLLOWED_M:g} m from the buildings"] = list(cut)
     return streets, notes_by_reason(reasons), faults
+
+
+def _shops(
+    files: Files, frame: CRS, extent: tuple[float, float, float, float]
+) -> tuple[tuple[float, float], ...] | None:
+    """Where the map that the buildings are from has shops, (x, y) in the frame; None where none is a map."""
+    maps = [path for path in files["buildings.path"] if path.suffix == ".pbf"]
+    found = [places for places in map(read_shops, maps) if places is not None]
+    if not found:
+        return None
+    places = np.column_stack(between("EPSG:4326", frame)(*np.concatenate(found).T))
+    inside = (places >= extent[:2]).all(axis=1) & (places <= extent[2:]).all(axis=1)
+    return tuple((x, y) for x, y in places[inside].tolist())
 
 
 def _bounds(centrelines: Centrelines) -> Bounds | None:

@@ -38,17 +38,19 @@ class Block:
     """One city block, ready to be textured.
 
     crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
-    streets they are derived from the gaps between the buildings when the block is ingested. photos: facade id -> file, as taken
-    from the street unless photos_rectified; privacy: what is kept of things in front; textures: the pictures that the
-    buildings' own texture indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres
-    per pixel. notes says what was left out or assumed, one line each; faults are the units that are broken. digest is the
-    sha256 of all of that: of what was read, not of files, their names or dates.
+    streets they are derived from the gaps between the buildings when the block is ingested. shops: where a map has some,
+    (x, y), None where none tells. photos: facade id -> file, as taken from the street unless photos_rectified; privacy: what is
+    kept of things in front; textures: the pictures that the buildings' own texture indices count; aerial: the block from
+    straight above; roof_material: a picture of one, and its metres per pixel. notes says what was left out or assumed, one line
+    each; faults are the units that are broken. digest is the sha256 of all of that: of what was read, not of files, their
+    names or dates.
     """
 
     name: str
     crs: CRS
     buildings: tuple[Building, ...]
     streets: tuple[Street, ...]
+    shops: tuple[tuple[float, float], ...] | None
     terrain: Elevation | None
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
@@ -108,6 +110,7 @@ def read_block(path: Path | str) -> Block:
         crs=frame,
         buildings=built.items,
         streets=geometry.streets,
+        shops=geometry.shops,
         terrain=terrain,
         exemplars=exemplars,
         photos=photos,

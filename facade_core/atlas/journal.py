@@ -53,7 +53,7 @@ class Record(TypedDict, total=False):
     metres_per_texel: float
     # textured buildings: how many charts
     charts: int
-    # facades, and floors and columns of exemplars too
+    # facades, and floors, columns and shop_width of exemplars too
     source: str
     capture_date: str | None
     floors: int

@@ -110,7 +110,8 @@ def facade_keys(
         elif source == "own":
             parts["own"] = _own(plan, [chart], textures)
         elif imagery.exemplar is not None:
-            parts |= {"exemplar": [imagery.exemplar[1], exemplars.get(imagery.exemplar[0])], "walls": run.texture.walls}
+            chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
+            parts |= {"exemplar": chosen, "walls": run.texture.walls}
         else:
             parts["walls"] = run.texture.walls
         keys.append(parts_key(stage_code("facades"), **parts))

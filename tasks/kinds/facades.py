@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from hashlib import blake2b
 
 import numpy as np
+import shapely
 
 from catalogs.block import Block
 from facade_core.atlas.journal import Record, read_journal
@@ -24,6 +25,8 @@ from tasks.units.unit import Unit
 
 # Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
 VIEWS = 4
+# A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
+SHOP_M = 15.0
 # Where a wall begins and ends at its foot, as shares of its chart.
 _FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
 
@@ -53,9 +56,10 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
     panoramas = [
         [(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in shown] for shown in panoramas_of(plan)
     ]
-    chosen = _chosen(run, plan, read_journal(group, "exemplars")) if run.texture.walls == "exemplar" else {}
+    shops = shops_of(plan, block.shops)
+    chosen = _chosen(run, plan, read_journal(group, "exemplars"), shops) if run.texture.walls == "exemplar" else {}
     own = plan.textured[plan.facades.chart].tolist()
-    return imagery_of(plan.facades.id, block.photos, block.photos_rectified, panoramas, own, chosen)
+    return imagery_of(plan.facades.id, block.photos, block.photos_rectified, panoramas, own, chosen, shops.tolist())
 
 
 def panoramas_of(plan: Plan) -> list[list[tuple[int, Pose]]]:
@@ -66,13 +70,23 @@ def panoramas_of(plan: Plan) -> list[list[tuple[int, Pose]]]:
     ]
 
 
-def _chosen(run: Run, plan: Plan, records: Records) -> dict[int, tuple[int, str]]:
+def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.ndarray:
+    """Whether the building of each facade has a shop at one of its walls, (n,) int64: 1, or 0; -1 where no map tells."""
+    facades = plan.facades
+    if places is None or not len(facades):
+        return np.full(len(facades), -1)
+    walls = shapely.linestrings(plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2])
+    _, wall = shapely.STRtree(walls).query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=SHOP_M)
+    return np.isin(facades.building, facades.building[wall]).astype(np.int64)
+
+
+def _chosen(run: Run, plan: Plan, records: Records, shops: np.ndarray) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade; none where no exemplar could be prepared.
 
     Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade alone.
     """
-    # one that an older version prepared has no look, and is due
-    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "look" in r]
+    # one that an older version prepared lacks its look and shops, and is due
+    usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "shop_width" in r]
     facades = plan.facades
     if not usable or not len(facades):
         return {}
@@ -84,6 +98,7 @@ def _chosen(run: Run, plan: Plan, records: Records) -> dict[int, tuple[int, str]
         plan.scene.building_numbers[facades.building],
         _numbers(plan.streets)[facades.street],
         plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2],
+        shops,
     )
     library = Library(
         [record["width_m"] for record in found],
@@ -91,6 +106,7 @@ def _chosen(run: Run, plan: Plan, records: Records) -> dict[int, tuple[int, str]
         [record["floors"] for record in found],
         [record["hidden"] for record in found],
         [record["shaded"] for record in found],
+        [record["shop_width"] for record in found],
         [record["look"] for record in found],
     )
     chosen = choose_exemplars(walls, library, seed=run.seed)

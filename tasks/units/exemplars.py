@@ -15,7 +15,7 @@ from facade_core.detect import look, looked_for
 from facade_core.errors import StoreError
 from facade_core.export import draw_cut
 from facade_core.facade import Exemplar, prepare_exemplar
-from facade_core.labels import FLAGS
+from facade_core.labels import FLAGS, SHOP
 from facade_core.privacy import shielded
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
@@ -75,6 +75,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "columns": prepared.columns,
         "hidden": round(float(prepared.occluded.mean()), 4),
         "shaded": round(prepared.shaded, 4),
+        "shop_width": round(float((labels == SHOP).any(axis=0).mean()), 4),
         "look": look_of(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,
         "looked": looked_for(),

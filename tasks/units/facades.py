@@ -23,6 +23,7 @@ from facade_core.labels import SHOP, WINDOW
 from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
+from facade_core.texture import without_shops
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
@@ -157,6 +158,8 @@ def _make(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
     image, labels, metres_per_texel = read_exemplar(group, imagery.exemplar[0])
+    if not imagery.shops:
+        image, labels = without_shops(image, labels)
     result = from_exemplar(
         image,
         labels,

@@ -20,6 +20,7 @@ class Imagery:
         panoramas: those that show it and their poses, best first.
         textured: whether its wall carries a texture of the source's own.
         exemplar: (index, name) of the one chosen for it.
+        shops: whether a wall that is made of that keeps its shops: no where the map has none.
     """
 
     photo: Path | None = None
@@ -27,6 +28,7 @@ class Imagery:
     panoramas: tuple[tuple[Path, Pose], ...] = ()
     textured: bool = False
     exemplar: tuple[int, str] | None = None
+    shops: bool = True
 
     def sources(self) -> tuple[str, ...]:
         """What the facade can be made from, in the order of trying: where one fails or shows too little, the next."""
@@ -41,6 +43,7 @@ def imagery_of(
     panoramas: Sequence[Sequence[tuple[Path, Pose]]],
     textured: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
+    shops: Sequence[int],
 ) -> list[Imagery]:
     """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, the rest by facade."""
     return [
@@ -50,6 +53,7 @@ def imagery_of(
             panoramas=tuple(panoramas[i]),
             textured=bool(textured[i]),
             exemplar=exemplars.get(i),
+            shops=shops[i] != 0,
         )
         for i, name in enumerate(names)
     ]

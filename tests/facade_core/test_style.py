@@ -6,8 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.labels import DOOR, SHOP, WINDOW
 from facade_core.style import NEIGHBOURS_M, ROUNDS, Library, Walls, choose_exemplars, look_of
 from facade_core.synth import facade
+from facade_core.texture import without_shops
+from facade_core.texture.structure import storeys
 
 # A house every 20 m on both sides of a street 18 m wide.
 STEP, ACROSS = 20.0, 18.0
@@ -18,7 +21,7 @@ def row(count: int, *, street: int = 1, start: float = 0.0, number: int = 0) -> 
     side = ACROSS * (np.arange(count) % 2)
     ends = np.stack([np.stack([west, side], 1), np.stack([west + STEP, side], 1)], 1)
     whole = np.full(count, 1)
-    return Walls(20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends)
+    return Walls(20.0 * whole, 18.0 * whole, 5 * whole, number + np.arange(count), street * whole, ends, -whole)
 
 
 def joined(*parts: Walls) -> Walls:
@@ -29,9 +32,8 @@ def library(count: int, families: int = 1) -> Library:
     looks = np.zeros((count, 9))
     looks[:, 0] = 60.0 * (np.arange(count) % families)
     looks[:, 1] = 2.0 * (np.arange(count) // families)
-    same = [1.0] * count
     return Library(
-        [20.0] * count, [18.0] * count, [5.0] * count, [0.0] * count, [0.0 * s for s in same], looks.tolist()
+        [20.0] * count, [18.0] * count, [5.0] * count, [0.0] * count, [0.0] * count, [0.0] * count, looks.tolist()
     )
 
 
@@ -75,6 +77,26 @@ def test_what_was_guessed_or_shaded_is_taken_last() -> None:
     assert 2 not in choose_exemplars(walls, replace(library(6), shaded=much), seed=1)
 
 
+def test_shops_are_where_the_map_has_them() -> None:
+    walls = row(30)
+    half = replace(library(32), shops=[0.0, 0.7] * 16)
+    shopping = choose_exemplars(replace(walls, shops=np.arange(30) % 3 // 2), half, seed=4)
+    assert ((shopping % 2 == 1) == (np.arange(30) % 3 == 2)).mean() > 0.9
+
+
+def test_a_ground_floor_without_shops_keeps_its_door() -> None:
+    painted = facade((16.0, 15.0), floors=4, columns=5, style="art-deco", metres_per_pixel=0.05, seed=6)
+    assert (painted.labels == SHOP).any()
+    image, labels = without_shops(painted.image, painted.labels)
+    assert not (labels == SHOP).any()
+    assert (labels == DOOR).any()
+    assert storeys(labels) == 4
+    ground = slice(-60, None)
+    assert (labels[ground] == WINDOW).mean() > 0.1
+    changed = (image != painted.image).any(axis=(1, 2))
+    assert not changed[: len(changed) // 2].any()
+
+
 def test_a_street_keeps_a_character_and_another_has_its_own() -> None:
     many = library(48, families=8)
     apart = [row(30, street=number, start=5000.0 * number, number=100 * number) for number in range(1, 9)]
@@ -108,6 +130,8 @@ def test_looks_tell_walls_apart() -> None:
         return np.array([look_of(painted.image, painted.labels, 0.08)])
 
     brick, again, functionalist = of("brick", 1), of("brick", 2), of("functionalist", 1)
-    three = Library([1] * 3, [1] * 3, [1] * 3, [0] * 3, [0] * 3, np.concatenate([brick, again, functionalist]).tolist())
+    three = Library(
+        [1] * 3, [1] * 3, [1] * 3, [0] * 3, [0] * 3, [0] * 3, np.concatenate([brick, again, functionalist]).tolist()
+    )
     assert three.distance[0, 1] < three.distance[0, 2]
     assert three.distance[0, 2] > 1

@@ -189,6 +189,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "crs": block.crs.geodetic_crs,
         "buildings": block.buildings[:1],
         "streets": (*block.streets, *block.streets, "one"),
+        "shops": ((1.0, 2.0),),
         "terrain": replace(block.terrain, heights=block.terrain.heights + 1),
         "exemplars": (picture,),
         "photos": {"a-0": picture},
