@@ -33,7 +33,10 @@ class Footprint:
         levels: storeys; None where unstated.
         name: what it is called, where stated.
         base: height of the ground, where stated.
-        roof: what is above the eaves, where tagged.
+        roof: what is above the eaves, where its shape is stated; "flat" is one.
+        rise: height of the roof where that is stated, but no shape.
+        kind: what it is used as, by OpenStreetMap's values of `building`, where stated.
+        built: the year, where stated.
     """
 
     id: str
@@ -43,6 +46,9 @@ class Footprint:
     name: str | None
     base: float | None = None
     roof: Roof | None = None
+    rise: float | None = None
+    kind: str | None = None
+    built: int | None = None
 
 
 @dataclass(frozen=True, slots=True)

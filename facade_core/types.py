@@ -106,13 +106,17 @@ class Roof:
     """A roof over the eaves: shape as in OpenStreetMap's roof:shape; height in metres from the eaves to the ridge.
 
     direction: degrees clockwise from grid north that a skillion roof faces (falls towards); across: the ridge runs along the
-    short side.
+    short side. pitch: degrees of the slopes (of a mansard's steep part) where that is known: where they would rise above
+    `height` the roof is flat. A flat roof is "flat" and 0 high. confidence, 0 to 1: how sure the shape is, 1 where it is
+    stated, less where it is assumed.
     """
 
     shape: str
     height: float
     direction: float | None = None
     across: bool = False
+    pitch: float | None = None
+    confidence: float = 1.0
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,6 +16,7 @@ from shapely import MultiPolygon, Polygon
 
 from catalogs.broken import reason_of
 from catalogs.buildings.models import models_in_frame
+from catalogs.buildings.roofs import with_roofs
 from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
 from catalogs.frames import between
 from facade_core.types import Building
@@ -81,6 +82,7 @@ def block_buildings(
 
     found.sort(key=lambda candidate: natural_order(candidate.building.id))
     buildings, notes = _with_heights(found, storey)
+    buildings = with_roofs(buildings, [candidate.stated for candidate in found])
     return Buildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
 
 

@@ -111,6 +111,9 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "height": [b.height for b in buildings],
             "height_source": [b.height_source for b in buildings],
             "levels": [b.levels or 0 for b in buildings],
+            "roof_shape": [b.roof.shape if b.roof else "" for b in buildings],
+            "roof_height": [b.roof.height if b.roof else np.nan for b in buildings],
+            "roof_confidence": [b.roof.confidence if b.roof else np.nan for b in buildings],
             "refused": [refused.get(b.id, "") for b in buildings],
         },
     }

@@ -200,6 +200,11 @@ TABLES = {
                 _column("height", "building", "float64", "from the ground to the eaves, of a model to its top", "m"),
                 _column("height_source", "building", TEXT, "what the height was taken from"),
                 _column("levels", "building", "int32", "storeys as tagged, 0 where they are not", "1"),
+                _column("roof_shape", "building", TEXT, "as in OpenStreetMap, empty of a model", optional=True),
+                _column("roof_height", "building", "float64", "from the eaves to the ridge", "m", optional=True),
+                _column(
+                    "roof_confidence", "building", "float64", "1 where stated, less where assumed", "1", optional=True
+                ),
                 _column("refused", "building", TEXT, "why it has no surfaces, empty where it has"),
             ),
         ),

@@ -14,9 +14,9 @@ from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces, frames
 from facade_core.geometry.cutting import SHORTEST_WALL_M, cut_triangles, line_cuts
 from facade_core.geometry.facets import Facets, facets, walled
 from facade_core.geometry.ground import FINER, add_ground, add_level, add_planar
-from facade_core.geometry.roofs import roof_shell
+from facade_core.geometry.roofs import GRID_M, roof_shell
 from facade_core.geometry.terrain import Terrain
-from facade_core.types import Building, Street
+from facade_core.types import Building, Shell, Street
 
 # Footprint vertices nearer than this to the wall they lie on do not split it into two facades.
 COLLINEAR_M = 0.2
@@ -28,6 +28,8 @@ SKIRT_M = 0.05
 # The lower edges of a shell's walls: on its outline and near its lowest point.
 OUTLINE_M = 0.3
 FOOT_M = 2.0
+# A roof runs on over neighbours whose walls are at least this share of its own's.
+AS_HIGH = 0.5
 # A shell with walls along less of its free outline is a canopy: the ground goes on under it.
 WALLED = 0.6
 
@@ -56,7 +58,8 @@ def block_surfaces(
     beside = shapely.STRtree([building.footprint for building in buildings])
     for index, building in enumerate(buildings):
         try:
-            outline, found = add_building(pieces, index, building, terrain, largest=largest, grid=grid)
+            party = _beside(index, buildings, beside)
+            outline, found = add_building(pieces, index, building, terrain, party, largest=largest, grid=grid)
         except GeometryError as error:
             refused.append((building.id, str(error)))
             continue
@@ -77,11 +80,18 @@ def block_surfaces(
 
 
 def add_building(
-    pieces: Pieces, index: int, building: Building, terrain: Terrain, *, largest: float, grid: float = 32.0
+    pieces: Pieces,
+    index: int,
+    building: Building,
+    terrain: Terrain,
+    beside: Sequence[Polygon | MultiPolygon] = (),
+    *,
+    largest: float,
+    grid: float = 32.0,
 ) -> tuple[Polygon | MultiPolygon, Facets | None]:
     """The surfaces of one building behind those in `pieces`. Raises GeometryError where it has none.
 
-    Returns what it covers, and its facets, None for a body that is merely extruded.
+    beside: the footprints that its roof runs on over. Returns what it covers, and a shell's facets, None of what is built here.
     """
     outline = _outline(building)
     if building.shell is not None:
@@ -90,17 +100,29 @@ def add_building(
         if not (np.isfinite(building.height) and building.height > 0):
             raise GeometryError("its height is not above 0; state one or drop it")
         base = terrain.lowest(outline) if building.base is None else building.base
-        roofed = roof_shell(replace(building, footprint=outline), base)
+        onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
+        roofed = roof_shell(replace(building, footprint=onto_grid), base, beside) if onto_grid.is_valid else None
         if roofed is None:
             _extruded(pieces, index, outline, base, building.height, terrain, largest, grid)
-            return outline, None
-        shell = roofed
+        else:
+            _extruded(pieces, index, onto_grid, base, building.height, terrain, largest, grid, roofed)
+        return outline, None
     found = facets(shell, outline)
     if len(found) == 0:
         raise GeometryError("its model has no surface; repair or drop it")
     _facets(pieces, index, found, largest, grid)
     _shell_skirt(pieces, index, found, outline, terrain, largest, grid)
     return outline, found
+
+
+def _beside(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> list[Polygon | MultiPolygon]:
+    """The footprints of a building's neighbours that are not much lower than it."""
+    own = buildings[index]
+    if own.roof is None or not own.roof.height > 0:
+        return []
+    near = sorted(tree.query(own.footprint, predicate="dwithin", distance=OUTLINE_M).tolist())
+    others = [buildings[i] for i in near if i != index]
+    return [other.footprint for other in others if other.height >= AS_HIGH * own.height and other.footprint.is_valid]
 
 
 def _free(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
@@ -131,25 +153,59 @@ def _extruded(
     terrain: Terrain,
     largest: float,
     grid: float,
+    roofed: Shell | None = None,
 ) -> None:
-    """Walls on every edge, a flat roof, and a skirt down to the terrain where it lies lower."""
+    """Walls on every edge, a flat roof or that of a shell, and a skirt down to the terrain where it lies lower."""
+    eaves = base + height
+    joints = np.empty((0, 2)) if roofed is None else roofed.vertices[roofed.vertices[:, 2] >= eaves, :2]
     rings = [np.asarray(ring.coords) for ring in (outline.exterior, *outline.interiors)]
     edges = [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
     for a, b in edges:
-        _wall(pieces, index, a, b, base, base + height, largest, grid)
-    add_level(pieces, ROOF, index, outline, base + height, largest, grid)
+        _wall(pieces, index, a, b, base, eaves, largest, grid, joints)
+    if roofed is None:
+        add_level(pieces, ROOF, index, outline, eaves, largest, grid)
     for a, b in edges:
         length = float(np.hypot(*(b - a)))
         steps = line_cuts(a, b, length, grid / FINER[-1]) / max(length, SHORTEST_WALL_M)
         foot = float(terrain.height(a + steps[:, None] * (b - a)).min())
         if base - foot > SKIRT_M:
             _wall(pieces, index, a, b, foot, base, largest, grid)
+    if roofed is not None:
+        _facets(pieces, index, _above(facets(roofed, outline), eaves), largest, grid)
+
+
+def _above(found: Facets, height: float) -> Facets:
+    """The facets that lie above a height."""
+    low = np.full(len(found), np.inf)
+    np.minimum.at(low, found.facet, found.vertices[found.triangles][..., 2].min(axis=1))
+    kept = low > height - GRID_M
+    mine = kept[found.facet]
+    return replace(
+        found,
+        triangles=found.triangles[mine],
+        facet=(np.cumsum(kept) - 1)[found.facet[mine]],
+        texture=found.texture[mine],
+        uv=found.uv[mine],
+        kind=found.kind[kept],
+        normal=found.normal[kept],
+    )
 
 
 def _wall(
-    pieces: Pieces, index: int, a: np.ndarray, b: np.ndarray, low: float, high: float, largest: float, grid: float
+    pieces: Pieces,
+    index: int,
+    a: np.ndarray,
+    b: np.ndarray,
+    low: float,
+    high: float,
+    largest: float,
+    grid: float,
+    joints: np.ndarray | None = None,
 ) -> None:
-    """The wall over an edge with the building on its left, so that the edge runs left to right seen from outside."""
+    """The wall over an edge with the building on its left, so that the edge runs left to right seen from outside.
+
+    joints (k, 2): where something on top of it has corners; those on the edge are the wall's too.
+    """
     length, height = float(np.hypot(*(b - a))), high - low
     if length < SHORTEST_WALL_M:
         return
@@ -157,11 +213,37 @@ def _wall(
     cuts = line_cuts(a, b, length, grid) if length > largest else np.array([0.0, length])
     levels = np.arange(0.0, height, grid) if height > largest else np.array([0.0])
     levels = np.append(levels, height)
+    steps = np.empty(0) if joints is None else _on_edge(a, along[:2], length, joints)
     for left, right in zip(cuts[:-1], cuts[1:], strict=True):
         for bottom, top in zip(levels[:-1], levels[1:], strict=True):
             origin = np.array([a[0], a[1], low + top]) + left * along
-            add_planar(pieces, WALL, index, origin, along, _DOWN, shapely.box(0, 0, right - left, top - bottom))
+            met = steps[(steps > left) & (steps < right)] - left if top == height else steps[:0]
+            _rectangle(pieces, index, origin, along, right - left, top - bottom, met)
     pieces.surfaces += 1
+
+
+def _rectangle(
+    pieces: Pieces, index: int, origin: np.ndarray, along: np.ndarray, width: float, height: float, met: np.ndarray
+) -> None:
+    """A wall's chart of the current surface, with corners at `met` (k,) metres from the left on its upper edge too."""
+    if not len(met):
+        add_planar(pieces, WALL, index, origin, along, _DOWN, shapely.box(0, 0, width, height))
+        return
+    x = np.concatenate([[0.0, width, width], met[::-1], [0.0]])
+    y = np.concatenate([[height, height], np.zeros(len(met) + 2)])
+    fan = np.arange(1, len(x) - 1)
+    triangles = np.column_stack([np.zeros(len(fan), np.int64), fan, fan + 1])
+    one = [np.array([value]) for value in (WALL, pieces.surfaces, index, origin, along, _DOWN, (width, height))]
+    vertices = origin + x[:, None] * along + y[:, None] * _DOWN
+    pieces.add_charts(tuple(one), (vertices, triangles, np.zeros(len(fan), np.int64), np.zeros(len(x), np.int64)))
+
+
+def _on_edge(start: np.ndarray, along: np.ndarray, length: float, points: np.ndarray) -> np.ndarray:
+    """How far along an edge the points (k, 2) on it lie, ascending, its ends left out."""
+    offset = points - start
+    step = offset @ along
+    off = np.abs(offset[:, 0] * along[1] - offset[:, 1] * along[0])
+    return np.unique(np.round(step[(off < 2 * GRID_M) & (step > GRID_M) & (step < length - GRID_M)], 6))
 
 
 def _facets(pieces: Pieces, index: int, facets: Facets, largest: float, grid: float) -> None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
@@ -126,9 +126,18 @@ def _attributes(found: Published, building: int) -> dict[str, Any]:
         "measuredHeight": round(float(row["height"]), 3),
         "heightSource": row["height_source"],
         **({"storeysAboveGround": levels} if levels else {}),
+        **_roof(row),
         "facades": len(facades),
         **{key: sum(record[key] for record in facades if record) for key in ("windows", "doors", "balconies", "shops")},
     }
+
+
+def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
+    """What there is to say of a building's roof: of a model, and in an older store, nothing."""
+    if not row.get("roof_shape"):
+        return {}
+    height, confidence = (round(float(row[name]), 3) for name in ("roof_height", "roof_confidence"))
+    return {"roofType": row["roof_shape"], "roofHeight": height, "roofConfidence": confidence}
 
 
 def _layouts(found: Published) -> dict[int, list[Element]]:

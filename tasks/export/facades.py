@@ -96,6 +96,8 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
                 "height_m": float(table["height"][b]),
                 "height_source": table["height_source"][b],
                 "levels": int(table["levels"][b]) or None,
+                "roof_shape": table["roof_shape"][b] or None if "roof_shape" in table else None,
+                "roof_confidence": float(table["roof_confidence"][b]) if "roof_confidence" in table else None,
                 "geometry": outlines[b],
             }
             for b, name in found.names.items()

@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import ast
 import json
+import re
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -80,7 +81,24 @@ def footprint_of(
     if height is not None:
         height, roof = _eaves(height, roof, tags)
     levels = parse_levels(tags.get("building:levels", ""))
-    return Footprint(feature, geometry, height, levels, tags.get("name"), roof=roof)
+    kind = tags.get("building", "").strip().lower()
+    return Footprint(
+        feature,
+        geometry,
+        height,
+        levels,
+        tags.get("name"),
+        roof=roof,
+        rise=tagged_rise(tags) if roof is None else None,
+        kind=kind if kind not in ("", "yes") else None,
+        built=_year(tags.get("start_date", "")),
+    )
+
+
+def _year(text: str) -> int | None:
+    """The latest year that a date states, such as "1936", "1890s", "1908..1939" and "after 1981"."""
+    years = [int(found) for found in re.findall(r"(?<!\d)(1\d{3}|20\d{2})(?!\d)", text[:100])]
+    return max(years, default=None)
 
 
 def _eaves(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[float, Roof | None]:
@@ -95,7 +113,7 @@ def _eaves(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[f
     left = height - LOWEST
     if roof and tagged is None and left > 0.5:
         return LOWEST, replace(roof, height=round(left, 2))
-    return height, None
+    return height, Roof("flat", 0.0)
 
 
 def read_centrelines(path: Path) -> Centrelines:

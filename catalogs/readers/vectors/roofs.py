@@ -15,7 +15,7 @@ from facade_core.types import Roof
 # Other spellings of shapes in use; what is not listed is passed on as it is written.
 _SHAPES = {"shed": "skillion", "lean-to": "skillion", "monopitch": "skillion", "pent": "skillion", "pitched": "gabled"}
 _SHAPES |= {"gable": "gabled", "hip": "hipped", "half-hip": "half-hipped", "pyramid": "pyramidal"}
-_NO_SHAPE = frozenset(("", "flat", "yes", "no", "many", "unknown", "none", "other"))
+_NO_SHAPE = frozenset(("", "yes", "no", "many", "unknown", "none", "other"))
 _POINTS = ("N", "NNE", "NE", "ENE", "E", "ESE", "SE", "SSE", "S", "SSW", "SW", "WSW", "W", "WNW", "NW", "NNW")
 
 ROOF_STOREY = 2.5  # m; a storey under a roof, as most renderers of OpenStreetMap have it
@@ -25,7 +25,7 @@ _HIGHEST = 100.0  # m; taller ones are slips
 
 
 def roof_of(tags: Mapping[str, str], outline: Any, *, degrees: bool) -> Roof | None:
-    """The roof that is tagged over an outline, which is in metres, or in lon/lat where `degrees`; None of a flat one.
+    """The roof that is tagged over an outline, which is in metres, or in lon/lat where `degrees`; None where no shape is.
 
     Its height: roof:height, else roof:levels x ROOF_STOREY, else from roof:angle and the outline's width, else from a usual
     pitch. Directions are taken as they are tagged: clockwise from north.
@@ -34,13 +34,15 @@ def roof_of(tags: Mapping[str, str], outline: Any, *, degrees: bool) -> Roof | N
     if shape in _NO_SHAPE or not shape.replace("-", "").isalpha():
         return None
     shape = _SHAPES.get(shape, shape)
+    if shape == "flat":
+        return Roof("flat", 0.0)
     across = tags.get("roof:orientation", "").strip().lower() == "across"
     height = tagged_rise(tags)
     if height is None:
         angle = parse_length(tags.get("roof:angle", "").strip("° "))
         height = _rise(outline, shape, across, degrees, angle if angle and 0 < angle < 80 else None)
     direction = _direction(tags.get("roof:direction") or tags.get("roof:slope:direction") or "")
-    return Roof(shape, round(height, 2), direction, across) if height > 0 else None
+    return Roof(shape, round(height, 2), direction, across) if height > 0 else Roof("flat", 0.0)
 
 
 def tagged_rise(tags: Mapping[str, str]) -> float | None:

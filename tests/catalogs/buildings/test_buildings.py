@@ -46,7 +46,11 @@ def test_heights_are_stated_from_levels_or_the_median() -> None:
         ),
     )
     built = block_buildings([source], RD, area=None, storey=3.0)
-    assert [(b.height, b.height_source) for b in built.items] == [(9.0, "height"), (12.0, "levels"), (10.5, "default")]
+    told = [
+        (b.height + (b.roof.height if b.height_source == "height" and b.roof else 0.0), b.height_source)
+        for b in built.items
+    ]
+    assert told == [(pytest.approx(9.0), "height"), (12.0, "levels"), (10.5, "default")]
     alone = block_buildings([Footprints("EPSG:28992", source.items[2:])], RD, area=None, storey=3.0)
     assert alone.items[0].height == FALLBACK_HEIGHT
 

@@ -86,6 +86,35 @@ def test_a_skillion_falls_towards_its_direction() -> None:
     assert shell.vertices[~east & top, 2].max() == pytest.approx(10)
 
 
+def test_over_an_l_the_ridge_turns_with_it_and_its_ends_are_gables() -> None:
+    shell = roof_shell(building(FOOTPRINTS["L"], Roof("gabled", 5.0, pitch=45.0)), 0.0)
+    assert shell is not None
+    # both wings are 8 m deep: the ridge is 4 m over the eaves, from one gable around the corner to the other
+    ridge = np.unique(np.round(shell.vertices[shell.vertices[:, 2] > 9.99], 3), axis=0)
+    assert ridge.tolist() == [[4, 4, 10], [4, 18, 10], [20, 4, 10]]
+
+
+def test_what_does_not_meet_below_its_height_is_flat_there() -> None:
+    shell = roof_shell(building(shapely.box(0, 0, 30, 20), Roof("hipped", 3.0, pitch=45.0)), 0.0)
+    assert shell is not None
+    top = shell.vertices[
+        shell.triangles[(shell.semantic == 1) & (shell.vertices[shell.triangles][..., 2] > 8.99).all(1)]
+    ]
+    assert shapely.union_all(shapely.polygons(top[..., :2])).symmetric_difference(shapely.box(3, 3, 27, 17)).area < 1e-6
+
+
+def test_ridges_run_through_party_walls() -> None:
+    left, right = shapely.box(0, 0, 12, 10), shapely.box(12.05, 0, 24, 10)
+    for footprint, other in ((left, right), (right, left)):
+        shell = roof_shell(building(footprint, Roof("hipped", 5.0, pitch=45.0)), 0.0, [other])
+        assert shell is not None
+        assert trimesh.Trimesh(shell.vertices, shell.triangles, process=False).is_watertight
+        ridge = shell.vertices[shell.vertices[:, 2] > 10.99]
+        assert (min(ridge[:, 0]), max(ridge[:, 0])) == pytest.approx(
+            ((5, 12) if footprint is left else (12.05, 19)), abs=0.03
+        )
+
+
 def test_other_shapes_are_left_flat() -> None:
     assert roof_shell(building(RECTANGLE, Roof("onion", 4.0)), 0.0) is None
     assert roof_shell(building(RECTANGLE, Roof("flat", 0.0)), 0.0) is None

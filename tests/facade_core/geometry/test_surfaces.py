@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import shapely
+import trimesh
 
 from facade_core.errors import GeometryError
 from facade_core.geometry import GROUND, ROOF, WALL, Charts, Mesh, block_surfaces, terrain_of
@@ -86,8 +87,13 @@ def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
     charts, mesh = surfaces([roofed], [STREET], SLOPE)
     assert (charts.kind == ROOF).sum() == 2
     walls = (charts.kind == WALL)[mesh.chart]
-    # 60 m around at 12 m, two gables, and the skirt down to ground that rises from 20 to 22 m
-    assert shares(mesh, walls) == pytest.approx(60 * 12 + 40 + 3 * 10 + 1 * 10 + 2 * 2 * 20, abs=1e-3)
+    # 60 m around at 12 m, two gables, and the skirt down to the lowest ground under each wall
+    assert shares(mesh, walls) == pytest.approx(60 * 12 + 40 + 3 * 10 + 1 * 10 + 2 * 3 * 20, abs=1e-3)
+    flat = surfaces([replace(roofed, roof=None)], [STREET], SLOPE)[0]
+    assert (charts.size[:4] == flat.size[:4]).all(), "walls end at the eaves: facades are what they are without a roof"
+    whole = trimesh.Trimesh(mesh.vertices, mesh.triangles[charts.building[mesh.chart] == 0])
+    edges = trimesh.grouping.group_rows(whole.edges_sorted, require_count=1)
+    assert (whole.vertices[whole.edges[edges]][..., 2] < 23 + 1e-6).all(), "open below only"
     normals = charts.normal()[charts.kind == ROOF]
     assert sorted(np.sign(normals[:, 1]).tolist()) == [-1, 1]
 
@@ -102,7 +108,7 @@ def test_a_shell_keeps_its_texture_and_long_facets_are_cut() -> None:
     charts, mesh = surfaces([replace(long, roof=None, shell=painted)])
     assert (charts.kind == WALL).sum() + (charts.kind == ROOF).sum() == len(charts)
     assert charts.size.max() < 56
-    assert len(set(charts.surface)) == 6
+    assert len(set(charts.surface)) == 8
     assert (mesh.texture == 3).all()
     assert mesh.uv.min() >= 0
     assert mesh.uv.max() > 0.5
@@ -168,7 +174,7 @@ def test_a_shell_may_stand_in_two_parts() -> None:
     charts, _ = surfaces([house], [STREET])
     middle = charts.origin + (charts.axis_u * charts.size[:, :1] + charts.axis_v * charts.size[:, 1:]) / 2
     wall = charts.kind == WALL
-    assert wall.sum() == 8
+    assert wall.sum() == 12, "eight walls and four gables"
     outside = shapely.points((middle + 0.5 * charts.normal())[wall, :2])
     assert not shapely.intersects(house.footprint, outside).any(), "walls of both parts face outward"
 

@@ -41,6 +41,7 @@ def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints)
         "gambrel": 1,
         "hipped": 1,
         "dome": 1,
+        "flat": 1,
     }
     assert Counter(remark.reason for remark in footprints.remarks) == {
         "roofs without walls set aside": 11,
@@ -121,7 +122,7 @@ def tagged(**tags: str) -> tuple[Footprint | None, list[str]]:
     [
         ({"height": "12"}, 12.0, None),
         ({"height": "12 m", "roof__height": "3"}, 9.0, None),
-        ({"height": "12", "roof__shape": "flat"}, 12.0, None),
+        ({"height": "12", "roof__shape": "flat"}, 12.0, Roof("flat", 0.0)),
         ({"height": "12", "roof__shape": "gabled", "roof__height": "4"}, 8.0, Roof("gabled", 4.0)),
         ({"height": "12", "roof__shape": "hipped", "roof__levels": "2"}, 7.0, Roof("hipped", 5.0)),
         ({"roof__shape": "gabled", "roof__angle": "45"}, None, Roof("gabled", 5.0)),
@@ -138,7 +139,7 @@ def tagged(**tags: str) -> tuple[Footprint | None, list[str]]:
         ),
         ({"roof__shape": "gabled"}, None, Roof("gabled", 2.89)),
         ({"height": "4", "roof__shape": "gabled"}, 2.0, Roof("gabled", 2.0)),
-        ({"height": "4", "roof__shape": "gabled", "roof__height": "3"}, 4.0, None),
+        ({"height": "4", "roof__shape": "gabled", "roof__height": "3"}, 4.0, Roof("flat", 0.0)),
         ({"roof__shape": "9.0"}, None, None),
     ],
 )
@@ -189,7 +190,8 @@ def buildings_of(*items: Footprint) -> tuple[dict[str, tuple[float, str]], tuple
     block = block_buildings([Footprints("EPSG:32635", items)], UTM, area=None, storey=3.0)
     buildings, notes = block.items, block.notes
     assert all(b.footprint.is_valid for b in buildings)
-    return {b.id: (b.height, b.height_source) for b in buildings}, notes
+    total = {b.id: b.height + (b.roof.height if b.roof and b.height_source == "height" else 0.0) for b in buildings}
+    return {b.id: (round(total[b.id], 6), b.height_source) for b in buildings}, notes
 
 
 def test_height_before_levels_before_the_median() -> None:

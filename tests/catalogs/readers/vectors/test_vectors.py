@@ -60,7 +60,7 @@ def test_every_format_says_the_same(tmp_path: Path, suffix: str) -> None:
         ("a", 12.5, None, "Hall"),
         ("b", None, 4.0, None),
     ]
-    assert items[0].roof is None
+    assert items[0].roof == Roof("flat", 0.0)
     assert items[1].roof is not None
     assert items[1].roof.height == pytest.approx(5 * math.tan(math.radians(30)), abs=0.02)
     assert (found.remarks, found.faults) == ((), ())
