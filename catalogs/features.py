@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import shapely
 
-from facade_core.types import Roof, Shell
+from facade_core.types import PLAIN, Finish, Roof, Shell
 
 if TYPE_CHECKING:
     from shapely import LineString, MultiPolygon, Polygon
@@ -37,6 +37,7 @@ class Footprint:
         rise: height of the roof where that is stated, but no shape.
         kind: what it is used as, by OpenStreetMap's values of `building`, where stated.
         built: the year, where stated.
+        finish: colours and materials, where stated.
     """
 
     id: str
@@ -49,6 +50,7 @@ class Footprint:
     rise: float | None = None
     kind: str | None = None
     built: int | None = None
+    finish: Finish = PLAIN
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ from facade_core.geometry.charts import Charts, Mesh
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.scene import Scene
-from facade_core.types import Street
+from facade_core.types import PLAIN, Finish, Street
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -70,8 +70,9 @@ class Things:
         return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
 
 
-def chart_ids(charts: Charts, names: Sequence[str]) -> np.ndarray:
-    """A number for each chart, (n,) uint64, of its kind, its place and the id of its building, by row in `names`.
+def chart_ids(charts: Charts, names: Sequence[str], finishes: Sequence[Finish] = ()) -> np.ndarray:
+    """A number for each chart, (n,) uint64, of its kind, its place and the id of its building, by row in `names`, and of what
+    is stated of that one's colours and materials.
 
     Charts that are alike in all of that are told apart by their order.
     """
@@ -80,6 +81,8 @@ def chart_ids(charts: Charts, names: Sequence[str]) -> np.ndarray:
     found = np.empty(len(charts), np.uint64)
     for chart, (row, building) in enumerate(zip(frames, charts.building.tolist(), strict=True)):
         name = names[building] if building >= 0 else ""
+        if building >= 0 and finishes and finishes[building] != PLAIN:
+            name += repr(finishes[building])
         digest = blake2b(row.tobytes() + name.encode(), digest_size=8)
         twin = count[digest.digest()] = count.get(digest.digest(), -1) + 1
         if twin:

@@ -57,7 +57,8 @@ def ingest(
         buildings, streets, terrain=terrain, ground_margin=visibility_range, largest=one_page.largest
     )
     names = tuple(building.id for building in buildings)
-    ids = chart_ids(charts, names)
+    finishes = tuple(building.finish for building in buildings)
+    ids = chart_ids(charts, names, finishes)
     placement = pack(
         charts.texels(texels_per_metre),
         charts.building,
@@ -68,7 +69,16 @@ def ingest(
         last=last,
     )
     spec = AtlasSpec(placement.pages, texels_per_metre, page=page)
-    scene = Scene(mesh, charts, placement, spec, spacing=spacing, visibility_range=visibility_range, names=names)
+    scene = Scene(
+        mesh,
+        charts,
+        placement,
+        spec,
+        spacing=spacing,
+        visibility_range=visibility_range,
+        names=names,
+        finishes=finishes,
+    )
 
     obstacles = shapely.STRtree(footprints)
     cameras: list[Viewpoint] = []

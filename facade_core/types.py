@@ -120,6 +120,21 @@ class Roof:
 
 
 @dataclass(frozen=True, slots=True)
+class Finish:
+    """What the walls and the roof of a building are of, as a source states it: colours as red, green, blue, 0 to 255; materials
+    as in OpenStreetMap's building:material and roof:material."""
+
+    wall_colour: tuple[int, int, int] | None = None
+    roof_colour: tuple[int, int, int] | None = None
+    wall_material: str | None = None
+    roof_material: str | None = None
+
+
+# Nothing is stated.
+PLAIN = Finish()
+
+
+@dataclass(frozen=True, slots=True)
 class Building:
     """A building in the block's metric frame (metres, z up): a footprint to extrude, or a shell, which may stand in parts.
 
@@ -137,6 +152,7 @@ class Building:
     base: float | None = None
     roof: Roof | None = None
     shell: Shell | None = None
+    finish: Finish = PLAIN
 
 
 @dataclass(frozen=True, slots=True, eq=False)

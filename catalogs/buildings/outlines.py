@@ -114,6 +114,7 @@ def _outlined(
                 id = footprint.id if len(large) == 1 else f"{footprint.id}-{index}"
                 levels = max(1, int(footprint.levels)) if footprint.levels else None
                 building = Building(id, part, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
+                building = replace(building, finish=footprint.finish)
                 candidates.append(_Candidate(building, footprint))
     return candidates
 

@@ -19,7 +19,7 @@ from facade_core.geometry.packing import Placement
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan import Plan, Sightings
 from facade_core.street.scene import Scene
-from facade_core.types import Building, Pose, Street
+from facade_core.types import Building, Finish, Pose, Street
 
 # A table's columns and attributes, by name.
 Values = Mapping[str, Any]
@@ -114,6 +114,10 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "roof_shape": [b.roof.shape if b.roof else "" for b in buildings],
             "roof_height": [b.roof.height if b.roof else np.nan for b in buildings],
             "roof_confidence": [b.roof.confidence if b.roof else np.nan for b in buildings],
+            "wall_colour": [_hexadecimal(b.finish.wall_colour) for b in buildings],
+            "roof_colour": [_hexadecimal(b.finish.roof_colour) for b in buildings],
+            "wall_material": [b.finish.wall_material or "" for b in buildings],
+            "roof_material": [b.finish.roof_material or "" for b in buildings],
             "refused": [refused.get(b.id, "") for b in buildings],
         },
     }
@@ -133,6 +137,7 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
         spacing=cameras["spacing"],
         visibility_range=cameras["visibility_range"],
         names=buildings["id"],
+        finishes=_finishes(buildings),
     )
     lines = [streets["point"][streets["point_street"] == i] for i in range(len(streets["id"]))]
     return Plan(
@@ -163,6 +168,25 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
         ids=charts["id"],
         looks=cameras["look"],
     )
+
+
+def _finishes(buildings: Values) -> tuple[Finish, ...]:
+    """What buildings are stated to be of; of an older store nothing."""
+    if "wall_colour" not in buildings:
+        return ()
+    columns = (buildings[name] for name in ("wall_colour", "roof_colour", "wall_material", "roof_material"))
+    return tuple(
+        Finish(_colour(wall), _colour(roof), of or None, over or None)
+        for wall, roof, of, over in zip(*columns, strict=True)
+    )
+
+
+def _hexadecimal(colour: tuple[int, int, int] | None) -> str:
+    return "" if colour is None else "#{:02x}{:02x}{:02x}".format(*colour)
+
+
+def _colour(text: str) -> tuple[int, int, int] | None:
+    return (int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)) if text else None
 
 
 def _own_textures(mesh: Mesh) -> dict[str, Any]:

@@ -205,6 +205,10 @@ TABLES = {
                 _column(
                     "roof_confidence", "building", "float64", "1 where stated, less where assumed", "1", optional=True
                 ),
+                _column("wall_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", optional=True),
+                _column("roof_colour", "building", TEXT, "as stated, #rrggbb, empty where it is not", optional=True),
+                _column("wall_material", "building", TEXT, "as stated, by OpenStreetMap's values", optional=True),
+                _column("roof_material", "building", TEXT, "as stated, by OpenStreetMap's values", optional=True),
                 _column("refused", "building", TEXT, "why it has no surfaces, empty where it has"),
             ),
         ),

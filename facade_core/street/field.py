@@ -103,6 +103,13 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
         chosen = made == material
         tint[chosen] = kernels.picked(palette, number[chosen], seed + turn)
     tint[made == UNDERSIDE] = SOFFIT
+    if scene.finishes:
+        unknown = (np.nan, np.nan, np.nan)
+        stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
+        for part, materials in ((0, (PLASTER,)), (1, (SHEET, TILE))):
+            colour = np.where(charts.building[:, None] >= 0, stated[charts.building, part], np.nan)
+            known = np.isin(made, materials) & np.isfinite(colour[:, 0])
+            tint[known] = colour[known]
     start = np.column_stack([np.einsum("ij,ij->i", charts.origin, axis) for axis in (charts.axis_u, charts.axis_v)])
     start[np.isin(charts.kind, (WINDOW, DOOR))] = 0.0
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)

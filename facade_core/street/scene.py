@@ -17,12 +17,14 @@ from facade_core.geometry.packing import Placement
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.daylight import Daylight
+from facade_core.types import Finish
 
 
 @dataclass(frozen=True)
 class Scene:
     """Geometry of a block. `spacing` (metres between viewpoints) and `visibility_range` (metres) gate the views of Eq. 1;
-    names are the ids of the buildings, by row."""
+    names are the ids of the buildings, by row, finishes what is stated of their colours and materials; none is stated of any
+    where there are none."""
 
     mesh: Mesh
     charts: Charts
@@ -31,6 +33,7 @@ class Scene:
     spacing: float = 5.0
     visibility_range: float = 40.0
     names: tuple[str, ...] = ()
+    finishes: tuple[Finish, ...] = ()
 
     def __reduce__(self) -> tuple[type[Scene], tuple[Any, ...]]:
         """A scene goes to another process without what it derives, such as the tree of its rays."""

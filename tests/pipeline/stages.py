@@ -60,7 +60,8 @@ def write_block(
     shapes = []
     for name, (x, y, width, depth, height) in (buildings or BUILDINGS).items():
         ring = [(x, y), (x + width, y), (x + width, y + depth), (x, y + depth), (x, y)]
-        shapes.append(_feature("Polygon", [[_place(p) for p in ring]], id=name, height=height))
+        properties = {"id": name, "height": height, "roof:shape": "flat"}
+        shapes.append(_feature("Polygon", [[_place(p) for p in ring]], **properties))
     lines = [
         _feature("LineString", [_place(p) for p in line], id=name, name=f"street {name}")
         for name, line in (streets or STREETS).items()

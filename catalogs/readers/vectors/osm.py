@@ -16,6 +16,7 @@ from typing import Any
 from catalogs.broken import is_machines, reason_of
 from catalogs.features import Centrelines, Fault, Footprint, Footprints, Remark
 from catalogs.readers.vectors.centrelines import centrelines_of, place_of
+from catalogs.readers.vectors.colours import finish_of
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
 from catalogs.readers.vectors.roofs import roof_of, tagged_rise
 from facade_core.errors import InputError
@@ -92,6 +93,7 @@ def footprint_of(
         rise=tagged_rise(tags) if roof is None else None,
         kind=kind if kind not in ("", "yes") else None,
         built=_year(tags.get("start_date", "")),
+        finish=finish_of(tags),
     )
 
 

@@ -13,7 +13,7 @@ from facade_core.atlas import AtlasSpec
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene
 from facade_core.street.render import shade
-from facade_core.types import Building, Roof, Street
+from facade_core.types import Building, Finish, Roof, Street
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 DENSITY = 10.0
@@ -46,6 +46,19 @@ def test_points_texels_and_rasters_are_one_field(scene: Scene, kind: int) -> Non
     points = scene.charts.points(chart, (columns + 0.5) * (1 / DENSITY), (rows + 0.5) * (1 / DENSITY))
     colour = other.colour(np.full(500, chart), points, np.full(500, 1 / DENSITY))
     np.testing.assert_array_equal(colour, whole[rows, columns])
+
+
+def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
+    stated = Finish((40, 60, 200), (200, 40, 30))
+    painted = replace(scene, finishes=(Finish(), stated))
+    for kind, place in ((ROOF, 0), (WALL, 2)):
+        for building in (0, 1):
+            chart = int(np.flatnonzero((scene.charts.kind == kind) & (scene.charts.building == building))[0])
+            bare, tinted = (Materials(one, [STREET], seed=1).raster(chart).astype(float) for one in (scene, painted))
+            if building == 0:
+                np.testing.assert_array_equal(bare, tinted)
+            else:
+                assert np.argmax(tinted.mean(axis=(0, 1))) == place
 
 
 def test_the_order_in_which_charts_are_asked_for_changes_nothing(scene: Scene) -> None:

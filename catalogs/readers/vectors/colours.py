@@ -1,0 +1,94 @@
+"""Colours and materials of walls and roofs, as OpenStreetMap tags them."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+from facade_core.types import Finish
+
+Colour = tuple[int, int, int]
+# A name says what kind of colour a wall or roof has, not how pure: none is as red as a screen's red.
+NAMED: dict[str, Colour] = {
+    "red": (158, 66, 50),
+    "darkred": (118, 46, 40),
+    "maroon": (104, 48, 44),
+    "brown": (112, 80, 60),
+    "orange": (200, 128, 80),
+    "yellow": (226, 198, 128),
+    "green": (112, 142, 116),
+    "darkgreen": (64, 90, 70),
+    "lightgreen": (172, 192, 158),
+    "blue": (98, 118, 150),
+    "lightblue": (172, 190, 206),
+    "pink": (218, 176, 168),
+    "purple": (122, 92, 118),
+    "white": (232, 230, 224),
+    "black": (48, 48, 50),
+    "cream": (236, 224, 196),
+    "sand": (214, 194, 158),
+    "silver": (172, 174, 176),
+    "terracotta": (170, 96, 70),
+    "copper": (122, 156, 138),
+}
+# Roofs of a material without a colour have this one; others are left to chance.
+ROOF_MATERIALS: dict[str, Colour] = {
+    "copper": (122, 156, 138),
+    "slate": (82, 86, 92),
+    "tar_paper": (62, 62, 64),
+    "asphalt": (70, 70, 72),
+    "bitumen": (62, 62, 64),
+    "zinc": (140, 146, 150),
+    "concrete": (150, 148, 142),
+    "thatch": (140, 118, 82),
+    "grass": (96, 118, 66),
+    "glass": (120, 140, 148),
+}
+WALL_MATERIALS: dict[str, Colour] = {
+    "brick": (150, 84, 66),
+    "concrete": (160, 158, 152),
+    "cement_block": (154, 152, 146),
+    "sandstone": (206, 182, 142),
+    "limestone": (214, 206, 188),
+    "granite": (142, 138, 136),
+    "stone": (168, 162, 150),
+    "wood": (150, 112, 78),
+    "metal": (150, 154, 158),
+    "glass": (130, 148, 156),
+}
+_LONGEST = 64  # letters
+_DARKEST, _BRIGHTEST = 24, 238
+
+
+def finish_of(tags: Mapping[str, str]) -> Finish:
+    """What the tags state of walls and roof; a colour that is not understood is none."""
+    wall, roof = _word(tags.get("building:material", "")), _word(tags.get("roof:material", ""))
+    return Finish(
+        colour_of(tags.get("building:colour") or tags.get("building:color") or "") or WALL_MATERIALS.get(wall or ""),
+        colour_of(tags.get("roof:colour") or tags.get("roof:color") or "") or ROOF_MATERIALS.get(roof or ""),
+        wall,
+        roof,
+    )
+
+
+def colour_of(text: str) -> Colour | None:
+    """Red, green and blue of "#a0522d", "a0522d", "#a52" or a name in English, of a list the first; None where it is none."""
+    from PIL import ImageColor
+
+    text = text[:_LONGEST].partition(";")[0].strip().lower().replace(" ", "").replace("_", "").replace("-", "")
+    if text in NAMED:
+        return NAMED[text]
+    if len(text) in (3, 6) and all(letter in "0123456789abcdef" for letter in text):
+        text = f"#{text}"
+    try:
+        red, green, blue = ImageColor.getrgb(text)[:3]
+    except ValueError:
+        return None
+    # paint is neither black nor white, and nothing shines
+    red, green, blue = (min(max(value, _DARKEST), _BRIGHTEST) for value in (red, green, blue))
+    return red, green, blue
+
+
+def _word(text: str) -> str | None:
+    """A material, as it is written; of a list the first."""
+    text = text[:_LONGEST].partition(";")[0].strip().lower()
+    return text if text and text not in ("yes", "no", "unknown") else None
