@@ -17,7 +17,7 @@ from facade_core.parse.certainty import Told, certainty, share_of, with_probabil
 from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.shadow import shaded_share
 from facade_core.resizing import resized
-from facade_core.texture import exemplar_scale, inpaint, retarget
+from facade_core.texture import exemplar_scale, inpaint, retarget, tinted
 from facade_core.texture.structure import storeys
 from facade_core.types import Box, Completion, Element, Lattice
 from facade_core.variation import Hierarchy, encode, exchange_in_photo
@@ -224,10 +224,12 @@ def from_exemplar(
     *,
     floors: int,
     metres_per_pixel: float,
+    house: int = 0,
     seed: int = 0,
 ) -> Facade:
     """A wall without imagery: an exemplar, at `metres_per_pixel`, which may be coarser than the raster, retargeted by tiles to
-    size_m = (height, width) metres and `floors`, the ground floor included; size = (h, w) is the raster it must fill."""
+    size_m = (height, width) metres and `floors`, the ground floor included; size = (h, w) is the raster it must fill. house is
+    the seed of its paint's shade."""
     import cv2
 
     seconds: dict[str, float] = {}
@@ -243,6 +245,7 @@ def from_exemplar(
         # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
         coded = encode(texture, layout)
         texture = exchange_in_photo(texture, coded, round(VARIED * (len(coded.levels) - 1)), seed)
+        texture = tinted(texture, labels, house=house, seed=seed)
     split, hierarchy = _split_and_coded(texture, labels, layout, seconds, seed)
     return Facade(
         evidence=texture,

@@ -167,6 +167,7 @@ def _make(
         size,
         floors=int(facades.floors[facade]),
         metres_per_pixel=metres_per_texel,
+        house=unit_seed(run, str(plan.scene.building_numbers[facades.building[facade]]), "house"),
         seed=seed,
     )
     return _Made(depth, result, imagery.exemplar[1], nothing)

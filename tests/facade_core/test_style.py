@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.labels import DOOR, SHOP, WINDOW
+from facade_core.labels import DOOR, SHOP, WALL, WINDOW
 from facade_core.style import NEIGHBOURS_M, ROUNDS, Library, Walls, choose_exemplars, look_of
 from facade_core.synth import facade
-from facade_core.texture import without_shops
+from facade_core.texture import tinted, without_shops
 from facade_core.texture.structure import storeys
 
 # A house every 20 m on both sides of a street 18 m wide.
@@ -95,6 +95,20 @@ def test_a_ground_floor_without_shops_keeps_its_door() -> None:
     assert (labels[ground] == WINDOW).mean() > 0.1
     changed = (image != painted.image).any(axis=(1, 2))
     assert not changed[: len(changed) // 2].any()
+
+
+def test_walls_of_one_exemplar_differ_by_house() -> None:
+    painted = facade((16.0, 15.0), floors=4, columns=5, style="jugend", metres_per_pixel=0.05, seed=6)
+    wall, window = painted.labels == WALL, painted.labels == WINDOW
+    one, same, other = (
+        tinted(painted.image, painted.labels, house=h, seed=s).astype(float) for h, s in ((1, 1), (1, 2), (2, 1))
+    )
+    inner = np.s_[60:-60]
+    assert np.abs(one - same)[inner][wall[inner]].mean() < 0.5, "the facades of a house share their paint"
+    assert np.abs(one - same)[window].mean() > 1.5, "their panes do not mirror alike"
+    assert np.abs(one - other)[wall].mean() > 1
+    assert np.abs(np.log(one[wall].mean() / painted.image[wall].mean())) < 0.15, "within what paint does"
+    np.testing.assert_array_equal(one, tinted(painted.image, painted.labels, house=1, seed=1))
 
 
 def test_a_street_keeps_a_character_and_another_has_its_own() -> None:
