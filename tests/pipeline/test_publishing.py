@@ -102,7 +102,7 @@ def test_one_photo_makes_one_tile_and_its_page_and_the_rest_is_linked(seeded: Pa
     chart = group.plan.facades.chart[group.plan.facades.id.index("c-0")]
     [tile] = [path for path, one in listed(second).items() if "c" in one["buildings"]]
     # the views along other streets do not look that way
-    views = {("pictures", "view above"), ("pictures", "view street-2")}
+    views = {("pictures", f"view {name}") for name in ("above", "street-2", "close-up")}
     page = f"{group.plan.scene.placement.page[chart]:04}"
     assert done == {("pages", page), ("tiles", tile), ("pictures", "c-0"), *views}
     linked = {
