@@ -102,7 +102,9 @@ def application(out: Path, host: str, bound: str) -> Starlette:
 
     def tile(request: Request) -> Response:
         file = model_file(out, request.query_params["of"], request.query_params.get("tile"))
-        return FileResponse(file, media_type="model/gltf-binary", headers=FOR_EVER)
+        # its pictures are JPEGs: to compress it would only take time
+        headers = FOR_EVER | {"Content-Encoding": "identity"}
+        return FileResponse(file, media_type="model/gltf-binary", headers=headers)
 
     routes = [
         Route("/", lambda request: Response((PAGE / "index.html").read_text("utf-8"), media_type="text/html")),

@@ -1,0 +1,31 @@
+from pathlib import Path
+
+import numpy as np
+import shapely
+
+from benchmarks.first_screen import PAGE, bare
+from facade_core.atlas import AtlasSpec
+from facade_core.geometry import ROOF, WALL, block_surfaces, pack, terrain_of
+from facade_core.street import Scene
+from facade_core.types import Building, Street
+
+ROOT = Path(__file__).parents[2]
+
+
+def test_bare_geometry_is_grey_and_darker_at_its_foot() -> None:
+    street = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
+    box = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
+    charts, mesh, _ = block_surfaces([box], [street], terrain=terrain_of([], None), ground_margin=10, largest=90)
+    placement = pack(charts.texels(8), charts.building, page=1024, chunk=128, gutter=2)
+    scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 8.0, page=1024))
+    roof, wall = (bare(scene, int(np.flatnonzero(charts.kind == kind)[0])) for kind in (ROOF, WALL))
+    assert (np.ptp(wall, axis=2) == 0).all()
+    assert roof.mean() > wall.mean() > 90
+    assert wall[-1].mean() < wall[0].mean() - 20
+
+
+def test_the_page_shows_pictures_that_are_there() -> None:
+    assert (ROOT / "docs" / "street.html").read_text("utf-8") == PAGE
+    for name in ("street.jpg", "street-bare.jpg"):
+        assert f'src="{name}"' in PAGE
+        assert (ROOT / "docs" / name).stat().st_size > 10_000
