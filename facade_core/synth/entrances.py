@@ -31,6 +31,8 @@ SIGN_COLOURS = (
     ("#3d5a66", "#f2eee2"),
 )
 AWNINGS = (("#a8382f", "#f0e8d8"), ("#2f5a4a", "#efe8d6"), ("#31507c", "#f0ece0"), ("#c08a2e", "#f3ead2"))
+# Of each of SIGN_COLOURS the one of AWNINGS that goes with it.
+_AWNING_OF = (1, 2, 0, 3, 0, 2)
 
 
 def door_tile(
@@ -77,12 +79,13 @@ def door_tile(
 
 
 def shop_tile(
-    shape: tuple[int, int], scale: float, state: str, word: str, rng: np.random.Generator
+    shape: tuple[int, int], scale: float, state: str, word: str, scheme: int, rng: np.random.Generator
 ) -> tuple[Canvas, Plate | None]:
-    """A shop front with its sign; the awning, if it is out, comes as a plate placed relative to the tile."""
+    """A shop front in the colours of a scheme, a number, with its sign; the awning, if it is out, comes as a plate placed
+    relative to the tile."""
     tile = Canvas.blank(*shape, scale)
     w, h = tile.width_m, tile.height_m
-    ground, ink = (linear(c) for c in SIGN_COLOURS[int(rng.integers(len(SIGN_COLOURS)))])
+    ground, ink = (linear(c) for c in SIGN_COLOURS[scheme % len(SIGN_COLOURS)])
     sign, riser = min(0.62, 0.19 * h), min(0.5, 0.15 * h)
     wood = ground if float(ground.max()) < 0.4 else linear("#4a3428")
     tile.albedo[:] = wood
@@ -109,7 +112,7 @@ def shop_tile(
     _sign(tile, sign, ground, ink, word, rng)
     if state != "awning":
         return tile, None
-    return tile, _awning(tile, sign, rng)
+    return tile, _awning(tile, sign, scheme)
 
 
 def _display(tile: Canvas, x0: float, y0: float, x1: float, y1: float, rng: np.random.Generator) -> None:
@@ -150,14 +153,14 @@ def _sign(tile: Canvas, tall: float, ground: np.ndarray, ink: np.ndarray, word: 
     tile.relief[at][letters > 0] += 0.02
 
 
-def _awning(tile: Canvas, sign: float, rng: np.random.Generator) -> Plate:
-    """A striped awning with a scalloped edge, seen from the front: it hides the upper part of the glass."""
+def _awning(tile: Canvas, sign: float, scheme: int) -> Plate:
+    """A striped or plain awning with a scalloped edge, seen from the front: it hides the upper part of the glass."""
     rows, columns = tile.px(min(1.05, 0.34 * tile.height_m)), tile.relief.shape[1]
-    first, second = (linear(c) for c in AWNINGS[int(rng.integers(len(AWNINGS)))])
+    first, second = (linear(c) for c in AWNINGS[_AWNING_OF[scheme % len(SIGN_COLOURS)]])
     count = max(5, round(tile.width_m / 0.32)) | 1
     x = (np.arange(columns) + 0.5) / columns * count
     y = ((np.arange(rows) + 0.5) / rows)[:, None]
-    stripe = (x.astype(int) % 2 == 0)[None, :, None]
+    stripe = ((x.astype(int) % 2 == 0) | (scheme % 3 > 0))[None, :, None]
     valance = y > 0.78
     light = np.where(valance, 0.72, 1.12 - 0.22 * y) * (1 + 0.04 * np.cos(2 * np.pi * x))
     colour = np.where(stripe, first, second) * light[..., None]

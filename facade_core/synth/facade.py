@@ -211,9 +211,11 @@ def _openings(
         tile = entrances.door_tile(shape(o), canvas.scale, palette.door, modern=style.modern, rng=rng)
         canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
     signs = rng.permutation(len(entrances.SIGNS))
+    schemes = rng.permutation(12)
     for number, o in enumerate(by_label["shop"]):
-        word = entrances.SIGNS[signs[number % len(signs)]]
-        tile, awning = entrances.shop_tile(shape(o), canvas.scale, o.state, word, rng)
+        # A shop is two bays wide, in one colour.
+        word, scheme = entrances.SIGNS[signs[number % len(signs)]], int(schemes[number // 2 % len(schemes)])
+        tile, awning = entrances.shop_tile(shape(o), canvas.scale, o.state, word, scheme, rng)
         canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
         if awning is not None:
             x, y = o.box[0] * factor + awning.x, o.box[1] * factor + awning.y
