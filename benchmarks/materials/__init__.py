@@ -40,6 +40,8 @@ REPEATED = 7
 SIDE_M, APART_M = 24.0, 200.0
 # Those that are compared with means, of so many points along either side of a texel.
 TRUTH_M, SAMPLES = 6.0, 12
+# What a point covers, metres.
+POINT_M = 1e-3
 # The charts: their kind, how they lie, the material's plain function, and how far the ground is from a centreline, metres.
 CHARTS: dict[str, tuple[int, str, str, float]] = {
     "carriageway": (GROUND, "level", "asphalt", 0.0),
@@ -96,9 +98,9 @@ def measure(pictures: Path | None) -> dict[str, Any]:
         whole = materials.raster(chart)
         row["nanoseconds"] = round(1e9 * _seconds(partial(materials.raster, chart)) / texels, 1)
         stepped = _Plain(scene, streets, chart)
-        row["nanoseconds_plain"] = round(1e9 * _seconds(partial(stepped.raster, 1)) / texels, 1)
+        row["nanoseconds_plain"] = round(1e9 * _seconds(stepped.raster) / texels, 1)
         if pictures is not None:
-            _save(pictures / f"{name.replace(' ', '-')}.png", whole, stepped.raster(1))
+            _save(pictures / f"{name.replace(' ', '-')}.png", whole, stepped.raster())
     laid = Materials(scene, streets, seed=SEED, roof_material=_brick())
     chart = list(CHARTS).index("tiles")
     laid.raster(chart)
@@ -120,11 +122,19 @@ class _Plain:
         self._name = list(CHARTS.values())[chart][2]
         self._lines = Centrelines(streets, BESIDE_M)
         charts = scene.charts
-        self._tint = _tint(Materials(scene, streets, seed=SEED), chart, self._name)
+        self._materials = Materials(scene, streets, seed=SEED)
+        self._tint = _tint(self._materials, chart, self._name)
         self._grey = float(shade(charts.normal()[chart]))
 
-    def raster(self, samples: int) -> np.ndarray:
-        """The chart (h, w, 3), each texel the mean of samples x samples points, 0..255."""
+    def raster(self) -> np.ndarray:
+        """The chart (h, w, 3) by the plain functions, without grain, 0..255."""
+        return self._means(1, self._colour)
+
+    def of_points(self, samples: int) -> np.ndarray:
+        """The chart (h, w, 3), each texel the mean of samples x samples points of the field itself, 0..255."""
+        return self._means(samples, self._point)
+
+    def _means(self, samples: int, colour: Callable[[np.ndarray, np.ndarray], np.ndarray]) -> np.ndarray:
         placement, density = self._scene.placement, self._scene.spec.texels_per_metre
         height, width = int(placement.height[self._chart]), int(placement.width[self._chart])
         step = 1 / density
@@ -133,8 +143,12 @@ class _Plain:
         for down in offset:
             for right in offset:
                 x, y = np.meshgrid(step * (np.arange(width) + right), step * (np.arange(height) + down))
-                total += self._colour(x.ravel(), y.ravel())
+                total += colour(x.ravel(), y.ravel())
         return np.clip(total / samples**2, 0, 255).reshape(height, width, 3)
+
+    def _point(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        points = self._scene.charts.points(self._chart, x, y)
+        return self._materials.colour(np.full(len(x), self._chart), points, np.full(len(x), POINT_M)).astype(np.float64)
 
     def _colour(self, x: np.ndarray, y: np.ndarray) -> np.ndarray:
         charts = self._scene.charts
@@ -166,7 +180,7 @@ def _tint(materials: Materials, chart: int, name: str) -> tuple[np.ndarray, np.n
 
 def _truth(raster: np.ndarray, stepped: _Plain) -> dict[str, float]:
     """Aliasing and detail of a raster and of points stepped through, by the means of points."""
-    truth, points = np.round(stepped.raster(SAMPLES)), np.round(stepped.raster(1))
+    truth, points = np.round(stepped.of_points(SAMPLES)), np.round(stepped.of_points(1))
     found = {}
     for name, image in (("", raster.astype(np.float64)), ("_stepped", points)):
         wrong = np.mean((image - truth) ** 2) / np.mean((truth - truth.mean(axis=(0, 1))) ** 2)

@@ -8,8 +8,22 @@ import numpy as np
 
 from facade_core.geometry.charts import DOOR, ROOF, WALL, WINDOW
 from facade_core.street import field_kernels as kernels
+from facade_core.street import grain
 from facade_core.street.centrelines import Centrelines
-from facade_core.street.field_kernels import BOARDS, LAID, PANE, PLASTER, SHEET, SOIL, TILE, UNDERSIDE, Field, Surfaces
+from facade_core.street.field_kernels import (
+    BOARDS,
+    BRICK,
+    LAID,
+    PANE,
+    PLASTER,
+    SHEET,
+    SOIL,
+    TILE,
+    UNDERSIDE,
+    Field,
+    Surfaces,
+)
+from facade_core.street.grain_file import shipped
 from facade_core.street.materials import CARRIAGEWAY_M, KERB_M, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
 from facade_core.street.render import shade
 from facade_core.street.sampling import Lights
@@ -22,6 +36,18 @@ from facade_core.types import Street
 BESIDE_M = CARRIAGEWAY_M + KERB_M + 1.22
 # A roof whose normal leans more than this from the vertical (cosine) carries tiles.
 TILED = 0.985
+# A roof whose normal has this much of north in it is under moss, at its worst place.
+NORTHERN, MOSSY = 0.25, 0.55
+# The grain of a material, and how much of it; every third building is of rough plaster.
+GRAIN = {
+    SHEET: (grain.METAL, 0.7),
+    TILE: (grain.CONCRETE, 2.5),
+    PLASTER: (grain.PLASTER_FINE, 1.0),
+    BRICK: (grain.CONCRETE, 2.5),
+    BOARDS: (grain.CONCRETE, 1.0),
+    UNDERSIDE: (grain.PLASTER_FINE, 1.0),
+}
+ROUGH = 1 / 3
 # What faces down counts as if it saw this much of the sky in the open.
 LEAST_OPEN = 0.25
 
@@ -44,6 +70,7 @@ class Materials:
             _surfaces(scene, seed, laid=roof_material is not None),
             Centrelines(streets, BESIDE_M).lines,
             (roof_material or grey).mips,
+            shipped(),
             seed,
         )
 
@@ -115,4 +142,12 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
     # a surface sees the sky above the horizon
     sky = np.maximum(0.5 + 0.5 * normal[:, 2], LEAST_OPEN)
-    return Surfaces(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky)
+    examples, rough = np.zeros(len(charts), np.int64), np.zeros(len(charts))
+    for material, (example, weight) in GRAIN.items():
+        examples[made == material], rough[made == material] = example, weight
+    rendered = (made == PLASTER) & (kernels.drawn(number, seed + 73) < ROUGH)
+    examples[rendered], rough[rendered] = grain.PLASTER_ROUGH, 2.0
+    mossy = np.where(normal[:, 1] > NORTHERN, MOSSY * kernels.drawn(number, seed + 79), 0.0)
+    return Surfaces(
+        *frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, rough, mossy
+    )

@@ -11,14 +11,29 @@ import numpy as np
 from numba import njit
 
 from facade_core.street.centrelines import Lines
+from facade_core.street.chance import chance
 from facade_core.street.daylight import LEAST
+from facade_core.street.grain import Grains, add_grain
 from facade_core.street.ground_kernels import level, soil
-from facade_core.street.materials import GLASS, SKY, chance, glass, plaster, roofing, soffit, tiling, wood
+from facade_core.street.materials import (
+    GLASS,
+    MORTAR,
+    MOSS,
+    SKY,
+    brick,
+    glass,
+    moss,
+    plaster,
+    roofing,
+    soffit,
+    tiling,
+    wood,
+)
 from facade_core.street.sampling import Lights, lit
 from facade_core.street.tiled import Mips, laid_at
 
 # What a chart is made of.
-SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE = range(8)
+SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK = range(9)
 # Of a colour, this much goes where no sky is seen.
 SHADOW = 0.65
 # Places that are worked out together.
@@ -34,7 +49,8 @@ class Surfaces(NamedTuple):
     tint (n, 3): in the colour of its building, shaded;
     grey (n,): how bright in the soft daylight, of white;
     foot (n,): where its building's walls begin, metres above zero;
-    open (n,): the light where nothing else stands, 0..1.
+    open (n,): the light where nothing else stands, 0..1;
+    grain (n,): the example whose grain it has; rough (n,): how much of that; mossy (n,): the share of moss at the worst place.
     """
 
     origin: np.ndarray
@@ -47,14 +63,18 @@ class Surfaces(NamedTuple):
     grey: np.ndarray
     foot: np.ndarray
     open: np.ndarray
+    grain: np.ndarray
+    rough: np.ndarray
+    mossy: np.ndarray
 
 
 class Field(NamedTuple):
-    """All that a colour is made of but the light: charts, centrelines, a material for roofs, chance."""
+    """All that a colour is made of but the light: charts, centrelines, a material for roofs, examples of grain, chance."""
 
     charts: Surfaces
     lines: Lines
     roof: Mips
+    grains: Grains
     seed: int
 
 
@@ -154,18 +174,34 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
             for band in range(3):
                 out[k, band] = level((GLASS[band] + tone[k] * (SKY[band] - GLASS[band])) * grey * light[k])
         return
+    mixed, share = MORTAR, 0.0
     if made == SHEET:
-        roofing(east, north, side, seed, tone)
+        x, y = east, north
+        roofing(x, y, side, seed, tone)
     elif made == TILE:
         tiling(x, y, side, seed, tone)
-    elif made == PLASTER:
+        if charts.mossy[c] > 0:
+            mixed, share = MOSS, charts.mossy[c]
+            moss(x, y, side, share, seed, other)
+    elif made in (PLASTER, BRICK):
         for k in range(n):
-            other[k] = points[2, k] - charts.foot[c]
-        plaster(x, y, other, side, seed, tone)
+            north[k] = points[2, k] - charts.foot[c]
+        if made == PLASTER:
+            plaster(x, y, north, side, seed, tone)
+        else:
+            share = 1.0
+            brick(x, y, north, side, seed, other, tone)
     elif made == BOARDS:
         wood(x, y, side, seed, tone)
     else:
         soffit(x, y, side, seed, tone)
+    add_grain(x, y, side, field.grains, charts.grain[c], charts.rough[c], seed + 71, tone)
+    if share > 0:
+        for k in range(n):
+            for band in range(3):
+                mean = tint[band] + other[k] * (mixed[band] * grey - tint[band])
+                out[k, band] = level(tone[k] * mean * light[k])
+        return
     for k in range(n):
         for band in range(3):
             out[k, band] = level(tone[k] * tint[band] * light[k])
@@ -179,4 +215,13 @@ def picked(palette: np.ndarray, number: np.ndarray, seed: int) -> np.ndarray:
         row = int(chance(number[i], seed) * len(palette))
         for band in range(3):
             out[i, band] = palette[row, band]
+    return out
+
+
+@njit(cache=True)
+def drawn(number: np.ndarray, seed: int) -> np.ndarray:
+    """0..1 by chance for each number (n,)."""
+    out = np.empty(len(number))
+    for i in range(len(number)):
+        out[i] = chance(number[i], seed)
     return out

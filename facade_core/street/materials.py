@@ -11,6 +11,8 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from facade_core.street.chance import ACROSS, DOWN, SEED, mixed, row_of
+
 # Muted Nordic plasters and roofs.
 PLASTERS = np.array(
     [
@@ -30,34 +32,17 @@ WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 
 # The colours of a tone of 1.
 SOFFIT = np.array([172.0, 170.28, 166.84])
 ASPHALT, PAVING = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
+# Fired clay and sand-lime of walls, and the mortar between; moss, of a tone of 1.
+BRICKS = np.array([[142, 78, 58], [126, 66, 50], [158, 96, 68], [176, 140, 98]], np.float64)
+MORTAR, MOSS = np.array([168.0, 162.0, 150.0]), np.array([82.0, 88.0, 54.0])
 # A pane's colour where it shows no sky, and where it shows nothing else.
 GLASS, SKY = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
 # From a centreline to the kerb's middle, and half of a kerb's width.
 CARRIAGEWAY_M, KERB_M = 3.6, 0.18
 # Width and visible length of a roof tile, of a slab; widths of a board and of a sheet of metal.
 TILE_M, SLAB_M, BOARD_M, SHEET_M = (0.24, 0.34), (0.6, 0.4), (0.12, 1e9), 0.6
-
-_ACROSS, _DOWN = np.uint64(0x9E3779B97F4A7C15), np.uint64(0xC2B2AE3D27D4EB4F)
-_SEED, _MIX = np.uint64(0x165667B19E3779F9), np.uint64(0xD6E8FEB86659FD93)
-
-
-@njit(cache=True, inline="always")
-def _mixed(h: np.uint64) -> float:
-    """A number in 0..1 by chance."""
-    h = (h ^ (h >> np.uint64(32))) * _MIX
-    return np.float64(np.int64(h >> np.uint64(40))) * (1.0 / 16777216.0)
-
-
-@njit(cache=True, inline="always")
-def _row(y: float, seed: np.uint64) -> np.uint64:
-    """A row of cells, to which columns times _ACROSS are added."""
-    return (np.uint64(np.int64(y)) + seed) * _DOWN
-
-
-@njit(cache=True, inline="always")
-def chance(x: int, seed: int) -> float:
-    """A number in 0..1 by chance for a number."""
-    return _mixed(np.uint64(x) * _ACROSS + np.uint64(seed) * _SEED)
+# A brick with its joint, a course high, and the joint.
+BRICK_M, JOINT_M = (0.25, 0.078), 0.011
 
 
 @njit(cache=True, inline="always")
@@ -82,12 +67,12 @@ def _noise(x: float, y: float, wide: float, high: float, seed: np.uint64) -> flo
     u0, u1, u2 = left - rise, rise + right - fall, fall
     rise, fall = _rise(y - 0.5 * high - y0 + 0.5 * above, above), _rise(0.5 * below, below)
     v0, v1, v2 = above - rise, rise + below - fall, fall
-    a0, b0 = np.uint64(np.int64(x0)) * _ACROSS, _row(y0, seed)
-    a1, b1 = a0 + _ACROSS, b0 + _DOWN
-    a2, b2 = a1 + _ACROSS, b1 + _DOWN
-    total = v0 * (u0 * _mixed(a0 + b0) + u1 * _mixed(a1 + b0) + u2 * _mixed(a2 + b0))
-    total += v1 * (u0 * _mixed(a0 + b1) + u1 * _mixed(a1 + b1) + u2 * _mixed(a2 + b1))
-    total += v2 * (u0 * _mixed(a0 + b2) + u1 * _mixed(a1 + b2) + u2 * _mixed(a2 + b2))
+    a0, b0 = np.uint64(np.int64(x0)) * ACROSS, row_of(y0, seed)
+    a1, b1 = a0 + ACROSS, b0 + DOWN
+    a2, b2 = a1 + ACROSS, b1 + DOWN
+    total = v0 * (u0 * mixed(a0 + b0) + u1 * mixed(a1 + b0) + u2 * mixed(a2 + b0))
+    total += v1 * (u0 * mixed(a0 + b1) + u1 * mixed(a1 + b1) + u2 * mixed(a2 + b1))
+    total += v2 * (u0 * mixed(a0 + b2) + u1 * mixed(a1 + b2) + u2 * mixed(a2 + b2))
     return fade * (total / (wide * high) - 0.5)
 
 
@@ -104,7 +89,7 @@ def add_noise(
     x: np.ndarray, y: np.ndarray, side: np.ndarray, cell: tuple[float, float], weight: float, seed: int, out: np.ndarray
 ) -> None:
     """Add weight times noise around 0, -1..1, with cells of a width and height."""
-    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * _SEED
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED
     for k in range(len(x)):
         out[k] += 2 * weight * _noise(x[k] * across, y[k] * down, side[k] * across, side[k] * down, own)
 
@@ -117,7 +102,7 @@ def add_tones(
 
     A footprint of more than one of them is taken as one, and fades until two.
     """
-    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * _SEED
+    across, down, own = 1 / cell[0], 1 / cell[1], np.uint64(seed) * SEED
     for k in range(len(x)):
         wide, high = side[k] * across, side[k] * down
         fade = min(max(2.0 - max(wide, high), 0.0), 1.0)
@@ -129,9 +114,12 @@ def add_tones(
         x0, x1 = np.floor(left + 0.5 * odd), np.floor(left + 0.5 - 0.5 * odd)
         beside = max(left + 0.5 * odd + wide - x0 - 1, 0.0) / wide
         under = max(left + 0.5 - 0.5 * odd + wide - x1 - 1, 0.0) / wide
-        a, b = np.uint64(np.int64(x0)) * _ACROSS + _row(y0, own), np.uint64(np.int64(x1)) * _ACROSS + _row(y0 + 1, own)
-        upper = (1 - beside) * _mixed(a) + beside * _mixed(a + _ACROSS)
-        tone = (1 - lower) * upper + lower * ((1 - under) * _mixed(b) + under * _mixed(b + _ACROSS))
+        a, b = (
+            np.uint64(np.int64(x0)) * ACROSS + row_of(y0, own),
+            np.uint64(np.int64(x1)) * ACROSS + row_of(y0 + 1, own),
+        )
+        upper = (1 - beside) * mixed(a) + beside * mixed(a + ACROSS)
+        tone = (1 - lower) * upper + lower * ((1 - under) * mixed(b) + under * mixed(b + ACROSS))
         out[k] += weight * fade * (tone - 0.5)
 
 
@@ -206,6 +194,34 @@ def plaster(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, s
     for number, cell in enumerate((0.25, 1.2, 5.0)):
         add_noise(x, y, side, (cell, cell), 0.02, seed + 13 + number, out)
     add_noise(x, y, side, (0.35, 6.0), 0.025, seed + 17, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def brick(
+    x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, mortar: np.ndarray, out: np.ndarray
+) -> None:
+    """Wall of bricks in running bond, dirtier near the ground; mortar gets the share of the joints; above: as plaster's."""
+    plaster(x, y, above, side, seed, out)
+    add_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
+    across, down = 1 / BRICK_M[0], 1 / BRICK_M[1]
+    beside, below = 0.5 * JOINT_M * across, 0.5 * JOINT_M * down
+    for k in range(len(x)):
+        column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
+        even = _covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
+        odd = _covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
+        clear = even * _covered(column, wide, beside, 1 - 2 * beside)
+        clear += odd * _covered(column, wide, 0.5 + beside, 1 - 2 * beside)
+        mortar[k] = 1 - clear
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def moss(x: np.ndarray, y: np.ndarray, side: np.ndarray, most: float, seed: int, out: np.ndarray) -> None:
+    """The share of a roof under moss, in cushions along the courses; most: of the worst place."""
+    out[:] = -0.25
+    add_noise(x, y, side, (2.6, 1.7), 0.75, seed + 59, out)
+    add_noise(x, y, side, (0.3, 0.22), 0.45, seed + 60, out)
+    for k in range(len(x)):
+        out[k] = most * min(max(2 * out[k], 0.0), 1.0)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

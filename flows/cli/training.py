@@ -75,6 +75,24 @@ def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | 
     say(model)
 
 
+@train.command("materials")
+@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds materials/.")
+@click.option("--out", type=FOLDER, required=True, help="Where materials.npz and its .json go.")
+def train_material_examples(data: Path, out: Path) -> None:
+    """Make the examples of grain that materials take, from photographs of them.
+
+    \b
+    Example:
+      streetloom train materials --data ../shared/data --out materials/
+    """
+    from flows.cli.console import progress
+    from tasks.training.materials import train_materials
+
+    with progress(quiet=False):
+        model = train_materials(data, out)
+    say(model)
+
+
 @train.command("translator")
 @click.option(
     "--real",

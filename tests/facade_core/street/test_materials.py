@@ -9,6 +9,7 @@ import pytest
 
 from benchmarks.materials import plain
 from facade_core.street import materials
+from facade_core.street.chance import chance
 
 SEED = 5
 # What a material depends on besides its place: metres from a centreline, above the foot of a wall, of a pane's height.
@@ -95,5 +96,5 @@ def test_chance_is_even_and_unlike_beside() -> None:
         assert abs((here * other).mean()) / drawn.var() < 0.02
     assert abs((drawn[1:] * drawn[:-1]).mean()) / drawn.var() < 0.02
     assert abs((drawn[1:, 1:] * drawn[:-1, :-1]).mean()) / drawn.var() < 0.02
-    rows = np.array([int(5 * materials.chance(number, 7)) for number in range(2000)])
+    rows = np.array([int(5 * chance(number, 7)) for number in range(2000)])
     assert np.bincount(rows, minlength=5).min() > 330

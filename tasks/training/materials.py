@@ -1,0 +1,58 @@
+"""Make the examples of materials that are shipped from photographs."""
+
+from __future__ import annotations
+
+import hashlib
+from pathlib import Path
+
+import numpy as np
+
+from facade_core.errors import InputError
+from facade_core.street.grain import NAMES, Example, learn
+from facade_core.street.grain_file import save
+from tasks.progress import advance, begin_stage
+
+# Of each: its picture in materials/, how wide it is, metres, and what is larger than grain there.
+SOURCES: dict[str, tuple[str, float, float | None]] = {
+    "asphalt": ("asphalt.jpg", 1.2, None),
+    "gravel": ("gravel.jpg", 0.6, None),
+    "grass": ("grass.jpg", 1.5, None),
+    "earth": ("earth-grass.jpg", 1.0, None),
+    "concrete": ("concrete.jpg", 1.2, None),
+    "plaster-fine": ("plaster-fine.jpg", 2.5, None),
+    "plaster-rough": ("plaster-rough.jpg", 1.0, None),
+    "metal": ("metal-sheet.jpg", 1.0, None),
+    "boards": ("boards.jpg", 1.0, 0.03),
+}
+
+
+def train_materials(data: Path, out: Path) -> Path:
+    """Examples from the pictures in `data`/materials, all CC0; writes materials.npz into `out`."""
+    examples: dict[str, Example] = {}
+    told = {}
+    begin_stage("examples", len(NAMES))
+    for name in NAMES:
+        file, width, structure = SOURCES[name]
+        picture, digest = _picture(data / "materials" / file)
+        high, wide = picture.shape[:2]
+        if 2 * high <= wide:  # twice as wide as high: laid twice
+            picture = np.tile(picture, (wide // high, 1, 1))
+        examples[name] = learn(picture, width, structure=structure)
+        told[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
+        advance("examples", 1)
+    path = out / "materials.npz"
+    save(examples, path, sources=told)
+    return path
+
+
+def _picture(path: Path) -> tuple[np.ndarray, str]:
+    import cv2
+
+    try:
+        content = path.read_bytes()
+    except OSError as error:
+        raise InputError(f"{path}: cannot be read ({error.strerror}); give --data a folder with materials/") from error
+    image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
+    if image is None:
+        raise InputError(f"{path}: no picture; fetch it again")
+    return image[..., ::-1], hashlib.sha256(content).hexdigest()
