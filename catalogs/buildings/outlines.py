@@ -7,7 +7,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
-from statistics import median
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -15,6 +14,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from catalogs.broken import reason_of
+from catalogs.buildings.heights import assumed_heights
 from catalogs.buildings.models import models_in_frame
 from catalogs.buildings.roofs import with_roofs
 from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 SMALLEST = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
-FALLBACK_HEIGHT = 12.0  # m; where no building of the block has a height
+AROUND_M = 500.0  # buildings this near to the area tell heights, too
 SLIVER = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
 SAME = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
 BESIDE = 0.05  # share of the smaller outline by which neighbours may overlap: those of one id are two buildings
@@ -56,13 +56,14 @@ def block_buildings(
 
     area: polygon in the frame; a building is in if its representative point is. A MultiPolygon becomes one building per
     part, id-0, id-1, ..., from west to east. Height of a footprint: the stated one, else levels x storey (roof levels lie
-    behind the eaves and do not count), else the median of the known heights, else FALLBACK_HEIGHT. A building that an
+    behind the eaves and do not count), else assumed by the known ones. A building that an
     earlier source states too (SAME of its outline, or over BESIDE and the same id) is left out with a note. One elsewhere
     that merely has another's id, such as a row's number, is numbered: id-2, id-3, ..., with a note.
     """
     reasons: dict[str, list[str]] = defaultdict(list)
     faults: list[Fault] = []
     found: list[_Candidate] = []
+    around: list[_Candidate] = []
     textures: list[Path] = []
     stated: dict[str, list[Any]] = defaultdict(list)
     for source in sources:
@@ -77,20 +78,25 @@ def block_buildings(
             candidates = _modelled(source, crs, area, len(textures), reasons, faults)
             textures += source.textures
         else:
-            candidates = _outlined(source, crs, area, reasons, faults)
+            candidates = _outlined(source, crs, area, around, reasons, faults)
         found += _new(candidates, found, stated, reasons)
 
     found.sort(key=lambda candidate: natural_order(candidate.building.id))
-    buildings, notes = _with_heights(found, storey)
-    buildings = with_roofs(buildings, [candidate.stated for candidate in found])
+    buildings, notes = _with_heights(found, around, storey)
     return Buildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
 
 
 def _outlined(
-    source: Footprints, crs: CRS, area: Polygon | None, reasons: dict[str, list[str]], faults: list[Fault]
+    source: Footprints,
+    crs: CRS,
+    area: Polygon | None,
+    around: list[_Candidate],
+    reasons: dict[str, list[str]],
+    faults: list[Fault],
 ) -> list[_Candidate]:
+    """The buildings of outlines in the area; `around` takes those near it whose height is known."""
     assert source.crs is not None
-    candidates = []
+    candidates: list[_Candidate] = []
     outlines = _projected([footprint.outline for footprint in source.items], source.crs, crs)
     for footprint, stated in zip(source.items, outlines, strict=True):
         outline = stated
@@ -110,12 +116,13 @@ def _outlined(
             reason = f"footprints under {SMALLEST:g} m2" if small else "footprints that enclose no area"
             reasons[f"{reason} set aside"].append(footprint.id)
         for index, part in enumerate(large):
-            if area is None or area.contains(part.representative_point()):
+            inside = area is None or area.contains(part.representative_point())
+            if inside or (_is_known(footprint) and shapely.dwithin(area, part, AROUND_M)):
                 id = footprint.id if len(large) == 1 else f"{footprint.id}-{index}"
                 levels = max(1, int(footprint.levels)) if footprint.levels else None
                 building = Building(id, part, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
                 building = replace(building, finish=footprint.finish)
-                candidates.append(_Candidate(building, footprint))
+                (candidates if inside else around).append(_Candidate(building, footprint))
     return candidates
 
 
@@ -181,24 +188,40 @@ def _overlap(outline: Any, other: Any) -> bool:
     return bool(outline.intersection(other).area > BESIDE * min(outline.area, other.area))
 
 
-def _with_heights(candidates: list[_Candidate], storey: float) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    stated = [candidate.stated for candidate in candidates if candidate.stated]
-    known = [height for footprint in stated if (height := _height(footprint, storey)[0]) is not None]
-    default = round(median(known), 2) if known else FALLBACK_HEIGHT
+def _with_heights(
+    candidates: list[_Candidate], around: list[_Candidate], storey: float
+) -> tuple[tuple[Building, ...], tuple[str, ...]]:
+    """The buildings with heights and roofs, and a note on what is assumed of heights; those around have heights."""
+    # the roofs of heights that are known tell where their storeys end
+    known_roofs = [
+        with_roofs(_known_heights(some, storey), [one.stated for one in some]) for some in (candidates, around)
+    ]
+    stated = [candidate.stated for candidate in candidates]
+    every = assumed_heights([*known_roofs[0], *known_roofs[1]], [*stated, *(one.stated for one in around)], storey)
+    roofed = with_roofs(every[: len(candidates)], stated)
+    unknown = [building.height for building in roofed if building.height_source == "default"]
+    if not unknown:
+        return roofed, ()
+    known = sum(building.height_source in ("height", "levels") for building in every)
+    span = f"{min(unknown):g} m" if min(unknown) == max(unknown) else f"{min(unknown):g} to {max(unknown):g} m"
+    origin = f"by the {known} known and by size" if known else "since none is known"
+    return roofed, (f"{len(unknown)} of {len(roofed)} buildings state no height: {span} assumed, {origin}",)
+
+
+def _known_heights(candidates: list[_Candidate], storey: float) -> list[Building]:
+    """The buildings with the heights that are stated, 0 where none is."""
     buildings = []
     for candidate in candidates:
         building = candidate.building
         if candidate.stated:
             height, origin = _height(candidate.stated, storey)
-            building = replace(building, height=default if height is None else height, height_source=origin)
+            building = replace(building, height=height or 0.0, height_source=origin)
         buildings.append(building)
-    assumed = sum(building.height_source == "default" for building in buildings)
-    if not assumed:
-        return tuple(buildings), ()
-    origin = f"the median of the {len(known)} known" if known else "since none is known"
-    return tuple(buildings), (
-        f"{assumed} of {len(buildings)} buildings state no height: {default:g} m assumed, {origin}",
-    )
+    return buildings
+
+
+def _is_known(footprint: Footprint) -> bool:
+    return footprint.height is not None or footprint.levels is not None
 
 
 def _height(footprint: Footprint, storey: float) -> tuple[float | None, str]:

@@ -61,7 +61,8 @@ BESIDE_M = 0.3
 
 
 def with_roofs(buildings: Sequence[Building], stated: Sequence[Footprint | None]) -> tuple[Building, ...]:
-    """The buildings with a roof each, but for those with a model; `stated` (n,) is what a source says of each.
+    """The buildings with a roof each, but for those with a model, or of which no height is known yet (0); `stated` (n,) is what
+    a source says of each.
 
     A stated height is one to the ridge: an assumed roof is taken off it. Heights from storeys, and assumed ones, are to the
     eaves: the roof comes on top. What is assumed is a function of the building and of whether it has neighbours; where several
@@ -70,7 +71,7 @@ def with_roofs(buildings: Sequence[Building], stated: Sequence[Footprint | None]
     tree = shapely.STRtree([building.footprint for building in buildings])
     roofed = []
     for index, (building, source) in enumerate(zip(buildings, stated, strict=True)):
-        if source is not None and building.roof is None:
+        if source is not None and building.roof is None and building.height > 0:
             near = tree.query(building.footprint, predicate="dwithin", distance=BESIDE_M)
             building = _roofed(building, source, attached=any(other != index for other in near))
         roofed.append(building)
@@ -94,7 +95,7 @@ def assumed(building: Building, source: Footprint, *, attached: bool) -> Roof:
     """
     outline, height = building.footprint, building.height
     depth = float(shapely.maximum_inscribed_circle(outline, tolerance=0.1).length)
-    one, two = _chances(building.id)
+    one, two = chances(building.id)
     kind = source.kind or ""
 
     def sloped(shape: str, pitches: tuple[float, float], most: float, confidence: float) -> Roof:
@@ -128,7 +129,7 @@ def assumed(building: Building, source: Footprint, *, attached: bool) -> Roof:
     return sloped("hipped" if two < MANSARDS + HIPPED else "gabled", ROW_PITCH, ROW_RISE, confidence)
 
 
-def _chances(id: str) -> tuple[float, float]:
+def chances(id: str) -> tuple[float, float]:
     """Two numbers from 0 to 1 that an id always has."""
     digest = np.frombuffer(blake2b(id.encode(errors="surrogatepass"), digest_size=8).digest(), np.uint32)
     return float(digest[0]) / 2**32, float(digest[1]) / 2**32
