@@ -86,7 +86,8 @@ def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
     dense = replace(camera, size=size)
     rays = dense.rays()
     depth, chart = scene.caster.cast(camera.position, rays)
-    rgb = sky(rays[..., 2].astype(np.float32)).astype(np.uint8)
+    rgb = np.zeros((*size, 3), np.uint8)
+    rgb[chart == MISS] = sky(rays[chart == MISS, 2])
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
     return Picture(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
 

@@ -272,7 +272,7 @@ async function drawModel() {
   let viewer = null;
   const bird = element("button", { type: "button", id: "bird", onclick: () => { viewer?.fly(); canvas.focus(); } }, "Bird's view / street");
   const held = (key, text, label) => element("button", { type: "button", "data-key": key, "aria-label": label }, text);
-  const full = element("button", { type: "button", onclick: () => canvas.parentElement.requestFullscreen?.() }, "Full screen");
+  const full = element("button", { type: "button", onclick: () => { canvas.parentElement.requestFullscreen?.(); canvas.focus(); } }, "Full screen");
   fill(
     element("div", { class: "model" }, canvas, note,
       element("div", { class: "pad" }, held("KeyW", "\u25b2", "Walk ahead"), held("KeyA", "\u25c0", "Walk to the left"),
