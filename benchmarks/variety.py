@@ -1,5 +1,8 @@
 """How varied a published block is, and what sharper texels would cost: `python -m benchmarks.variety --out DIR` prints JSON.
 
+With --block FILE it prints `exemplars` for a block file alone, as its exemplars would be chosen now; seconds of the processor,
+to prepare one (median).
+
 exemplars: of the facades without imagery, how many exemplars they show, how many facades the most frequent one is on, pairs of
 buildings with walls within 60 m that share one, and the share that shows shops. fronts and twins, compared by their pictures:
 benchmarks/look. texels: millions of all charts at a density for all, and by steps: of what a street shows from near, of other
@@ -10,16 +13,26 @@ from __future__ import annotations
 
 import argparse
 import json
+import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+import pandas as pd
 import shapely
 
 from benchmarks.look import walls
 from benchmarks.look.outputs import Output, read_output
-from facade_core.geometry.charts import CORNERS, WALL
-from facade_core.style import NEIGHBOURS_M
+from catalogs.block import read_block
+from facade_core.atlas.journal import Record
+from facade_core.facade import prepare_exemplar
+from facade_core.geometry.charts import CORNERS, WALL, Charts
+from facade_core.labels import SHOP
+from facade_core.style import NEIGHBOURS_M, look_of
+from tasks.kinds.facades import exemplars_of, shops_of
+from tasks.stages.planning import plan_of
+from tasks.units.images import read_exemplar_picture, read_labels
 
 DENSITIES = (16.0, 20.0, 32.0)
 # Texels a metre: of walls that a street passes and ground beside it, of other walls and ground near it, and of the rest.
@@ -30,8 +43,14 @@ PASSED_M, NEAR_M = 15.0, 40.0
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(prog="python -m benchmarks.variety", description=__doc__.partition("\n")[0])
-    parser.add_argument("--out", type=Path, required=True, help="folder of a run that has published")
-    output = read_output(parser.parse_args().out)
+    asked = parser.add_mutually_exclusive_group(required=True)
+    asked.add_argument("--out", type=Path, help="folder of a run that has published")
+    asked.add_argument("--block", type=Path, help="a block file")
+    options = parser.parse_args()
+    if options.block:
+        print(json.dumps({"benchmark": "variety", "exemplars": _chosen(options.block)}, indent=1))
+        return
+    output = read_output(options.out)
     figures = {
         "benchmark": "variety",
         "exemplars": _exemplars(output),
@@ -44,8 +63,57 @@ def main() -> None:
 
 def _exemplars(output: Output) -> dict[str, Any]:
     rows = output.items[output.items.photo == 0].reset_index()
-    lines = {facade.id: _foot(output, facade.chart) for facade in output.facades}
-    rows = rows[rows.id.isin(list(lines))]
+    lines = {facade.id: _foot(output.charts, facade.chart) for facade in output.facades}
+    return _counted(rows[rows.id.isin(list(lines))], lines)
+
+
+def _chosen(path: Path) -> dict[str, Any]:
+    """The same of what is chosen for every facade, photos aside."""
+    block = read_block(path)
+    plan = plan_of(block)
+    records: list[Record | None] = []
+    seconds = []
+    for picture in block.exemplars:
+        begun = time.process_time()
+        seen = read_exemplar_picture(picture)
+        labels = read_labels(picture, seen.hidden.shape)
+        made = prepare_exemplar(seen.rgb, seen.hidden, storey=block.storey, labels=labels)
+        height, width = (side * made.metres_per_pixel for side in made.labels.shape)
+        records.append(
+            Record(
+                unit=picture.stem,
+                key="",
+                status="done",
+                width_m=width,
+                height_m=height,
+                floors=made.floors,
+                hidden=float(made.occluded.mean()),
+                shaded=made.shaded,
+                shop_width=float((made.labels == SHOP).any(axis=0).mean()),
+                look=look_of(made.image, made.labels, made.metres_per_pixel),
+            )
+        )
+        seconds.append(time.process_time() - begun)
+    shops = shops_of(plan, block.shops)
+    chosen = exemplars_of(plan, records, shops, seed=block.seed)
+    width = [record["shop_width"] if record else 0.0 for record in records]
+    rows = pd.DataFrame(
+        {
+            "id": plan.facades.id,
+            "building": plan.facades.building,
+            "source": [chosen[facade][1] for facade in range(len(plan.facades))],
+            "shops": [width[chosen[facade][0]] * (shops[facade] != 0) for facade in range(len(plan.facades))],
+        }
+    )[[one not in block.photos for one in plan.facades.id]]
+    charts = plan.facades.chart.tolist()
+    lines = {one: _foot(plan.scene.charts, chart) for one, chart in zip(plan.facades.id, charts, strict=True)}
+    return _counted(rows, lines) | {
+        "where_the_map_has_shops": int((shops > 0).sum()),
+        "seconds": round(float(np.median(seconds)), 2),
+    }
+
+
+def _counted(rows: pd.DataFrame, lines: Mapping[str, shapely.LineString]) -> dict[str, Any]:
     near = shapely.STRtree([lines[id] for id in rows.id])
     one, other = near.query(near.geometries, predicate="dwithin", distance=NEIGHBOURS_M)
     pairs = {
@@ -87,8 +155,8 @@ def _texels(output: Output) -> dict[str, Any]:
     }
 
 
-def _foot(output: Output, chart: int) -> shapely.LineString:
-    ends = output.charts.at_shares(np.array([chart]), np.array([[0.0, 1.0], [1.0, 1.0]]))[0, :, :2]
+def _foot(charts: Charts, chart: int) -> shapely.LineString:
+    ends = charts.at_shares(np.array([chart]), np.array([[0.0, 1.0], [1.0, 1.0]]))[0, :, :2]
     return shapely.LineString(ends)
 
 

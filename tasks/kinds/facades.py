@@ -57,7 +57,11 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         [(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in shown] for shown in panoramas_of(plan)
     ]
     shops = shops_of(plan, block.shops)
-    chosen = _chosen(run, plan, read_journal(group, "exemplars"), shops) if run.texture.walls == "exemplar" else {}
+    chosen = (
+        exemplars_of(plan, read_journal(group, "exemplars"), shops, seed=run.seed)
+        if run.texture.walls == "exemplar"
+        else {}
+    )
     own = plan.textured[plan.facades.chart].tolist()
     return imagery_of(plan.facades.id, block.photos, block.photos_rectified, panoramas, own, chosen, shops.tolist())
 
@@ -80,7 +84,7 @@ def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.nda
     return np.isin(facades.building, facades.building[wall]).astype(np.int64)
 
 
-def _chosen(run: Run, plan: Plan, records: Records, shops: np.ndarray) -> dict[int, tuple[int, str]]:
+def exemplars_of(plan: Plan, records: Records, shops: np.ndarray, *, seed: int) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade; none where no exemplar could be prepared.
 
     Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade alone.
@@ -109,7 +113,7 @@ def _chosen(run: Run, plan: Plan, records: Records, shops: np.ndarray) -> dict[i
         [record["shop_width"] for record in found],
         [record["look"] for record in found],
     )
-    chosen = choose_exemplars(walls, library, seed=run.seed)
+    chosen = choose_exemplars(walls, library, seed=seed)
     return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in enumerate(chosen.tolist())}
 
 
