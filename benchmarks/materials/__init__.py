@@ -1,13 +1,13 @@
 """What a texel of each material costs and how much of it is true: against plain functions of points, and means of these.
 
-python -m benchmarks.materials [--pictures FOLDER]
+python -m benchmarks.materials [--pictures FOLDER] [--data DIR]
 
 nanoseconds: of a whole chart at 20 texels a metre on one core, compiled, the least of some repetitions by the thread's clock;
 plain: the same without footprints and light, in numpy. light: what its rays take, a texel.
 
 aliasing: for texels at 8, 16, 32 a metre, what they differ from the means of 12 x 12 points each, as a share of the means'
 variance: energy above what texels can show, come down into it. detail: their gradients' energy over that of these means. Both
-beside those of one point a texel.
+beside those of one point a texel. With --data, which holds materials/: grain beside the photographs that it is from, alone.
 """
 
 from __future__ import annotations
@@ -237,4 +237,11 @@ def main() -> None:
     parser.add_argument(
         "--pictures", type=Path, help="a folder for pictures of each material beside its plain function"
     )
-    print(json.dumps(measure(parser.parse_args().pictures), indent=2))
+    parser.add_argument("--data", type=Path, help="a data folder: grain beside its photographs instead")
+    given = parser.parse_args()
+    if given.data is not None:
+        from benchmarks.materials.photographs import against_photographs
+
+        print(json.dumps(against_photographs(given.data), indent=2))
+        return
+    print(json.dumps(measure(given.pictures), indent=2))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from copy import copy
 
 import numpy as np
 
@@ -24,7 +25,8 @@ from facade_core.street.field_kernels import (
     Surfaces,
 )
 from facade_core.street.grain_file import shipped
-from facade_core.street.materials import CARRIAGEWAY_M, KERB_M, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
+from facade_core.street.materials import BRICKS, CARRIAGEWAY_M, KERB_M, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
+from facade_core.street.own_walls import Wall
 from facade_core.street.render import shade
 from facade_core.street.sampling import Lights
 from facade_core.street.scene import Scene
@@ -73,6 +75,27 @@ class Materials:
             shipped(),
             seed,
         )
+
+    def with_wall(self, charts: Sequence[int], wall: Wall, facade: int) -> tuple[Materials, np.ndarray]:
+        """The same with the plaster walls among some charts of what a building's facade shows on its chart, unless a source
+        states what they are of; and which charts these are."""
+        surfaces = self.field.charts
+        own = np.array(charts)
+        own = own[surfaces.made[own] == PLASTER]
+        if self._scene.finishes:
+            finish = [self._scene.finishes[row] for row in self._scene.charts.building[own].tolist()]
+            own = own[[one.wall_colour is None and one.wall_material is None for one in finish]]
+        made, tint, examples, rough = (
+            part.copy() for part in (surfaces.made, surfaces.tint, surfaces.grain, surfaces.rough)
+        )
+        tint[own] = wall.colour / surfaces.grey[facade] * surfaces.grey[own, None]
+        if wall.brick:
+            made[own] = BRICK
+            examples[own], rough[own] = GRAIN[BRICK]
+        found = copy(self)
+        changed = surfaces._replace(made=made, tint=tint, grain=examples, rough=rough)
+        found.field = self.field._replace(charts=changed)
+        return found, own
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
         """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
@@ -123,17 +146,21 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     made[roof & (normal[:, 2] > TILED)] = SHEET
     if laid:
         made[roof] = LAID
+    if scene.finishes:
+        bricks = np.array([one.wall_material == "brick" for one in scene.finishes])
+        made[(made == PLASTER) & bricks[charts.building]] = BRICK
     number = scene.building_numbers[charts.building]
     grey = shade(normal)
     tint = np.ones((len(charts), 3))
-    for material, palette, turn in ((SHEET, ROOFS, 5), (TILE, TILES, 19), (PLASTER, PLASTERS, 9), (BOARDS, WOODS, 37)):
+    palettes = ((SHEET, ROOFS, 5), (TILE, TILES, 19), (PLASTER, PLASTERS, 9), (BRICK, BRICKS, 9), (BOARDS, WOODS, 37))
+    for material, palette, turn in palettes:
         chosen = made == material
         tint[chosen] = kernels.picked(palette, number[chosen], seed + turn)
     tint[made == UNDERSIDE] = SOFFIT
     if scene.finishes:
         unknown = (np.nan, np.nan, np.nan)
         stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
-        for part, materials in ((0, (PLASTER,)), (1, (SHEET, TILE))):
+        for part, materials in ((0, (PLASTER, BRICK)), (1, (SHEET, TILE))):
             colour = np.where(charts.building[:, None] >= 0, stated[charts.building, part], np.nan)
             known = np.isin(made, materials) & np.isfinite(colour[:, 0])
             tint[known] = colour[known]

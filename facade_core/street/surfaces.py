@@ -66,6 +66,7 @@ def surface(
     levelling: bool = True,
     aerial: Aerial | None = None,
     sun: Sun | None = None,
+    anew: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A whole chart: colour (h, w, 3) uint8 and provenance (h, w) uint8, of which none is UNSEEN.
 
@@ -75,9 +76,10 @@ def surface(
     Bare texels take their material, bare ground under the
     free sky the `aerial` picture. With `levelling` what is painted is levelled to what was seen of the same surface, on its own
     chart or beside it, and both together to what pictures show. network: whether streets were translated by the network, whose
-    colours are not those of the materials; pixels: of what, so that what is finer than they are is added from the material.
+    colours are not those of the materials; pixels: of what, so that what is finer than they are is added from the material;
+    anew: streets painted this chart with other materials than these, so that theirs is painted over.
     """
-    colour, provenance = _levelled_surface(scene, materials, chart, known, network, pixels, levelling, aerial)
+    colour, provenance = _levelled_surface(scene, materials, chart, known, network, pixels, levelling, aerial, anew)
     left = contact(scene, chart)
     if left is not None:
         darker = (provenance <= TRANSLATED) & (left < 1)
@@ -96,6 +98,7 @@ def _levelled_surface(
     pixels: Pixels | None,
     levelling: bool,
     aerial: Aerial | None,
+    anew: bool,
 ) -> tuple[np.ndarray, np.ndarray]:
     """As `surface`, before the light at feet and of the sun."""
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
@@ -112,6 +115,9 @@ def _levelled_surface(
             rgb, shown = from_above(scene, chart, aerial)
             shown &= bare
             colour[shown], provenance[shown] = rgb[shown], PHOTO
+    if anew and not network:
+        rows, columns = np.nonzero(provenance == TRANSLATED)
+        colour[rows, columns] = materials.texels(chart, rows, columns)
     if pixels is not None:
         seen = np.flatnonzero(provenance == TRANSLATED)
         for some in np.array_split(seen, -(-len(seen) // AT_ONCE) or 1):

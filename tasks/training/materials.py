@@ -33,11 +33,8 @@ def train_materials(data: Path, out: Path) -> Path:
     begin_stage("examples", len(NAMES))
     for name in NAMES:
         file, width, structure = SOURCES[name]
-        picture, digest = _picture(data / "materials" / file)
-        high, wide = picture.shape[:2]
-        if 2 * high <= wide:  # twice as wide as high: laid twice
-            picture = np.tile(picture, (wide // high, 1, 1))
-        examples[name] = learn(picture, width, structure=structure)
+        image, digest = picture(data / "materials" / file)
+        examples[name] = learn(image, width, structure=structure)
         told[name] = {"picture": file, "sha256": digest, "metres": width, "licence": "CC0-1.0"}
         advance("examples", 1)
     path = out / "materials.npz"
@@ -45,7 +42,8 @@ def train_materials(data: Path, out: Path) -> Path:
     return path
 
 
-def _picture(path: Path) -> tuple[np.ndarray, str]:
+def picture(path: Path) -> tuple[np.ndarray, str]:
+    """A picture (h, w, 3) uint8, about as high as wide, and its file's sha256; one that is twice as wide is laid twice."""
     import cv2
 
     try:
@@ -55,4 +53,5 @@ def _picture(path: Path) -> tuple[np.ndarray, str]:
     image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{path}: no picture; fetch it again")
-    return image[..., ::-1], hashlib.sha256(content).hexdigest()
+    high, wide = image.shape[:2]
+    return np.tile(image[..., ::-1], (max(1, wide // high), 1, 1)), hashlib.sha256(content).hexdigest()

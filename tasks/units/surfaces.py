@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from functools import lru_cache
 from typing import Any
 
@@ -18,6 +18,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.packing import Placement
 from facade_core.plan import Plan
 from facade_core.street.field import Materials
+from facade_core.street.own_walls import wall_of
 from facade_core.street.sun import Sun
 from facade_core.street.surfaces import Known, Pixels, surface
 from tasks.run import Run
@@ -46,6 +47,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     above = sampler(run)
     stands = run.texture.sun
     sun = None if stands is None else Sun(stands.azimuth, stands.elevation)
+    field, own = _with_own_wall(group, plan, field, charts, seeded)
     rasters = Rasters.of(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     for chart in charts:
@@ -58,6 +60,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             pixels=_pixels(run, plan, chart),
             levelling=run.texture.levelling,
             aerial=above,
+            anew=chart in own,
             sun=sun,
         )
         texels = rasters.slice(scene.placement, chart)
@@ -78,6 +81,29 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
         "seconds": {step: round(s, 4) for step, s in seconds.items()},
     }
     return fork, {unit.index: record}
+
+
+def _with_own_wall(
+    group: StoreGroup, plan: Plan, field: Materials, charts: Sequence[int], seeded: Collection[int]
+) -> tuple[Materials, set[int]]:
+    """What a building's charts are made of, with the wall that its largest facade shows; and the charts that take that."""
+    placement = plan.scene.placement
+    facades = [chart for chart in charts if chart in seeded and chart in plan.facades.chart]
+    if not facades:
+        return field, set()
+    chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
+    y, x = int(placement.y[chart]), int(placement.x[chart])
+    part = (
+        int(placement.page[chart]),
+        slice(y, y + int(placement.height[chart])),
+        slice(x, x + int(placement.width[chart])),
+    )
+    image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
+    wall = wall_of(image, labels, plan.scene.spec.texels_per_metre)
+    if wall is None:
+        return field, set()
+    changed, own = field.with_wall(charts, wall, chart)
+    return changed, set(own.tolist())
 
 
 def _pixels(run: Run, plan: Plan, chart: int) -> Pixels | None:

@@ -1,0 +1,47 @@
+"""Grain beside the photographs that it is from: gradients' energy at texels of several densities, and repeats."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from benchmarks.materials import _gradients
+from facade_core.street.grain import NAMES, add_grain
+from facade_core.street.grain_file import shipped
+from tasks.training.materials import SOURCES, picture
+
+DENSITIES = (8, 16, 32, 64)
+# Metres along a patch; of the one in which repeats are looked for, at so many texels a metre.
+PATCH_M, WIDE_M, WIDE_DENSITY = 4.0, 16.0, 32
+SEED = 3
+
+
+def against_photographs(data: Path) -> dict[str, dict[str, float]]:
+    """By example: the energy over the photograph's at each density; the largest correlation where a tile would begin again."""
+    found: dict[str, dict[str, float]] = {}
+    for which, name in enumerate(NAMES):
+        file, width, _ = SOURCES[name]
+        photo = picture(data / "materials" / file)[0].mean(axis=2)
+        photo /= photo.mean()
+        own = {}
+        for density in DENSITIES:
+            side = max(2, round(width * density))
+            seen = cv2.resize(photo, (side, side), interpolation=cv2.INTER_AREA)
+            own[f"energy at {density}"] = round(_gradients(_patch(which, density, PATCH_M)) / _gradients(seen), 2)
+        tone = _patch(which, WIDE_DENSITY, WIDE_M)
+        tone -= tone.mean()
+        correlation = np.fft.irfft2(np.abs(np.fft.rfft2(tone)) ** 2, tone.shape)
+        period = round(width * WIDE_DENSITY)
+        own["repeats"] = round(float(np.abs(correlation[[0, period], [period, 0]]).max() / correlation[0, 0]), 3)
+        found[name] = own
+    return found
+
+
+def _patch(which: int, density: float, metres: float) -> np.ndarray:
+    count = round(metres * density)
+    x, y = (a.ravel() for a in np.meshgrid(*[(np.arange(count) + 0.5) / density] * 2))
+    out = np.ones(len(x))
+    add_grain(x, y, np.full(len(x), 1 / density), shipped(), which, 1.0, SEED, out)
+    return out.reshape(count, count)

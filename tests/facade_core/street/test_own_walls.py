@@ -1,0 +1,51 @@
+"""A building's wall by its facade: its colour out of shadow, bricks by their courses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from facade_core.labels import WALL, WINDOW
+from facade_core.street.materials import brick, plaster
+from facade_core.street.own_walls import wall_of
+
+DENSITY = 32.0
+COLOUR = np.array([168.0, 132.0, 96.0])
+
+
+def facade(laid: bool, density: float = DENSITY) -> tuple[np.ndarray, np.ndarray]:
+    """8 x 6 m with two windows, the left third in shadow."""
+    rows, columns = round(6 * density), round(8 * density)
+    x, y = (a.ravel() for a in np.meshgrid((np.arange(columns) + 0.5) / density, (np.arange(rows) + 0.5) / density))
+    tone, mortar, side = np.empty(len(x)), np.zeros(len(x)), np.full(len(x), 1 / density)
+    if laid:
+        brick(x, y, 20 - y, side, 3, mortar, tone)
+    else:
+        plaster(x, y, 20 - y, side, 3, tone)
+    colour = (tone[:, None] * (COLOUR + mortar[:, None] * (185 - COLOUR))).reshape(rows, columns, 3)
+    colour[:, : columns // 3] *= 0.5
+    labels = np.full((rows, columns), WALL, np.uint8)
+    labels[rows // 2 : rows // 2 + rows // 4, columns // 2 : columns // 2 + columns // 8] = WINDOW
+    colour[labels == WINDOW] = (20, 30, 40)
+    return np.clip(colour, 0, 255).astype(np.uint8), labels
+
+
+def test_the_colour_is_that_of_the_lit_wall() -> None:
+    wall = wall_of(*facade(laid=False), DENSITY)
+    assert wall is not None
+    assert wall.colour == pytest.approx(COLOUR, rel=0.06)
+    assert not wall.brick
+
+
+def test_bricks_are_told_by_their_courses_where_texels_show_them() -> None:
+    wall = wall_of(*facade(laid=True), DENSITY)
+    assert wall is not None
+    assert wall.brick
+    coarse = wall_of(*facade(laid=True, density=16.0), 16.0)
+    assert coarse is not None
+    assert not coarse.brick
+
+
+def test_of_a_facade_that_is_all_windows_nothing_is_known() -> None:
+    image, labels = facade(laid=False)
+    assert wall_of(image, np.full_like(labels, WINDOW), DENSITY) is None
