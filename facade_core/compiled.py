@@ -23,7 +23,7 @@ from facade_core.street.surfaces import Known, paint, surface
 from facade_core.street.translate import Swatches
 from facade_core.street.window import Window
 from facade_core.synth import STYLES, facade
-from facade_core.texture import inpaint
+from facade_core.texture import Wall, inpaint, style_of
 from facade_core.types import Building, Element, Street
 
 DENSITY = 10.0
@@ -46,9 +46,9 @@ def textures() -> None:
     """Retarget an exemplar, and inpaint it."""
     painted = facade(SIZE_M, floors=2, columns=3, style=STYLES[0], metres_per_pixel=1 / DENSITY, seed=0)
     height, width = painted.labels.shape
-    wider = (SIZE_M[0], SIZE_M[1] + 3)
-    raster = (height, round(wider[1] * DENSITY))
-    from_exemplar(painted.image, painted.labels, wider, raster, floors=2, metres_per_pixel=1 / DENSITY)
+    wall = Wall.alone(SIZE_M[0], SIZE_M[1] + 3, floors=2)
+    raster = (height, round(wall.width * DENSITY))
+    from_exemplar(style_of(painted.image, painted.labels), wall, raster, metres_per_pixel=1 / DENSITY)
     hidden = np.zeros((height, width), bool)
     hidden[height // 2 :, : width // 3] = True
     inpaint(painted.image, hidden, labels=painted.labels, elements=painted.elements, method="floors")

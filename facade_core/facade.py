@@ -8,8 +8,9 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
 
 import numpy as np
+import shapely
 
-from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED
+from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED, UNSEEN
 from facade_core.errors import ImageError
 from facade_core.layout import complete
 from facade_core.parse import elements, lattice, parse
@@ -17,7 +18,7 @@ from facade_core.parse.certainty import Told, certainty, share_of, with_probabil
 from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.shadow import shaded_share
 from facade_core.resizing import resized
-from facade_core.texture import exemplar_scale, inpaint, retarget, tinted
+from facade_core.texture import Style, Wall, exemplar_scale, inpaint, on_wall, tinted
 from facade_core.texture.structure import storeys
 from facade_core.types import Box, Completion, Element, Lattice
 from facade_core.variation import Hierarchy, encode, exchange_in_photo
@@ -34,6 +35,8 @@ SPILL = 0.05
 
 # The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
 VARIED = 0.75
+# A wall goes on so far, metres, behind what stands against it, and beyond its edges.
+EDGE_M = 0.25
 
 
 @dataclass(frozen=True)
@@ -58,7 +61,7 @@ class Facade:
     masked_share: float
     lattice: Lattice
     elements: tuple[Element, ...]
-    hierarchy: Hierarchy
+    hierarchy: Hierarchy | None
     completion: Completion | None
     told: Told | None
     floors: int
@@ -217,42 +220,55 @@ def prepare_exemplar(
 
 
 def from_exemplar(
-    image: np.ndarray,
-    label_map: np.ndarray,
-    size_m: tuple[float, float],
+    style: Style,
+    wall: Wall,
     size: tuple[int, int],
     *,
-    floors: int,
+    part: tuple[float, float] | None = None,
+    like: Style | None = None,
     metres_per_pixel: float,
     house: int = 0,
     seed: int = 0,
 ) -> Facade:
-    """A wall without imagery: an exemplar, at `metres_per_pixel`, which may be coarser than the raster, retargeted by tiles to
-    size_m = (height, width) metres and `floors`, the ground floor included; size = (h, w) is the raster it must fill. house is
-    the seed of its paint's shade."""
+    """A wall without imagery in the style of an exemplar, which has `metres_per_pixel`, maybe more than the raster of size =
+    (h, w) that is filled; its storeys are as high as in the style `like`, if given. part: from where to where of the wall,
+    metres, of one that goes round a bend; house is the seed of its paint's shade.
+
+    What is no wall on a street has no hierarchy, and of what stands against a neighbour nothing is known.
+    """
     import cv2
 
     seconds: dict[str, float] = {}
     with _timed(seconds, "retarget"):
-        made = retarget(image, label_map, size_m, floors=floors, metres_per_pixel=metres_per_pixel, seed=seed)[0]
-        texture, labels = made.image, made.labels
-        texture = resized(texture, size)
+        texture, labels = on_wall(style, wall, like=like, metres_per_pixel=metres_per_pixel, seed=seed)
+        left, right = part or (0.0, wall.width)
+        own = slice(
+            round(left / metres_per_pixel), max(round(left / metres_per_pixel) + 1, round(right / metres_per_pixel))
+        )
+        texture, labels = resized(np.ascontiguousarray(texture[:, own]), size), labels[:, own]
         if labels.shape != size:
             labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
     with _timed(seconds, "elements"):
         layout = tuple(elements(labels))
+    hierarchy = None
     with _timed(seconds, "vary"):
-        # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
-        coded = encode(texture, layout)
-        texture = exchange_in_photo(texture, coded, round(VARIED * (len(coded.levels) - 1)), seed)
+        if wall.street:
+            # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
+            coded = encode(texture, layout)
+            texture = exchange_in_photo(texture, coded, round(VARIED * (len(coded.levels) - 1)), seed)
         texture = tinted(texture, labels, house=house, seed=seed)
-    split, hierarchy = _split_and_coded(texture, labels, layout, seconds, seed)
+    with _timed(seconds, "lattice"):
+        split = lattice(labels)
+    if wall.street:
+        with _timed(seconds, "encode"):
+            hierarchy = encode(texture, list(layout), seed=seed)
+    known = np.ones(size, bool) if wall.street else _free(wall, (left, right), size)
     return Facade(
         evidence=texture,
-        image=texture,
+        image=np.where(known[..., None], texture, 0).astype(np.uint8),
         labels=labels,
         occluded=np.zeros(size, bool),
-        provenance=np.full(size, SYNTHESISED, np.uint8),
+        provenance=np.where(known, SYNTHESISED, UNSEEN).astype(np.uint8),
         masked=(),
         masked_share=0.0,
         lattice=split,
@@ -263,6 +279,21 @@ def from_exemplar(
         floors=storeys(labels),
         seconds=seconds,
     )
+
+
+def _free(wall: Wall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:
+    """The texels (h, w) bool of a part of a wall, from left to right in metres, that stand against no neighbour."""
+    import cv2
+
+    mask = np.zeros(size, np.uint8)
+    scale = np.array([size[1] / (part[1] - part[0]), size[0] / wall.height])
+    for polygon in shapely.get_parts(wall.free.buffer(EDGE_M)):
+        rings = [polygon.exterior, *polygon.interiors]
+        corners = [np.rint((shapely.get_coordinates(ring) - [part[0], 0]) * scale).astype(np.int32) for ring in rings]
+        cv2.fillPoly(mask, corners[:1], 1)
+        if corners[1:]:
+            cv2.fillPoly(mask, corners[1:], 0)
+    return mask.astype(bool)
 
 
 def count_columns(layout: Sequence[Element]) -> int:

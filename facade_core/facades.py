@@ -1,4 +1,4 @@
-"""Which walls of a block are facades: those large enough that a street sees."""
+"""Which walls of a block are facades: those that a street sees, and the others that stand free."""
 
 from __future__ import annotations
 
@@ -7,22 +7,31 @@ from dataclasses import dataclass
 from itertools import groupby
 
 import numpy as np
+import shapely
 
 from facade_core.geometry.charts import WALL, Charts
 from facade_core.geometry.streets import Viewpoint
+from facade_core.geometry.walls import BACK, SIDE, STREET, bends, free_part
+from facade_core.grouping import grouped
 from facade_core.street.scene import Scene
-from facade_core.types import Building
+from facade_core.types import Building, Street
 
-# A wall is a facade when it is at least this large and this share of it is seen from some street.
+# A wall is on a street when it is at least this large and this share of it is seen from there.
 FACADE_WIDTH_M = 3.0
 FACADE_HEIGHT_M = 2.5
 FACADE_SEEN = 0.25
 # Nor is one that has fewer texels a side: there is nothing to parse in it.
 FACADE_TEXELS = 16
+# The others are facades where they are as wide as this, and as large a share of them stands free of neighbours.
+NARROW_M = 0.7
+FREE = 0.25
 # Points of a wall that are looked at, per axis.
 SAMPLES = (5, 4)
-# A storey is at least and at most this high: tagged levels can contradict the height.
+# A storey is at least and at most this high: tagged levels can contradict the height. So it is where nothing is tagged.
 STOREY_M = (2.2, 6.0)
+OWN_STOREY_M = (2.6, 4.5)
+# Feet and tops of walls are at one height within this.
+LEVEL_M = 0.1
 
 
 @dataclass(frozen=True)
@@ -30,23 +39,39 @@ class Facades:
     """Facades as columns.
 
     id: a name that stays the same as long as the building's footprint does;
-    chart, street, building (n,) int32 indices;
+    chart, street, building (n,) int32 indices; the street is the nearest where none sees the wall;
+    role (n,) uint8, an index into `facade_core.geometry.walls.ROLES`;
     width, height (n,) metres;
     floors (n,) int32, by the map, the ground floor included;
-    seen (n,) the share of the wall that its street sees.
+    seen (n,) the share of the wall that its street sees;
+    run (n,) int32: the first of the facades that are laid out as one with this, from left to right, itself for most; along (n,)
+    metres from where that begins;
+    foot (n,) metres over the foot of most of its building's walls;
+    eaves (n,) metres from there to where most of them end, and storeys (n,) int32, how many these are.
     """
 
     id: tuple[str, ...]
     chart: np.ndarray
     street: np.ndarray
     building: np.ndarray
+    role: np.ndarray
     width: np.ndarray
     height: np.ndarray
     floors: np.ndarray
     seen: np.ndarray
+    run: np.ndarray
+    along: np.ndarray
+    foot: np.ndarray
+    eaves: np.ndarray
+    storeys: np.ndarray
 
     def __len__(self) -> int:
         return len(self.id)
+
+    def laid_out_with(self, facade: int) -> np.ndarray:
+        """The facades (k,) that are laid out as one with a facade, it among them, from left to right."""
+        own = np.flatnonzero(self.run == self.run[facade])
+        return own[np.argsort(self.along[own], kind="stable")]
 
 
 def find_facades(
@@ -55,32 +80,96 @@ def find_facades(
     cameras: Sequence[Viewpoint],
     seen: Sequence[np.ndarray],
     storey: float,
+    streets: Sequence[Street] = (),
 ) -> Facades:
-    """Walls that a street sees; seen: the charts that each camera's panorama shows."""
+    """Walls that a street sees; seen: the charts that each camera's panorama shows. With `streets` all others that stand free,
+    too."""
     charts = scene.charts
-    candidate = _large_walls(scene)
-    best, street = _best_seen(scene, candidate, cameras, seen)
-    chart = np.flatnonzero(candidate & (best >= FACADE_SEEN))
+    large, free = _large_walls(scene), _free_walls(scene) if streets else np.zeros(len(charts), bool)
+    runs = bends(charts, np.flatnonzero(large | free))
+    run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
+    for one in runs:
+        ends = np.concatenate([[0.0], np.cumsum(charts.size[one, 0])])
+        run[one], wide[one], along[one] = one[0], ends[-1], ends[:-1]
+    best, street = _best_seen(scene, large | free, cameras, seen)
+    shown = best >= FACADE_SEEN
+    for one in runs:  # what is round is on a street with all its facets, or with none
+        shown[one] = shown[one].any() if streets else shown[one]
+    role = np.where(shown, np.where(wide >= FACADE_WIDTH_M, STREET, SIDE), BACK).astype(np.uint8)
+    chart = np.flatnonzero((large & (role == STREET)) | free)
+    if streets:
+        street[chart] = _nearest(charts, chart, street[chart], best[chart], streets)
     building = charts.building[chart]
     wall = _wall_numbers(charts)[chart]
     width, height = charts.size[chart].T
+    foot, eaves = _levels(charts, chart)
+    levels = [buildings[b].levels for b in building]
+    storeys = _floors(levels, eaves, storey)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
         chart=chart.astype(np.int32),
         street=street[chart],
         building=building.astype(np.int32),
+        role=role[chart],
         width=width,
         height=height,
-        floors=_floors([buildings[b].levels for b in building], height, storey),
+        floors=np.where(
+            np.abs(height - eaves) < LEVEL_M, storeys, np.maximum(1, np.round(height * storeys / eaves))
+        ).astype(np.int32),
         seen=best[chart],
+        run=np.unique(run[chart], return_index=True, return_inverse=True)[1][
+            np.unique(run[chart], return_inverse=True)[1]
+        ].astype(np.int32),
+        along=along[chart],
+        foot=foot,
+        eaves=eaves,
+        storeys=storeys,
     )
 
 
 def _large_walls(scene: Scene) -> np.ndarray:
-    """The walls that are large enough for a facade, (charts,) bool."""
+    """The walls that are large enough to be parsed, (charts,) bool."""
     charts = scene.charts
     large = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
     return large & (charts.texels(scene.spec.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
+
+
+def _free_walls(scene: Scene) -> np.ndarray:
+    """The walls, narrow ones too, that stand free of neighbours, (charts,) bool."""
+    charts = scene.charts
+    free = (charts.kind == WALL) & (charts.size[:, 0] >= NARROW_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
+    for chart in np.flatnonzero(free).tolist():
+        whole, part = free_part(charts, scene.mesh, chart)
+        free[chart] = part.area >= FREE * whole.area
+    return free
+
+
+def _nearest(
+    charts: Charts, chart: np.ndarray, street: np.ndarray, seen: np.ndarray, streets: Sequence[Street]
+) -> np.ndarray:
+    """The streets (k,) of some charts: the nearest of those that no street sees."""
+    middle = shapely.points(charts.at_shares(chart, np.array([[0.5, 0.5]]))[:, 0, :2])
+    nearest = shapely.STRtree([one.line for one in streets]).nearest(middle)
+    return np.where(seen > 0, street, nearest).astype(np.int32)
+
+
+def _levels(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of walls (k,), how high each stands over the foot of most of its building's, and how high from there these end, both (k,)
+    metres; by the walls' width."""
+    foot = charts.at_shares(chart, np.array([[0.0, 1.0]]))[:, 0, 2]
+    top, width = charts.origin[chart, 2], charts.size[chart, 0]
+    over, eaves = np.zeros(len(chart)), charts.size[chart, 1].copy()
+    for own in grouped(charts.building[chart]).values():
+        base, end = (_most(level[own], width[own]) for level in (foot, top))
+        if end - base >= FACADE_HEIGHT_M:
+            over[own], eaves[own] = foot[own] - base, end - base
+    return np.where(np.abs(over) < LEVEL_M, 0.0, over), eaves
+
+
+def _most(level: np.ndarray, width: np.ndarray) -> float:
+    """The level at which most of some walls' width is, of levels within LEVEL_M of it."""
+    near = np.abs(level[:, None] - level) < LEVEL_M
+    return float(level[np.argmax(near @ width)])
 
 
 def _best_seen(
@@ -127,5 +216,6 @@ def _floors(levels: Sequence[int | None], height: np.ndarray, storey: float) -> 
     """Floors of facades (n,) int32: the tagged levels, else as many storeys as the height has; as many as it can have."""
     tagged = np.array([count or 0 for count in levels], np.int64)
     floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / storey))).astype(np.int32)
-    least, most = np.ceil(height / STOREY_M[1]), np.maximum(1, np.floor(height / STOREY_M[0]))
-    return np.clip(floors, least, most).astype(np.int32)
+    low, high = (np.where(tagged > 0, *limits) for limits in zip(STOREY_M, OWN_STOREY_M, strict=True))
+    most = np.maximum(1, np.floor(height / low))
+    return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

@@ -15,6 +15,7 @@ from facade_core.geometry.packing import Places, pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import Terrain, terrain_of
+from facade_core.geometry.walls import STREET
 from facade_core.grouping import Grouped
 from facade_core.identity import Each, chart_ids, here, look_around, things_of
 from facade_core.plan import Plan, Sightings
@@ -93,7 +94,7 @@ def ingest(
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
-    facades = find_facades(scene, buildings, cameras, seen, storey)
+    facades = find_facades(scene, buildings, cameras, seen, storey, streets if walls == "exemplar" else ())
     textured = np.zeros(len(charts), bool)
     textured[mesh.chart[mesh.texture >= 0]] = True
     writable = np.ones(len(charts), bool)
@@ -140,8 +141,8 @@ def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Seq
     facade, pose = places.query(shapely.points(middle), predicate="dwithin", distance=reach)
     near = Grouped(facade)
     found = []
-    for index, chart in enumerate(facades.chart.tolist()):
-        of = np.sort(pose[near.of(index)]).tolist()
+    for index in np.flatnonzero(facades.role == STREET).tolist():
+        chart, of = int(facades.chart[index]), np.sort(pose[near.of(index)]).tolist()
         for sighting in sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of]):
             found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]

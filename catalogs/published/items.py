@@ -61,7 +61,15 @@ COLUMNS = (
     Column("ymin", "double", "degrees", "south end of the foot line"),
     Column("xmax", "double", "degrees", "east end of the foot line"),
     Column("ymax", "double", "degrees", "north end of the foot line"),
-    Column("street", "string", "", "street that sees the facade: its name, or its id where it has none"),
+    Column(
+        "street", "string", "", "street that sees the facade, or the nearest: its name, or its id where it has none"
+    ),
+    Column(
+        "role",
+        "string",
+        "",
+        "what the facade is to the streets: street, in sight of one; side, narrow and in sight; back, out of sight",
+    ),
     Column("height_m", "double", "metres", "height from the ground to the eaves"),
     Column("width_m", "double", "metres", "width along the ground"),
     Column("azimuth_deg", "double", "degrees", "direction the facade faces, clockwise from north of the grid"),

@@ -10,6 +10,7 @@ import numpy as np
 
 from facade_core.errors import StoreError
 from facade_core.geometry.charts import KINDS
+from facade_core.geometry.walls import ROLES
 
 if TYPE_CHECKING:
     import xarray as xr
@@ -89,6 +90,8 @@ def _column(name: str, dims: str, dtype: str, long_name: str = "", units: str = 
 
 _KINDS: dict[str, Any] = {"flag_values": list(range(len(KINDS))), "flag_meanings": " ".join(KINDS)}
 
+_ROLES: dict[str, Any] = {"flag_values": list(range(len(ROLES))), "flag_meanings": " ".join(ROLES)}
+
 TABLES = {
     table.name: table
     for table in (
@@ -162,12 +165,18 @@ TABLES = {
             (
                 _column("id", "facade", TEXT, "building and number of the wall"),
                 _column("chart", "facade", "int32", "row of charts"),
-                _column("street", "facade", "int32", "row of streets, that which sees it best"),
+                _column("street", "facade", "int32", "row of streets, that which sees it best, or the nearest"),
                 _column("building", "facade", "int32", "row of buildings"),
+                _column("role", "facade", "uint8", "what it is to the streets", **_ROLES),
                 _column("width", "facade", "float64", "along the wall", "m"),
                 _column("height", "facade", "float64", "of the wall", "m"),
                 _column("floors", "facade", "int32", "storeys by the map", "1"),
                 _column("seen", "facade", "float64", "share seen from its street", "1"),
+                _column("run", "facade", "int32", "row of the first facade that is laid out as one with it"),
+                _column("along", "facade", "float64", "from where that begins", "m"),
+                _column("foot", "facade", "float64", "over the foot of most walls of its building", "m"),
+                _column("eaves", "facade", "float64", "from there to where most of these walls end", "m"),
+                _column("storeys", "facade", "int32", "storeys from there to there", "1"),
             ),
         ),
         Table(

@@ -10,6 +10,7 @@ import numpy as np
 from facade_core.atlas.journal import Record
 from facade_core.export.camera import Camera, aerial, close_up, street_level
 from facade_core.export.picture import Picture, averaged
+from facade_core.geometry.walls import STREET
 from facade_core.plan import Plan
 
 VIEW_SIZE = (900, 1440)
@@ -32,8 +33,8 @@ def view_names(plan: Plan) -> list[str]:
 def cameras(plan: Plan, records: Sequence[Record | None]) -> list[Camera]:
     """The cameras of `view_names`, from where most of the facades is seen, photos before others. records: those of facades."""
     worth = np.zeros(len(plan.scene.charts))
-    for chart, record in zip(plan.facades.chart, records, strict=True):
-        worth[chart] = 1 + PHOTO_WORTH * photo_share(record)
+    for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
+        worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
     found = [aerial(plan.scene, VIEW_SIZE, worth)]
     for street in _streets(plan):
         own = spread(plan.of_street(street), LOOKED_AT)
@@ -65,7 +66,9 @@ def spread(values: list[T], count: int) -> list[T]:
 def _streets(plan: Plan) -> list[int]:
     """The streets that have a view: those with the most facades, by area; a lane between backs shows a wall."""
     facades = plan.facades
-    area = np.bincount(facades.street, facades.width * facades.height, minlength=len(plan.streets))
+    area = np.bincount(
+        facades.street, facades.width * facades.height * (facades.role == STREET), minlength=len(plan.streets)
+    )
     walked = np.unique(plan.street_of_viewpoints)
     most = walked[np.argsort(-area[walked], kind="stable")][:STREETS]
     return sorted(most.tolist())

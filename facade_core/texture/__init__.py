@@ -2,9 +2,21 @@
 
 from facade_core.texture.ground_floor import without_shops
 from facade_core.texture.inpainting import inpaint
-from facade_core.texture.retargeting import retarget
+from facade_core.texture.retargeting import Style, retarget, style_of
 from facade_core.texture.scale import exemplar_scale
 from facade_core.texture.tiles import synthesize
 from facade_core.texture.tint import tinted
+from facade_core.texture.walls import Wall, on_wall
 
-__all__ = ["exemplar_scale", "inpaint", "retarget", "synthesize", "tinted", "without_shops"]
+__all__ = [
+    "Style",
+    "Wall",
+    "exemplar_scale",
+    "inpaint",
+    "on_wall",
+    "retarget",
+    "style_of",
+    "synthesize",
+    "tinted",
+    "without_shops",
+]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -10,7 +11,7 @@ from facade_core.errors import ImageError
 from facade_core.labels import DOOR
 from facade_core.texture.checks import check_image, check_labels
 from facade_core.texture.compose import compose
-from facade_core.texture.consistency import tables
+from facade_core.texture.consistency import Tables, tables
 from facade_core.texture.genetic import POPULATION, evolve
 from facade_core.texture.structure import Structure, structural_lattice, structure, trimmed_labels
 from facade_core.texture.tiles import cells, mean_sizes
@@ -18,14 +19,14 @@ from facade_core.texture.walks import cheapest_walk, jump_costs
 from facade_core.types import Lattice, Synthesis
 
 GENERATIONS = 400
-_NOISE = 0.35  # how far (log-normal) the prices of jumps vary between results
+NOISE = 0.35  # how far (log-normal) the prices of jumps vary between results
 _EAVES = 2.0  # price of showing the top floor below another: it carries the eaves
 _SOFT = (0.45, 1.8)  # how far a pier may shrink or grow before its windows do
 
 
-@dataclass(frozen=True, slots=True)
-class _Plan:
-    """The exemplar taken apart: its lattice, and the prices of jumps between floors and bays per band."""
+@dataclass(frozen=True, eq=False)
+class Style:
+    """An exemplar taken apart: its lattice, and the prices of jumps between floors and bays per band."""
 
     image: np.ndarray
     labels: np.ndarray
@@ -34,6 +35,11 @@ class _Plan:
     floor_price: np.ndarray
     bay_price: dict[str, np.ndarray]
     doors: np.ndarray
+
+    @cached_property
+    def tables(self) -> Tables:
+        """Of the energy of its tilings."""
+        return tables(self.image, self.labels, self.grid)
 
 
 def retarget(
@@ -60,8 +66,7 @@ def retarget(
     numbers tiles in the lattice of three rows per floor and three columns per bay. Raises ImageError for bad arrays,
     sizes or counts, and for labels without windows.
     """
-    check_image(image)
-    check_labels(image, labels)
+    plan = style_of(image, labels)
     if not metres_per_pixel > 0 or not min(size_m) > 0:
         raise ImageError(f"retarget: size {size_m} m at {metres_per_pixel} m/px; pass positive numbers")
     size = round(size_m[0] / metres_per_pixel), round(size_m[1] / metres_per_pixel)
@@ -69,22 +74,26 @@ def retarget(
         raise ImageError(f"retarget: {size_m} m at {metres_per_pixel} m/px is {size} px; pass fewer metres per pixel")
     if floors < 1 or (columns is not None and columns < 1):
         raise ImageError(f"retarget: floors={floors}, columns={columns}; pass at least 1")
-    exemplar = structure(labels)
-    if exemplar is None:
-        raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
-    plan = _take_apart(image, trimmed_labels(labels), exemplar)
     results: list[Synthesis] = []
     for k in range(n):
         rng = np.random.default_rng([seed, k])
         for attempt in range(4):
-            result = _lay_out(plan, size, floors, columns, rng, noise=_NOISE * (k + attempt > 0) * (1 + attempt))
+            result = _lay_out(plan, size, floors, columns, rng, noise=NOISE * (k + attempt > 0) * (1 + attempt))
             if not any(np.array_equal(result.tiles, other.tiles) for other in results):
                 break
         results.append(result)
     return results
 
 
-def _take_apart(image: np.ndarray, labels: np.ndarray, exemplar: Structure) -> _Plan:
+def style_of(image: np.ndarray, labels: np.ndarray) -> Style:
+    """An exemplar, image (H, W, 3) uint8 and labels (H, W) uint8, taken apart. Raises ImageError for bad arrays, and for labels
+    without windows."""
+    check_image(image)
+    check_labels(image, labels)
+    exemplar = structure(labels)
+    if exemplar is None:
+        raise ImageError("retarget: the exemplar's labels show no windows; pick another exemplar or label it again")
+    labels = trimmed_labels(labels)
     grid = structural_lattice(exemplar)
     bay_cuts = np.asarray(exemplar.bay_cuts)
     bands = {"roof": (exemplar.top, _roof_bottom(exemplar)), "ground": (exemplar.ground_top, exemplar.bottom)}
@@ -98,7 +107,7 @@ def _take_apart(image: np.ndarray, labels: np.ndarray, exemplar: Structure) -> _
     pieces = np.split(door_columns, np.flatnonzero(np.diff(door_columns) > 1) + 1) if len(door_columns) else []
     centres = np.array([piece.mean() for piece in pieces])
     doors = np.histogram(centres, bay_cuts)[0] > 0
-    return _Plan(image, labels, exemplar, grid, floor_price, bay_price, doors)
+    return Style(image, labels, exemplar, grid, floor_price, bay_price, doors)
 
 
 def _roof_bottom(exemplar: Structure) -> int:
@@ -106,26 +115,28 @@ def _roof_bottom(exemplar: Structure) -> int:
 
 
 def _lay_out(
-    plan: _Plan, size: tuple[int, int], floors: int, columns: int | None, rng: np.random.Generator, *, noise: float
+    plan: Style, size: tuple[int, int], floors: int, columns: int | None, rng: np.random.Generator, *, noise: float
 ) -> Synthesis:
-    storeys, scale = _storeys(plan, size[0], floors, rng, noise)
+    storeys, scale = shown_storeys(plan, size[0], floors, rng, noise)
     exemplar = plan.exemplar
     bay_sizes = np.diff(exemplar.bay_cuts)
     fitting = size[1] / (scale * float(bay_sizes.mean()))
     blank = columns is None and fitting < 0.5
     count = 1 if blank else columns or max(1, round(fitting))
-    variants = [_node_tiles(plan, storeys, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
+    variants = [first_tiles(plan, storeys, count, blank, rng, noise * (k + 1) ** 0.5) for k in range(4)]
     tiles = variants[0]
     population = np.stack([variants[k % len(variants)] for k in range(POPULATION)])
-    tiles, value = _refine(plan, storeys, population, blank, rng)
+    tiles, value = refined(plan, storeys, population, blank, rng)
     heights, widths = mean_sizes(plan.grid, tiles)
     soft = np.array([True]) if blank else np.tile([True, False, True], count)
-    across = cells(_elastic(widths * scale, soft, size[1]), size[1])
+    across = cells(elastic(widths * scale, soft, size[1]), size[1])
     picture, carried = compose(plan.image, plan.labels, plan.grid, tiles, cells(heights, size[0]), across)
     return Synthesis(picture, carried, tiles, value)
 
 
-def _storeys(plan: _Plan, height: int, floors: int, rng: np.random.Generator, noise: float) -> tuple[list[int], float]:
+def shown_storeys(
+    plan: Style, height: int, floors: int, rng: np.random.Generator, noise: float
+) -> tuple[list[int], float]:
     """Exemplar floors to show from top to bottom (-1: a ground band without windows), and the scale that fits."""
     exemplar = plan.exemplar
     kinds = np.array(exemplar.kinds)
@@ -154,8 +165,8 @@ def _storeys(plan: _Plan, height: int, floors: int, rng: np.random.Generator, no
     return best[1], float(np.clip(best[2], 0.4, 2.5))
 
 
-def _node_tiles(
-    plan: _Plan, storeys: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
+def first_tiles(
+    plan: Style, storeys: list[int], count: int, blank: bool, rng: np.random.Generator, noise: float
 ) -> np.ndarray:
     """A first tiling: the storeys' rows times, for every band, its own cheapest walk over the bays."""
     exemplar, wide = plan.exemplar, len(plan.grid.columns) - 1
@@ -177,11 +188,11 @@ def _node_tiles(
         kind = "ground" if storey < 0 else exemplar.kinds[storey]
         walk = walks.get(kind, walks["middle"])
         across = pier if blank else (3 * walk[:, None] + np.arange(3)).ravel()
-        lines += [row * wide + across for row in _rows_of(plan, storey)]
+        lines += [row * wide + across for row in rows_of(plan, storey)]
     return np.array(lines, np.int32)
 
 
-def _rows_of(plan: _Plan, storey: int) -> range:
+def rows_of(plan: Style, storey: int) -> range:
     return (
         range(3 * len(plan.exemplar.floors), len(plan.grid.rows) - 1)
         if storey < 0
@@ -189,18 +200,18 @@ def _rows_of(plan: _Plan, storey: int) -> range:
     )
 
 
-def _refine(
-    plan: _Plan, storeys: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
+def refined(
+    plan: Style, storeys: list[int], population: np.ndarray, blank: bool, rng: np.random.Generator
 ) -> tuple[np.ndarray, float]:
     """The genetic algorithm within bands: roof and ground stay, borders stay, floors swap tiles of like height."""
     exemplar, grid = plan.exemplar, plan.grid
     tall, wide = len(grid.rows) - 1, len(grid.columns) - 1
     height = np.diff(grid.rows)
-    kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in storeys for _ in _rows_of(plan, s)]
+    kinds = ["ground" if s < 0 else exemplar.kinds[s] for s in storeys for _ in rows_of(plan, s)]
     source_kinds = np.array(
         [kind for kind in exemplar.kinds for _ in range(3)] + ["base"] * (tall - 3 * len(exemplar.floors))
     )
-    own = np.array([row for s in storeys for row in _rows_of(plan, s)])
+    own = np.array([row for s in storeys for row in rows_of(plan, s)])
     alike = np.abs(np.log(height[own][:, None] / height[None])) < 0.15
     same_place = (own[:, None] % 3) == (np.arange(tall)[None] % 3)
     rows = alike & same_place & (source_kinds == "middle")[None]
@@ -213,7 +224,7 @@ def _refine(
     if blank:
         frozen[:] = True
     tiles, lowest = evolve(
-        tables(plan.image, plan.labels, grid),
+        plan.tables,
         population,
         rows=rows,
         columns=columns,
@@ -225,7 +236,7 @@ def _refine(
     return tiles, float(lowest[-1])
 
 
-def _elastic(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:
+def elastic(sizes: np.ndarray, soft: np.ndarray, total: float) -> np.ndarray:
     """Sizes that sum to total: soft ones (piers) give way first, within _SOFT, then all."""
     room = total - sizes[~soft].sum()
     stretch = float(np.clip(room / sizes[soft].sum(), *_SOFT))

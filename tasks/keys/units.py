@@ -16,6 +16,7 @@ from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
 from facade_core.atlas.journal import unit_key
 from facade_core.geometry.charts import CORNERS
+from facade_core.geometry.walls import JOINT_M
 from facade_core.plan import Plan
 from facade_core.types import Pose
 from tasks.keys.stage_code import stage_code
@@ -94,6 +95,8 @@ def facade_keys(
     chart = int(table.chart[facade])
     shape = (int(placement.width[chart]), int(placement.height[chart]))
     size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
+    low, high = _box(plan, table.chart[table.laid_out_with(facade)].tolist())
+    house = [float(table.foot[facade]), float(table.eaves[facade]), int(table.storeys[facade]), int(table.role[facade])]
     parts: dict[str, Any] = {
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],
@@ -112,6 +115,7 @@ def facade_keys(
         elif imagery.exemplar is not None:
             chosen = [imagery.exemplar[1], exemplars.get(imagery.exemplar[0]), imagery.shops]
             parts |= {"exemplar": chosen, "walls": run.texture.walls}
+            parts["beside"] = [house, plan.things.within(low - JOINT_M, high + JOINT_M)]
         else:
             parts["walls"] = run.texture.walls
         keys.append(parts_key(stage_code("facades"), **parts))

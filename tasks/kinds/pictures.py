@@ -5,12 +5,15 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
+import numpy as np
+
 from catalogs.block import Block
 from facade_core.atlas.encoded import PICTURES as FOLDER
 from facade_core.atlas.encoded import forget_encoded
 from facade_core.atlas.journal import Record, latest_digests, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export.views import cameras, photo_share, view_names
+from facade_core.geometry.walls import STREET
 from facade_core.plan import Plan
 from tasks.keys.finished import facade_pictures_key, view_keys
 from tasks.kinds.kind import Change, Kind, Records
@@ -38,25 +41,32 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
         )
     ]
     texels, staged = plan.texels(), staged_facades(plan, records)
-    for facade, (id, file) in enumerate(zip(plan.facades.id, _files(plan)[len(units) :], strict=True)):
+    files = _files(plan)[len(views) :]
+    for number, (facade, file) in enumerate(zip(pictured(plan).tolist(), files, strict=True)):
         units.append(
             Unit(
-                len(views) + facade,
-                id,
+                len(views) + number,
+                plan.facades.id[facade],
                 (facade_pictures_key(records[facade], facade in staged),),
                 (file, facade, facade in staged),
                 facade_pictures_memory(int(texels[plan.facades.chart[facade]])),
-                together=facade // TOGETHER,
+                together=number // TOGETHER,
             )
         )
     return units
+
+
+def pictured(plan: Plan) -> np.ndarray:
+    """The facades (k,) of which there are pictures: those on streets."""
+    return np.flatnonzero(plan.facades.role == STREET)
 
 
 def staged_facades(plan: Plan, records: Sequence[Record | None]) -> set[int]:
     """The facades that are shown stage by stage, by their records: those from photos, and the first of each street."""
     count: Counter[int] = Counter()
     staged = set()
-    for facade, (street, record) in enumerate(zip(plan.facades.street.tolist(), records, strict=True)):
+    for facade in pictured(plan).tolist():
+        street, record = int(plan.facades.street[facade]), records[facade]
         photo = photo_share(record) > 0
         if photo or count[street] < STAGED:
             staged.add(facade)
@@ -66,7 +76,7 @@ def staged_facades(plan: Plan, records: Sequence[Record | None]) -> set[int]:
 
 def _files(plan: Plan) -> list[str]:
     """What the store calls the file of each unit: views by name, facades by the ids of their charts, which stay."""
-    return [*view_names(plan), *(f"{number:016x}" for number in plan.ids[plan.facades.chart].tolist())]
+    return [*view_names(plan), *(f"{number:016x}" for number in plan.ids[plan.facades.chart[pictured(plan)]].tolist())]
 
 
 def _again(change: Change) -> dict[int, int]:

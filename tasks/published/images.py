@@ -17,6 +17,7 @@ from facade_core.export.picture import file_of
 from facade_core.export.views import spread
 from facade_core.resizing import resized
 from tasks.keys.stage_code import stage_code
+from tasks.kinds.pictures import pictured
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 
@@ -43,7 +44,7 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside
     """Write the folder of images; what cannot be read is set aside."""
     folder = (snapshot.report / "images").relative_to(snapshot.folder).as_posix()
     journal = block.journals["pictures"]
-    first = len(journal) - len(block.plan.facades.id)  # views come before facades
+    first = len(journal) - len(pictured(block.plan))  # views come before facades
     # what a worker could not read of the store is there to be found
     aside.suspect |= any(record is not None and record.get("unread", False) for record in journal)
     views = []

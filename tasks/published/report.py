@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.published.report import write_report
+from facade_core.geometry.walls import ROLES, STREET
 from facade_core.style import SHADED
 from tasks.published.images import Images
 from tasks.published.rows import Rows
@@ -31,7 +32,7 @@ def write_block_report(
     write_report(
         folder,
         summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
-        rows=rows.facades,
+        rows=[row for row in rows.facades if row["role"] == ROLES[STREET] or row["status"] == "failed"],
         set_aside=rows.set_aside,
         records={record["unit"]: record for record in journals["facades"]},
         streets=journals["streets"],

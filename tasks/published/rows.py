@@ -15,6 +15,7 @@ from catalogs.published.items import ASSUMED, ROW_KEYS
 from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.atlas.provenance import PROVENANCE, TRANSLATED
 from facade_core.facades import Facades
+from facade_core.geometry.walls import ROLES, STREET
 from tasks.kinds.order import KINDS
 from tasks.published.stored import StoredBlock
 from tasks.run import Run
@@ -121,6 +122,7 @@ def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source
     None where the record has none."""
     lattice, levels = record.get("lattice", {}), int(facades.floors[index])
     return {
+        "role": ROLES[int(facades.role[index])],
         "height_m": round(float(facades.height[index]), 3),
         "width_m": round(float(facades.width[index]), 3),
         # of a wall without windows nothing tells but the map
@@ -131,12 +133,12 @@ def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source
         **dict(zip(_SHARES, (record.get("provenance") or [None] * len(PROVENANCE))[-len(_SHARES) :], strict=True)),
         "lattice_rows": len(lattice["rows"]) if lattice else None,
         "lattice_columns": len(lattice["columns"]) if lattice else None,
-        "quality": _quality(record, levels, height_source) if "elements" in record else None,
+        "quality": _quality(record, levels, height_source, int(facades.role[index])) if "elements" in record else None,
         "seconds": round(sum(record.get("seconds", {}).values()), 4),
     }
 
 
-def _quality(record: Mapping[str, Any], levels: int, height_source: str) -> str:
+def _quality(record: Mapping[str, Any], levels: int, height_source: str, role: int) -> str:
     """What somebody should look at before using a facade, comma-separated; good where there is nothing."""
     elements, floors = record["elements"], record.get("floors", 0)
     # where pictures tell, within what they may tell
@@ -144,9 +146,9 @@ def _quality(record: Mapping[str, Any], levels: int, height_source: str) -> str:
     # height_source is "default" where the height was assumed
     flags = {
         "mostly-hidden": (record.get("occluded") or 0) > HIDDEN,
-        "no-windows": not any(element[0] == "window" for element in elements),
+        "no-windows": role == STREET and not any(element[0] == "window" for element in elements),
         "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < SURE,
-        "floors-differ": floors > 0 and not least <= levels <= most,
+        "floors-differ": role == STREET and floors > 0 and not least <= levels <= most,
         ASSUMED: height_source == "default",
     }
     return ", ".join(name for name, raised in flags.items() if raised) or "good"

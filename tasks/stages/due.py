@@ -37,6 +37,7 @@ REASONS = {
     "exemplar": "exemplar changed",
     "own": "own texture changed",
     "aerial": "picture from above changed",
+    "beside": "surroundings changed",
     "between": "surroundings changed",
     "above": "surroundings changed",
     "around": "surroundings changed",

@@ -215,7 +215,8 @@ def _without_rasters(session: icechunk.Session, records: Records) -> list[int]:
     chart_of = open_table(session, "facades").chart.values
     lost = _charts_without(session, "atlas/seed_evidence", chart_of[made].tolist())
     hierarchies = chunks_of(session, "hierarchies/data")
-    return [facade for facade in made if (facade,) not in hierarchies or int(chart_of[facade]) in lost]
+    coded = {i for i, r in enumerate(records) if r and r.get("variation_levels")}
+    return [f for f in made if (f in coded and (f,) not in hierarchies) or int(chart_of[f]) in lost]
 
 
 def _without_texels(session: icechunk.Session, records: Records) -> list[int]:

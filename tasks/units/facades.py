@@ -23,7 +23,9 @@ from facade_core.labels import SHOP, WINDOW
 from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
-from facade_core.texture import without_shops
+from facade_core.texture import Style, style_of, without_shops
+from facade_core.variation import Hierarchy
+from facade_core.walls import wall_of
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
@@ -38,6 +40,9 @@ if TYPE_CHECKING:
 # The classes that are counted, and what `facade_core.parse.certainty.Figures` has, as the catalogue names them.
 _COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 _TOLD = ("window_to_wall", "windows", "floors")
+
+# Exemplars taken apart, by number and whether with shops, and their metres per texel.
+Styles = dict[tuple[int, bool], tuple[Style, float]]
 
 
 class _Made(NamedTuple):
@@ -65,12 +70,13 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     group = open_root(fork)
     prepared = time.time()
     records: dict[int, Record] = {}
+    styles: Styles = {}
     for unit in units:
         facade, (imagery, textures) = unit.index, unit.arguments
         about: dict[str, Any] = {"worker": worker_name(), "started": start}
         refused: list[Exception] = []
         try:
-            made = _make(run, plan, group, facade, imagery, textures, refused)
+            made = _make(run, plan, group, facade, imagery, textures, refused, styles)
         except Exception as error:
             if machine_fault(error):
                 raise
@@ -120,8 +126,10 @@ def _make(
     imagery: Imagery,
     textures: Sequence[Path],
     refused: list[Exception],
+    styles: Styles,
 ) -> _Made:
-    """The facade from the best source there is of it. Why pictures were refused is added to `refused`."""
+    """The facade from the best source there is of it. Why pictures were refused is added to `refused`, exemplars that are taken
+    apart to `styles`, with their metres per pixel."""
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
     size = (int(placement.height[chart]), int(placement.width[chart]))
@@ -157,20 +165,31 @@ def _make(
         raise FacadeError(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
-    image, labels, metres_per_texel = read_exemplar(group, imagery.exemplar[0])
-    if not imagery.shops:
-        image, labels = without_shops(image, labels)
+    index, name = imagery.exemplar
+    given = _style(group, index, True, styles)
+    style, metres_per_texel = given if imagery.shops else _style(group, index, False, styles)
+    first, along = facades.id[int(facades.run[facade])], float(facades.along[facade])
     result = from_exemplar(
-        image,
-        labels,
-        (float(facades.height[facade]), float(facades.width[facade])),
+        style,
+        wall_of(plan.scene, facades, facade),
         size,
-        floors=int(facades.floors[facade]),
+        part=(along, along + float(facades.width[facade])),
         metres_per_pixel=metres_per_texel,
+        like=given[0],
         house=unit_seed(run, str(plan.scene.building_numbers[facades.building[facade]]), "house"),
-        seed=seed,
+        seed=unit_seed(run, first, "facade"),
     )
-    return _Made(depth, result, imagery.exemplar[1], nothing)
+    return _Made(depth, result, name, nothing)
+
+
+def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[Style, float]:
+    """An exemplar taken apart, with or without its shops, and its metres per texel."""
+    if (index, shops) not in styles:
+        image, labels, metres_per_texel = read_exemplar(group, index)
+        if not shops:
+            image, labels = without_shops(image, labels)
+        styles[index, shops] = style_of(image, labels), metres_per_texel
+    return styles[index, shops]
 
 
 def _names_on(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:
@@ -192,14 +211,17 @@ def _write(
     arrays = {
         "atlas/seed": seed,
         "atlas/seed_evidence": evidence,
-        "facade_maps/evidence": shown.reshape(-1, 3),
         "facade_maps/labels": result.labels.reshape(-1),
-        "facade_maps/occluded": result.occluded.reshape(-1),
-        "facade_maps/confidence": confidence.reshape(-1),
     }
+    if result.hierarchy is not None:  # of others there is no more to tell: nothing is kept twice
+        arrays |= {
+            "facade_maps/evidence": shown.reshape(-1, 3),
+            "facade_maps/occluded": result.occluded.reshape(-1),
+            "facade_maps/confidence": confidence.reshape(-1),
+        }
+        group["hierarchies/data"][facade] = base64.b64encode(result.hierarchy.to_bytes()).decode()
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
-    group["hierarchies/data"][facade] = base64.b64encode(result.hierarchy.to_bytes()).decode()
     return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
 
 
@@ -236,8 +258,14 @@ def _summary(result: Facade) -> dict[str, Any]:
             round(float(share), 4)
             for share in np.bincount(result.provenance.reshape(-1), minlength=len(PROVENANCE)) / result.labels.size
         ],
-        "variation_types": int((result.hierarchy.levels[0].counts > 0).sum()),
-        "variation_levels": len(result.hierarchy.levels),
-        "variation_bytes": int(result.hierarchy.nbytes),
         "layout_score": None if result.completion is None else round(float(result.completion.score), 4),
+    } | ({} if result.hierarchy is None else _variation(result.hierarchy))
+
+
+def _variation(hierarchy: Hierarchy) -> dict[str, int]:
+    """What the catalogue says of a hierarchy of variations."""
+    return {
+        "variation_types": int((hierarchy.levels[0].counts > 0).sum()),
+        "variation_levels": len(hierarchy.levels),
+        "variation_bytes": int(hierarchy.nbytes),
     }

@@ -11,6 +11,7 @@ from facade_core.errors import ImageError
 from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
 from facade_core.labels import SKY, WALL, WINDOW
 from facade_core.synth import facade as paint
+from facade_core.texture import Wall, style_of
 from facade_core.types import Element, Parsing
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
@@ -74,7 +75,9 @@ def test_an_exemplar_without_windows_is_refused() -> None:
 
 def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
-    made = from_exemplar(clean.image, clean.labels, (13.0, 16.0), (650, 800), floors=4, metres_per_pixel=0.06, seed=3)
+    made = from_exemplar(
+        style_of(clean.image, clean.labels), Wall.alone(13.0, 16.0, floors=4), (650, 800), metres_per_pixel=0.06, seed=3
+    )
     same = (made.image[1::3, :-1] == made.image[1::3, 1:]).all(axis=2)
     assert same.mean() < 0.5, "a pixel is not repeated as it is"
 
@@ -88,7 +91,9 @@ def test_a_photo_without_holes_needs_no_completion() -> None:
 
 def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
-    made = from_exemplar(clean.image, clean.labels, (16.2, 20.0), (270, 334), floors=5, metres_per_pixel=0.06, seed=3)
+    made = from_exemplar(
+        style_of(clean.image, clean.labels), Wall.alone(16.2, 20.0, floors=5), (270, 334), metres_per_pixel=0.06, seed=3
+    )
     assert made.image.shape == (270, 334, 3)
     assert (made.provenance == SYNTHESISED).all()
     assert not made.occluded.any()

@@ -35,7 +35,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
     shown: what each source shows, or is refused by.
     """
     plan: Any = Value(
-        facades=Value(id=["a-0"], chart=[0], height=[8.0], width=[10.0], floors=[2]),
+        facades=Value(id=["a-0"], chart=[0], height=[8.0], width=[10.0], floors=[2], run=[0], along=[0.0]),
         scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]])),
     )
 
@@ -49,11 +49,13 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
 
         monkeypatch.setattr(facade, "evidence_of", evidence_of)
         monkeypatch.setattr(facade, "read_exemplar", lambda *_: (None, None, 0.05))
+        monkeypatch.setattr(facade, "style_of", lambda *_: None)
+        monkeypatch.setattr(facade, "wall_of", lambda *_: None)
         monkeypatch.setattr(facade, "from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
         run: Any = Value(seed=1, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None
-        made = facade._make(run, plan, group, 0, imagery, (), refused)
+        made = facade._make(run, plan, group, 0, imagery, (), refused, {})
         return made.depth, made.facade, made.source, refused
 
     return maker

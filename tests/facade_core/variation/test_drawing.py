@@ -8,6 +8,7 @@ import pytest
 from facade_core.errors import InputError
 from facade_core.facade import Facade, from_exemplar
 from facade_core.synth import facade
+from facade_core.texture import Wall, style_of
 from facade_core.variation import draw_level, encode
 
 PAINTED = facade((13.0, 14.0), floors=4, columns=5, style="brick", metres_per_pixel=0.06, seed=2)
@@ -35,9 +36,8 @@ def test_a_bare_wall_is_drawn_without_types() -> None:
 def test_neighbours_that_share_an_exemplar_differ_and_each_repeats_by_its_seed() -> None:
     def wall(seed: int) -> Facade:
         size = PAINTED.labels.shape
-        return from_exemplar(
-            PAINTED.image, PAINTED.labels, (13.0, 14.0), size, floors=4, metres_per_pixel=0.06, seed=seed
-        )
+        style = style_of(PAINTED.image, PAINTED.labels)
+        return from_exemplar(style, Wall.alone(13.0, 14.0, floors=4), size, metres_per_pixel=0.06, seed=seed)
 
     one, two = wall(1), wall(2)
     np.testing.assert_array_equal(one.image, wall(1).image)

@@ -48,11 +48,10 @@ def exemplar(height, width):
 def retargeted(height, width):
     from facade_core.facade import from_exemplar
     from facade_core.synth.exemplars import exemplars
+    from facade_core.texture import Wall, style_of
     made = exemplars(1, seed=5)[0]
-    size = (height / 20, width / 20)
-    return lambda: from_exemplar(
-        made.image, made.labels, size, (height, width), floors=max(1, round(size[0] / 3.2)), metres_per_pixel=0.05
-    )
+    wall = Wall.alone(height / 20, width / 20, floors=max(1, round(height / 20 / 3.2)))
+    return lambda: from_exemplar(style_of(made.image, made.labels), wall, (height, width), metres_per_pixel=0.05)
 
 def street(height, width):
     import shapely

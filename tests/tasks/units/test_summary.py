@@ -9,6 +9,7 @@ import pytest
 
 from facade_core.facade import Facade, from_exemplar, from_photo
 from facade_core.synth import facade as paint
+from facade_core.texture import Wall, style_of
 from tasks.units.facades import _summary
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
@@ -18,7 +19,9 @@ HIDDEN[:, HIDDEN.shape[1] // 2 :] = True
 
 def of_exemplar() -> Facade:
     size = (270, 334)
-    return from_exemplar(PAINTED.image, PAINTED.labels, (16.2, 20.0), size, floors=5, metres_per_pixel=0.06, seed=3)
+    return from_exemplar(
+        style_of(PAINTED.image, PAINTED.labels), Wall.alone(16.2, 20.0, floors=5), size, metres_per_pixel=0.06, seed=3
+    )
 
 
 def test_what_is_seen_is_told_from_what_is_made_up() -> None:

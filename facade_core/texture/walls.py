@@ -1,0 +1,268 @@
+"""An exemplar's style on the walls of a building: storeys meet round its corners, no window is cut, backs are plain."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import lru_cache
+
+import numpy as np
+import shapely
+from numpy.lib.stride_tricks import sliding_window_view
+from shapely.geometry.base import BaseGeometry
+
+from facade_core.errors import ImageError
+from facade_core.labels import BALCONY, WALL
+from facade_core.texture.compose import compose
+from facade_core.texture.genetic import POPULATION
+from facade_core.texture.retargeting import NOISE, Style, elastic, first_tiles, refined, rows_of, shown_storeys
+from facade_core.types import Lattice
+
+# What of a storey is left at a wall's foot or top belongs to the storey beside it where it is lower than this.
+LEAST_STOREY_M = 2.2
+# Storeys of a building are from so low to so high where its height allows it.
+STOREY_M = (2.6, 4.5)
+# A wall ends at the eaves where it ends this near to them: there it shows what crowns the exemplar.
+EAVES_M = 0.3
+# Wall on either side of a window, to the wall's edge or to a neighbour.
+BESIDE_WINDOW_M = 0.25
+# Bays of backs are so many times as wide.
+PLAIN_BAYS = 1.3
+# Bare wall: how wide it may be, as shares of a bay; steps of grey that hardly count as uneven.
+BARE, EVEN = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
+# The topmost storey has bare wall over it where it is so many times as high as its exemplar's.
+LOFTY = 1.15
+# A ground floor goes on over a narrow wall where at least so much of it is wall.
+WALLED = 0.6
+
+
+@dataclass(frozen=True, slots=True)
+class Wall:
+    """A wall, or several that are laid out as one, in metres.
+
+    width, height; foot over the base of its building; eaves of that over its base, and storeys up to there. street: whether it
+    shows doors and shops; plain: whether it is a back, without what adorns a front. free: where it stands against no
+    neighbour, x right and y down.
+    """
+
+    width: float
+    height: float
+    foot: float
+    eaves: float
+    storeys: int
+    street: bool
+    plain: bool
+    free: BaseGeometry
+
+    @classmethod
+    def alone(cls, height: float, width: float, floors: int) -> Wall:
+        """One on a street, that nothing stands against, of a building as high."""
+        return cls(width, height, 0.0, height, floors, street=True, plain=False, free=shapely.box(0, 0, width, height))
+
+
+@dataclass(frozen=True, slots=True)
+class Storey:
+    """One of a wall, from the top: the exemplar's floor that it shows, -1 for a ground floor without windows; the three heights
+    above, across and below its windows, or the one of a floor without, and of the bare wall over it, in metres; whether it is
+    crowned by the exemplar's top."""
+
+    floor: int
+    heights: tuple[float, ...]
+    attic: float
+    crowned: bool
+
+
+def on_wall(style: Style, wall: Wall, *, metres_per_pixel: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+    """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / metres_per_pixel) pixels.
+
+    Where floors lie depends on the exemplar, the building's height and its storeys alone, so that they meet round corners. A
+    storey shows windows where they fit into what is free of the wall, and wall elsewhere. Raises ImageError for a wall of less
+    than 2 pixels a side, or without storeys.
+    """
+    size = round(wall.height / metres_per_pixel), round(wall.width / metres_per_pixel)
+    if min(size) < 2 or wall.storeys < 1:
+        raise ImageError(f"on_wall: {size} px and {wall.storeys} storeys; pass at least 2 px a side and 1 storey")
+    rng = np.random.default_rng(seed)
+    plain = _plainest(style)
+    stack, scale = storeys_on(style, wall, metres_per_pixel)
+    floors = [storey.floor for storey in stack]
+
+    bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (PLAIN_BAYS if wall.plain else 1.0)
+    window = scale * float(np.mean([right - left for left, right in style.exemplar.bays]))
+    blank = wall.width < max(0.5 * bay, window + 2 * BESIDE_WINDOW_M)
+    count = 1 if blank else max(1, round(wall.width / bay))
+    if wall.street and not blank:
+        variants = [first_tiles(style, floors, count, False, rng, NOISE * k**0.5) for k in range(4)]
+        population = np.stack([variants[k % len(variants)] for k in range(POPULATION)])
+        tiles, _ = refined(style, floors, population, False, rng)
+    else:
+        tiles = first_tiles(style, floors, count, blank, rng, 0.0)
+    wide = len(style.grid.columns) - 1
+    source = np.stack(np.divmod(tiles, wide))  # the rows and columns of the exemplar's lattice that are shown
+    if blank:
+        source[1] = wide + 1
+    elif not wall.street:
+        source[1] = (3 * rng.choice(_plain_bays(style, plain), count)[:, None] + np.arange(3)).ravel()
+    if blank:
+        across = np.array([0.0, wall.width])
+    else:
+        widths = scale * np.diff(style.grid.columns)[source[1]].mean(axis=0)
+        across = np.append(0.0, np.cumsum(elastic(widths, np.tile([True, False, True], count), wall.width)))
+    attic = stack[0].attic
+    down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
+    _leave_out(style, wall, stack, source, down, across, plain, blank)
+    if attic > 0:
+        bare = np.broadcast_to(np.array([3 * plain + 1, wide + 1])[:, None, None], (2, 1, source.shape[2]))
+        source, down = np.concatenate([bare, source], axis=1), np.append(0.0, down)
+    rows, columns = (np.rint(borders / metres_per_pixel).astype(np.int64) for borders in (down, across))
+    rows[-1], columns[-1] = size
+    # behind the last column of the lattice one more that shows bare wall
+    lattice = Lattice(style.grid.rows, style.grid.columns + _bare(style, plain))
+    return compose(
+        style.image, style.labels, lattice, (source[0] * (wide + 2) + source[1]).astype(np.int32), rows, columns
+    )
+
+
+def _plainest(style: Style) -> int:
+    """The exemplar's floor for where nothing adorns a wall: with the fewest balconies, not the topmost
+    or the lowest if there is another: cornices and shops reach into these."""
+    exemplar = style.exemplar
+    middle = [k for k, kind in enumerate(exemplar.kinds) if kind == "middle"]
+    cuts = exemplar.floor_cuts
+    ends = {middle[0]: 2.0, middle[-1]: 1.0}
+    adorned = [ends.get(k, 0.0) + (style.labels[cuts[k] : cuts[k + 1]] == BALCONY).mean() for k in middle]
+    return middle[int(np.argmin(adorned))]
+
+
+def _plain_bays(style: Style, plain: int) -> np.ndarray:
+    """The bays (k,) of the exemplar that show the fewest balconies on its plainest floor; not those at its edges if there are
+    others."""
+    rows, cuts = style.grid.rows, style.exemplar.bay_cuts
+    band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == BALCONY
+    adorned = np.add.reduceat(band.mean(axis=0), cuts[:-1]) / np.diff(cuts)
+    plainest = np.flatnonzero(adorned <= adorned.min() + 0.01)
+    inner = plainest[(plainest > 0) & (plainest < len(adorned) - 1)]
+    return inner if len(inner) else plainest
+
+
+def storeys_on(style: Style, wall: Wall, metres_per_pixel: float) -> tuple[list[Storey], float]:
+    """The storeys of a wall from its top, whose borders are those of its building, and the metres that a pixel of the exemplar
+    takes on them."""
+    pixels = round(wall.eaves / metres_per_pixel)
+    own, scale = shown_storeys(style, pixels, wall.storeys, np.random.default_rng(0), 0.0)
+    scale, plain = scale * metres_per_pixel, _plainest(style)
+    kinds, grid = style.exemplar.kinds, np.asarray(style.grid.rows)
+    heights = np.array([float(grid[rows_of(style, floor).stop] - grid[rows_of(style, floor).start]) for floor in own])
+    heights = _within(heights * (wall.eaves / heights.sum()))
+    lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
+    pitch, top = wall.eaves / len(own), wall.foot + wall.height
+    beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
+    every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
+    inner = every[(every > wall.foot + LEAST_STOREY_M) & (every < top - LEAST_STOREY_M)]
+    borders = np.concatenate([[wall.foot], inner, [top]])
+    at_eaves = abs(top - wall.eaves) < EAVES_M
+    stack = []
+    for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
+        place = int(np.searchsorted(lines, (low + high) / 2)) - 1
+        floor = own[len(own) - 1 - place] if 0 <= place < len(own) else plain
+        lowest, highest = number == 0, number == len(borders) - 2
+        kind = "ground" if floor < 0 else kinds[floor]
+        if lowest and wall.street and (own[-1] < 0 or kinds[own[-1]] == "ground"):
+            floor = own[-1]
+        elif kind == "ground" or (kind == "roof" and not at_eaves):
+            floor = plain
+        crowned = highest and at_eaves and not wall.plain
+        if not wall.street and not crowned and kind == "middle":
+            floor = plain
+        natural = scale * float(grid[rows_of(style, floor).stop] - grid[rows_of(style, floor).start])
+        attic = high - low - natural if highest and not crowned and high - low > LOFTY * natural else 0.0
+        stack.append(Storey(floor, _heights(style, floor, high - low - attic, scale), attic, crowned))
+    return stack[::-1], scale
+
+
+def _within(heights: np.ndarray) -> np.ndarray:
+    """Heights of storeys (n,) with the same sum, made as alike as it takes for all to be within STOREY_M."""
+    mean = heights.mean()
+    off = heights - mean
+    low, high = STOREY_M
+    if not low <= mean <= high or not off.any():
+        return heights
+    room = np.where(off > 0, high - mean, mean - low)
+    return mean + off * min(1.0, float((room[off != 0] / np.abs(off[off != 0])).min()))
+
+
+def _heights(style: Style, floor: int, height: float, scale: float) -> tuple[float, ...]:
+    """What a storey of some height, metres, has above, across and below its windows, which keep theirs where they can."""
+    rows = rows_of(style, floor)
+    sizes = scale * np.diff(np.asarray(style.grid.rows)[rows.start : rows.stop + 1])
+    if len(sizes) < 3:
+        return tuple((sizes * (height / sizes.sum())).tolist())
+    above, window, below = sizes.tolist()
+    window = min(window, 0.75 * height)
+    return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
+
+
+def _leave_out(
+    style: Style,
+    wall: Wall,
+    stack: list[Storey],
+    source: np.ndarray,
+    down: np.ndarray,
+    across: np.ndarray,
+    plain: int,
+    blank: bool,
+) -> None:
+    """Show, in `source` (2, M, N) rows and columns of the exemplar's lattice, wall in place of bays whose windows, doors or
+    shops reach beyond what is free, and of what crowns an exemplar where the wall is not crowned; cells have the borders
+    down (M + 1,), across (N + 1,), metres."""
+    exemplar, bare = style.exemplar, len(style.grid.columns)
+    free = wall.free.buffer(0.02)
+    shapely.prepare(free)
+    row = 0
+    for storey in stack:
+        count = len(storey.heights)
+        rows = slice(row, row + count)
+        own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
+        if storey.floor == 0 and not storey.crowned and exemplar.kinds[0] == "middle":
+            source[0, row] = 3 * plain
+        if blank:
+            if (storey.floor < 0 or exemplar.kinds[storey.floor] == "ground") and not _walled(
+                style, source[0, rows, 0], plain
+            ):
+                source[0, rows, 0] = own
+        else:
+            low, high = (down[row + 1], down[row + 2]) if count == 3 else (down[row] + 0.1, down[row + 1] - 0.1)
+            for left in range(0, source.shape[2], 3):
+                first, last = across[left + 1] - BESIDE_WINDOW_M, across[left + 2] + BESIDE_WINDOW_M
+                if not free.covers(shapely.box(max(first, 0.0), low, min(last, wall.width), high)):
+                    source[0, rows, left : left + 3] = own[:, None]
+                    source[1, rows, left : left + 3] = bare
+        row += count
+
+
+@lru_cache(maxsize=4)
+def _bare(style: Style, plain: int) -> tuple[int, int]:
+    """Where an exemplar shows bare wall on the whole of its plainest floor, the same from side to side: from which column to
+    which, pixels."""
+    rows = style.grid.rows
+    band = slice(rows[3 * plain], rows[3 * plain + 3])
+    wall = (style.labels[band] == WALL).mean(axis=0)
+    colour = style.image[band].mean(axis=(0, 2))
+    best, found = -np.inf, (0, len(wall))
+    bay = float(np.diff(style.exemplar.bay_cuts).mean())
+    for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BARE}):
+        uneven, walled = (
+            np.ptp(sliding_window_view(colour, width), axis=1),
+            sliding_window_view(wall, width).mean(axis=1),
+        )
+        worth = width * walled**8 / (EVEN + uneven)
+        if worth.max() > best:
+            best, left = float(worth.max()), int(np.argmax(worth))
+            found = left, left + width
+    return found
+
+
+def _walled(style: Style, rows: np.ndarray, plain: int) -> bool:
+    """Whether some rows (k,) of the exemplar's lattice mostly show wall where its plainest floor is bare."""
+    left, right = _bare(style, plain)
+    shown = [style.labels[style.grid.rows[row] : style.grid.rows[row + 1], left:right] == WALL for row in rows.tolist()]
+    return float(np.mean([part.mean() for part in shown])) > WALLED

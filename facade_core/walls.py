@@ -1,0 +1,30 @@
+"""A facade's wall as its building's storeys lie on it, and what of it stands free."""
+
+from __future__ import annotations
+
+import shapely
+from shapely.affinity import translate
+
+from facade_core.facades import Facades
+from facade_core.geometry.walls import BACK, STREET, free_part
+from facade_core.street.scene import Scene
+from facade_core.texture import Wall
+
+
+def wall_of(scene: Scene, facades: Facades, facade: int) -> Wall:
+    """The wall that a facade is, or is a part of: all that are laid out as one with it, from left to right."""
+    own = facades.laid_out_with(facade)
+    parts = [
+        translate(free_part(scene.charts, scene.mesh, int(facades.chart[one]))[1], xoff=float(facades.along[one]))
+        for one in own.tolist()
+    ]
+    return Wall(
+        width=float((facades.along[own] + facades.width[own]).max()),
+        height=float(facades.height[facade]),
+        foot=float(facades.foot[facade]),
+        eaves=float(facades.eaves[facade]),
+        storeys=int(facades.storeys[facade]),
+        street=int(facades.role[facade]) == STREET,
+        plain=int(facades.role[facade]) == BACK,
+        free=shapely.union_all(parts),
+    )

@@ -1,0 +1,161 @@
+"""Which walls of a block get what: fronts, backs, courtyards, party walls, a round tower, and what storeys lie on them."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+from scipy import ndimage
+
+from facade_core.facades import Facades
+from facade_core.geometry.walls import BACK, STREET, free_part
+from facade_core.ingest import ingest
+from facade_core.labels import DOOR, SHOP, WINDOW
+from facade_core.plan import Plan
+from facade_core.synth import facade as paint
+from facade_core.texture import Style, Wall, on_wall, style_of
+from facade_core.texture.walls import STOREY_M, storeys_on
+from facade_core.types import Building, Street
+from facade_core.walls import wall_of
+
+MPP = 0.0625
+L_SHAPED = shapely.Polygon([(0, 0), (20, 0), (20, 10), (10, 10), (10, 22), (0, 22)])
+LOWER = shapely.box(20, 0, 34, 10)
+COURT = shapely.Polygon(shapely.box(40, 0, 70, 26).exterior, [shapely.box(50, 10, 60, 18).exterior])
+ROUND = shapely.Point(84, 6).buffer(4.0, quad_segs=4)
+BUILDINGS = [
+    Building("ell", L_SHAPED, 16.0, "height"),
+    Building("low", LOWER, 9.6, "height"),
+    Building("court", COURT, 19.2, "height"),
+    Building("tower", ROUND, 12.8, "height"),
+]
+
+
+def plan_of(walls: str) -> Plan:
+    return ingest(
+        BUILDINGS,
+        [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))],
+        texels_per_metre=8.0,
+        spacing=8.0,
+        height=2.5,
+        visibility_range=40.0,
+        panorama_width=128,
+        storey=3.2,
+        walls=walls,
+        page=512,
+    )
+
+
+@pytest.fixture(scope="module")
+def plan() -> Plan:
+    return plan_of("exemplar")
+
+
+@pytest.fixture(scope="module")
+def style() -> Style:
+    painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=2)
+    return style_of(painted.image, painted.labels)
+
+
+def on(plan: Plan, building: str, direction: tuple[float, float]) -> list[int]:
+    """The facades of a building that face somewhere."""
+    facades, normal = plan.facades, plan.scene.charts.normal()[plan.facades.chart]
+    names = [id_.rpartition("-")[0] for id_ in facades.id]
+    return [i for i, name in enumerate(names) if name == building and normal[i, :2] @ direction > 0.99]
+
+
+def test_every_wall_that_stands_free_is_a_facade(plan: Plan) -> None:
+    facades = plan.facades
+    counts = {name: sum(id_.startswith(f"{name}-") for id_ in facades.id) for name in ("ell", "low", "court", "tower")}
+    assert counts == {"ell": 6, "low": 3, "court": 8, "tower": 16}, "of the lower one the party wall is left out"
+    assert [facades.role[i] for name in ("ell", "low", "court") for i in on(plan, name, (0, -1))[:1]] == [STREET] * 3
+    assert all(facades.role[i] == BACK for name in ("ell", "low") for i in on(plan, name, (0, 1)))
+    assert not plan.writable[facades.chart].any()
+
+
+def test_translated_walls_are_left_to_the_streets() -> None:
+    facades = plan_of("translate").facades
+    assert (facades.role == STREET).all()
+    assert facades.width.min() >= 3
+
+
+def test_a_wall_over_a_lower_neighbour_is_free_above_it(plan: Plan) -> None:
+    (east,) = [i for i in on(plan, "ell", (1, 0)) if abs(plan.facades.width[i] - 10) < 0.1]
+    whole, free = free_part(plan.scene.charts, plan.scene.mesh, int(plan.facades.chart[east]))
+    assert whole.area == pytest.approx(160, rel=0.01)
+    assert free.area == pytest.approx(64, rel=0.02)
+    assert free.bounds[3] == pytest.approx(16 - 9.6, abs=0.1), "metres from the top"
+
+
+def test_what_is_round_is_one(plan: Plan) -> None:
+    facades = plan.facades
+    tower = [i for i, id_ in enumerate(facades.id) if id_.startswith("tower-")]
+    own = facades.laid_out_with(tower[5])
+    assert sorted(own.tolist()) == tower
+    np.testing.assert_allclose(facades.along[own], np.append(0, np.cumsum(facades.width[own])[:-1]), atol=1e-6)
+    assert (facades.role[own] == STREET).all()
+    assert wall_of(plan.scene, facades, tower[3]).width == pytest.approx(25, abs=0.5)
+    assert len(facades.laid_out_with(on(plan, "ell", (0, -1))[0])) == 1
+
+
+def windows(labels: np.ndarray) -> list[tuple[slice, slice]]:
+    return ndimage.find_objects(ndimage.label(labels == WINDOW)[0])
+
+
+def shown(plan: Plan, style: Style, facade: int) -> tuple[Wall, np.ndarray]:
+    wall = wall_of(plan.scene, plan.facades, facade)
+    return wall, on_wall(style, wall, metres_per_pixel=MPP, seed=facade)[1]
+
+
+def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Style) -> None:
+    facades = plan.facades
+    for facade in np.flatnonzero(facades.run == np.arange(len(facades))).tolist():
+        wall, labels = shown(plan, style, facade)
+        assert not (labels[:, [0, -1]] == WINDOW).any(), facades.id[facade]
+        for rows, columns in windows(labels):
+            box = shapely.box(*(MPP * np.array([columns.start, rows.start, columns.stop, rows.stop])))
+            assert wall.free.buffer(2 * MPP).covers(box), facades.id[facade]
+        if wall.plain:
+            assert not np.isin(labels, (DOOR, SHOP)).any()
+    (east,) = [i for i in on(plan, "ell", (1, 0)) if abs(facades.width[i] - 10) < 0.1]
+    assert windows(shown(plan, style, east)[1]), "above the neighbour it has some"
+
+
+def test_gables_and_narrow_walls(style: Style) -> None:
+    gable = shapely.Polygon([(0, 6), (6, 0), (12, 6), (12, 22), (0, 22)])
+    labels = on_wall(style, Wall(12, 22, 0, 16, 5, False, True, gable), metres_per_pixel=MPP)[1]
+    over = [w for w in windows(labels) if w[0].stop * MPP < 6]
+    for rows, columns in windows(labels):
+        corners = MPP * np.array([[columns.start, rows.start], [columns.stop, rows.start]])
+        assert gable.buffer(2 * MPP).covers(shapely.MultiPoint(corners))
+    assert len(over) < len(windows(labels)) / 4
+    narrow = on_wall(style, Wall(0.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 0.9, 16)), metres_per_pixel=MPP)[1]
+    assert not windows(narrow)
+    fits = on_wall(style, Wall(2.9, 16, 0, 16, 5, False, False, shapely.box(0, 0, 2.9, 16)), metres_per_pixel=MPP)[1]
+    assert len(windows(fits)) == 5
+
+
+def test_storeys_meet_round_the_corners_and_are_of_a_storeys_height(plan: Plan, style: Style) -> None:
+    facades: Facades = plan.facades
+    for name in ("ell", "low", "court"):
+        lines = []
+        for facade in [i for i, id_ in enumerate(facades.id) if id_.startswith(f"{name}-")]:
+            wall = wall_of(plan.scene, facades, facade)
+            lines.append(np.cumsum(wall_storeys(style, wall)[::-1]))
+        assert all(len(one) == len(lines[0]) for one in lines)
+        np.testing.assert_allclose(lines, np.broadcast_to(lines[0], (len(lines), len(lines[0]))), atol=MPP)
+        heights = np.diff(np.append(0, lines[0]))
+        assert STOREY_M[0] - 0.01 <= heights.min()
+        assert heights.max() <= STOREY_M[1] + 0.01
+
+
+def wall_storeys(style: Style, wall: Wall) -> list[float]:
+    """The heights of a wall's storeys, from the top."""
+    return [float(np.sum(storey.heights)) + storey.attic for storey in storeys_on(style, wall, MPP)[0]]
+
+
+def test_a_lower_part_of_a_building_keeps_its_storeys(style: Style) -> None:
+    tall = Wall.alone(19.2, 12.0, floors=6)
+    low = Wall(9, 9.0, 0.0, 19.2, 6, True, False, shapely.box(0, 0, 9, 9.0))
+    high, lower = (np.cumsum(wall_storeys(style, wall)[::-1]) for wall in (tall, low))
+    np.testing.assert_allclose(high[: len(lower) - 1], lower[:-1], atol=1e-6)
