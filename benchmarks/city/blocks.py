@@ -38,10 +38,11 @@ def add_photo(block: Path, out: Path) -> str:
 
     from facade_core.atlas.plan_tables import read_facades
     from facade_core.atlas.store import BRANCH, open_repository
+    from facade_core.geometry.walls import STREET
     from facade_core.synth import STYLES, facade
 
     facades = read_facades(open_repository(out / "store").readonly_session(BRANCH))
-    chosen = next(i for i in range(len(facades)) if 10 <= facades.width[i] <= 30)
+    chosen = next(i for i in range(len(facades)) if facades.role[i] == STREET and 10 <= facades.width[i] <= 30)
     height, width, floors = float(facades.height[chosen]), float(facades.width[chosen]), int(facades.floors[chosen])
     painted = facade(
         (height, width),

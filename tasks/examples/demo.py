@@ -11,6 +11,7 @@ import numpy as np
 import yaml
 
 from catalogs.block import Block, read_block
+from facade_core.geometry.walls import STREET
 from facade_core.synth import NORDIC, PaintedFacade, exemplar, facade
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
@@ -91,7 +92,8 @@ def _paint_photos(block: Block, folder: Path) -> None:
     folder.mkdir(exist_ok=True)
     # facades are found the same with coarse panoramas; only what each panorama shows is coarser
     facades = plan_of(replace(block, texture=replace(block.texture, panorama_width=256))).facades
-    chosen = [i for i in range(len(facades)) if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
+    fronts = np.flatnonzero(facades.role == STREET).tolist()
+    chosen = [i for i in fronts if PHOTO_METRES[0] <= facades.width[i] <= PHOTO_METRES[1]][::PHOTO_EVERY]
     begin_stage("paint", len(chosen))
 
     def paint(number: int) -> None:

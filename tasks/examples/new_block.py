@@ -9,6 +9,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
+import numpy as np
 import yaml
 
 from catalogs.block import Block, read_block
@@ -16,6 +17,7 @@ from catalogs.features import file_stem
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.errors import BlockFileError, InputError
+from facade_core.geometry.walls import STREET
 from tasks.examples.demo import paint_exemplars
 from tasks.stages.planning import plan_of
 
@@ -135,6 +137,7 @@ def _written(
         block = _drafted(draft, keys)
         plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
+        fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == STREET).tolist())
         panoramas, named, unused = _sorted_pictures(photos, poses, block, ids) if photos else ((), (), ())
         if photos and panoramas:
             imagery["panoramas"] = {"path": _beside(photos, path)}
@@ -146,7 +149,7 @@ def _written(
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
-    return Found(path, block, panoramas, named, unused, plan.facades.id)
+    return Found(path, block, panoramas, named, unused, fronts)
 
 
 def _drafted(draft: Path, keys: dict) -> Block:

@@ -21,6 +21,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.facades import FACADE_HEIGHT_M, FACADE_TEXELS, FACADE_WIDTH_M
 from facade_core.geometry.charts import WALL
 from facade_core.geometry.streets import predecessors
+from facade_core.geometry.walls import STREET
 from facade_core.identity import Each, here
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
@@ -119,8 +120,8 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
 
 
 def no_facade(plan: Plan, texels_per_metre: float) -> list[str]:
-    """Why a block has no facade at all, in one line, with the remedy; nothing where it has one."""
-    if len(plan.facades):
+    """Why a block has no facade on a street at all, in one line, with the remedy; nothing where it has one."""
+    if (plan.facades.role == STREET).any():
         return []
     charts = plan.scene.charts
     wall = charts.kind == WALL
