@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import lru_cache
+from itertools import pairwise
 
 import numpy as np
 import shapely
@@ -101,7 +102,11 @@ def on_wall(style: Style, wall: Wall, *, metres_per_pixel: float, seed: int = 0)
     if blank:
         source[1] = wide + 1
     elif not wall.street:
-        source[1] = (3 * rng.choice(_plain_bays(style, plain), count)[:, None] + np.arange(3)).ravel()
+        row = 0
+        for storey in stack:  # what is behind the windows differs from storey to storey
+            bays = rng.choice(_plain_bays(style, plain), count)
+            source[1, row : row + len(storey.heights)] = (3 * bays[:, None] + np.arange(3)).ravel()
+            row += len(storey.heights)
     if blank:
         across = np.array([0.0, wall.width])
     else:
@@ -139,7 +144,7 @@ def _plain_bays(style: Style, plain: int) -> np.ndarray:
     rows, cuts = style.grid.rows, style.exemplar.bay_cuts
     band = style.labels[rows[3 * plain] : rows[3 * plain + 3]] == BALCONY
     adorned = np.add.reduceat(band.mean(axis=0), cuts[:-1]) / np.diff(cuts)
-    plainest = np.flatnonzero(adorned <= adorned.min() + 0.01)
+    plainest = np.flatnonzero(adorned <= adorned.min() + 0.002)
     inner = plainest[(plainest > 0) & (plainest < len(adorned) - 1)]
     return inner if len(inner) else plainest
 
@@ -243,17 +248,14 @@ def _leave_out(
 def _bare(style: Style, plain: int) -> tuple[int, int]:
     """Where an exemplar shows bare wall on the whole of its plainest floor, the same from side to side: from which column to
     which, pixels."""
-    rows = style.grid.rows
-    band = slice(rows[3 * plain], rows[3 * plain + 3])
-    wall = (style.labels[band] == WALL).mean(axis=0)
-    colour = style.image[band].mean(axis=(0, 2))
+    rows = style.grid.rows[3 * plain : 3 * plain + 4]
+    wall = (style.labels[rows[0] : rows[-1]] == WALL).mean(axis=0)
+    colours = [style.image[a:b].mean(axis=(0, 2)) for a, b in pairwise(rows)]
     best, found = -np.inf, (0, len(wall))
     bay = float(np.diff(style.exemplar.bay_cuts).mean())
     for width in sorted({min(len(wall), max(2, round(share * bay))) for share in BARE}):
-        uneven, walled = (
-            np.ptp(sliding_window_view(colour, width), axis=1),
-            sliding_window_view(wall, width).mean(axis=1),
-        )
+        uneven = np.max([np.ptp(sliding_window_view(colour, width), axis=1) for colour in colours], axis=0)
+        walled = sliding_window_view(wall, width).mean(axis=1)
         worth = width * walled**8 / (EVEN + uneven)
         if worth.max() > best:
             best, left = float(worth.max()), int(np.argmax(worth))
