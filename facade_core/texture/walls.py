@@ -72,10 +72,13 @@ class Storey:
     crowned: bool
 
 
-def on_wall(style: Style, wall: Wall, *, metres_per_pixel: float, seed: int = 0) -> tuple[np.ndarray, np.ndarray]:
+def on_wall(
+    style: Style, wall: Wall, *, like: Style | None = None, metres_per_pixel: float, seed: int = 0
+) -> tuple[np.ndarray, np.ndarray]:
     """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / metres_per_pixel) pixels.
 
-    Where floors lie depends on the exemplar, the building's height and its storeys alone, so that they meet round corners. A
+    Where floors lie depends on the exemplar, the building's height and its storeys alone, so that they meet round corners; they
+    are those of the style `like`, if given: a wall without shops has those of one with. A
     storey shows windows where they fit into what is free of the wall, and wall elsewhere. Raises ImageError for a wall of less
     than 2 pixels a side, or without storeys.
     """
@@ -84,7 +87,7 @@ def on_wall(style: Style, wall: Wall, *, metres_per_pixel: float, seed: int = 0)
         raise ImageError(f"on_wall: {size} px and {wall.storeys} storeys; pass at least 2 px a side and 1 storey")
     rng = np.random.default_rng(seed)
     plain = _plainest(style)
-    stack, scale = storeys_on(style, wall, metres_per_pixel)
+    stack, scale = storeys_on(style, wall, metres_per_pixel, like)
     floors = [storey.floor for storey in stack]
 
     bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (PLAIN_BAYS if wall.plain else 1.0)
@@ -149,14 +152,19 @@ def _plain_bays(style: Style, plain: int) -> np.ndarray:
     return inner if len(inner) else plainest
 
 
-def storeys_on(style: Style, wall: Wall, metres_per_pixel: float) -> tuple[list[Storey], float]:
+def storeys_on(
+    style: Style, wall: Wall, metres_per_pixel: float, like: Style | None = None
+) -> tuple[list[Storey], float]:
     """The storeys of a wall from its top, whose borders are those of its building, and the metres that a pixel of the exemplar
     takes on them."""
     pixels = round(wall.eaves / metres_per_pixel)
     own, scale = shown_storeys(style, pixels, wall.storeys, np.random.default_rng(0), 0.0)
     scale, plain = scale * metres_per_pixel, _plainest(style)
     kinds, grid = style.exemplar.kinds, np.asarray(style.grid.rows)
-    heights = np.array([float(grid[rows_of(style, floor).stop] - grid[rows_of(style, floor).start]) for floor in own])
+    heights = _floor_heights(style, own)
+    if like is not None:
+        theirs, _ = shown_storeys(like, pixels, wall.storeys, np.random.default_rng(0), 0.0)
+        heights = _floor_heights(like, theirs) if len(theirs) == len(own) else heights
     heights = _within(heights * (wall.eaves / heights.sum()))
     lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
     pitch, top = wall.eaves / len(own), wall.foot + wall.height
@@ -182,6 +190,12 @@ def storeys_on(style: Style, wall: Wall, metres_per_pixel: float) -> tuple[list[
         attic = high - low - natural if highest and not crowned and high - low > LOFTY * natural else 0.0
         stack.append(Storey(floor, _heights(style, floor, high - low - attic, scale), attic, crowned))
     return stack[::-1], scale
+
+
+def _floor_heights(style: Style, floors: list[int]) -> np.ndarray:
+    """How high floors (n,) of an exemplar are, (n,) pixels."""
+    rows = [rows_of(style, floor) for floor in floors]
+    return np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
 
 
 def _within(heights: np.ndarray) -> np.ndarray:
