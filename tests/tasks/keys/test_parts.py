@@ -194,7 +194,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
             "pose": (of_inputs(pose=replace(POSE, roll=3.0)), {"panoramas"}),
             "what is between": (of_kinds("near"), {"between"}),
             "what is behind": (of_kinds("far"), set()),
-            "the house": (of_kinds("higher"), {"geometry", "between"}),
+            "the house": (of_kinds("higher"), {"geometry", "between", "beside"}),
             "which exemplar": (of_inputs(exemplar=(1, "plaster")), {"exemplar"}),
             "the exemplar": (of_inputs(exemplars={0: "f0", 1: "f1"}), {"exemplar"}),
             "storey": (of_run(storey=4.0), set()),
