@@ -265,7 +265,7 @@ def from_exemplar(
     known = np.ones(size, bool) if wall.street else _free(wall, (left, right), size)
     return Facade(
         evidence=texture,
-        image=np.where(known[..., None], texture, 0).astype(np.uint8),
+        image=texture,
         labels=labels,
         occluded=np.zeros(size, bool),
         provenance=np.where(known, SYNTHESISED, UNSEEN).astype(np.uint8),
