@@ -110,6 +110,15 @@ class Centreline:
 
 
 @dataclass(frozen=True, slots=True)
+class Feature:
+    """What a map states of the ground, in the source's frame: a point, a line or an outline, and its tags."""
+
+    id: str
+    geometry: Any
+    tags: Mapping[str, str]
+
+
+@dataclass(frozen=True, slots=True)
 class Footprints:
     """All outlines of one source, the frame they are in (None where it states none), and what the reader says of some."""
 
@@ -169,13 +178,14 @@ class Models:
 
 @dataclass(frozen=True, slots=True)
 class Centrelines:
-    """All centrelines of one source, the frame they are in (None where it states none), those that are broken, and what the
-    reader says of some."""
+    """All centrelines of one source, the frame they are in (None where it states none), those that are broken, what the
+    reader says of some, and what the source states of the ground, the streets among it."""
 
     crs: str | None
     items: tuple[Centreline, ...]
     faults: tuple[Fault, ...] = ()
     remarks: tuple[Remark, ...] = ()
+    ground: tuple[Feature, ...] = ()
 
     def boxes(self) -> np.ndarray:
         """(xmin, ymin, xmax, ymax) of each line, (n, 4)."""

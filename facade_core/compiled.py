@@ -73,7 +73,7 @@ def streets() -> None:
     rasters, writable = Window.layout(placement, charts, charts)
     nothing = np.zeros((rasters.total, 3), np.uint8), np.zeros(rasters.total, np.uint8)
     window = Window.of(placement, rasters, writable, *nothing, visibility_range=scene.visibility_range)
-    swatches = Swatches(scene, plan.streets, seed=0)
+    swatches = Swatches(scene, plan.streets, seed=0, ground=plan.ground)
     panorama = render(scene, window, plan.viewpoints[0], (32, 64))
     swatches.translate(panorama)
     see(scene, window, plan.viewpoints[0], panorama.chart)

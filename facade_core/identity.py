@@ -7,17 +7,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
 from hashlib import blake2b
-from itertools import pairwise
 from typing import Protocol, TypeVar
 
 import numpy as np
 import shapely
 
-from facade_core.geometry.charts import Charts, Mesh
+from facade_core.geometry.charts import GROUND, Charts, Mesh
 from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
+from facade_core.street.ground import Squares
 from facade_core.street.scene import Scene
-from facade_core.types import PLAIN, Finish, Street
+from facade_core.types import PLAIN, Finish, Ground
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -36,8 +36,6 @@ def here(function: Callable[[Sequence[T]], list[R]], items: Sequence[T]) -> list
 
 # Of a view's pixels that show no chart within the range: the sky, and what lies beyond.
 SKY, BEYOND = 0, 1
-# A centreline colours the ground up to this far beside it, metres.
-BESIDE_M = 8.0
 
 
 @dataclass(frozen=True)
@@ -120,7 +118,7 @@ def look_around(
     things: Things,
     ids: np.ndarray,
     cameras: Sequence[Viewpoint],
-    streets: Sequence[Street],
+    ground: Ground,
     width: int,
     each: Each = here,
 ) -> tuple[list[np.ndarray], tuple[str, ...]]:
@@ -128,23 +126,25 @@ def look_around(
     panorama is made of.
 
     That is every pixel's chart (of `ids`) and depth, the things that the charts are of, which charts are one surface, the light
-    on them, and the centrelines near. Whatever else changes in the block, what the viewpoint makes stays. `each` says where
-    rays are cast.
+    on them, and what the ground is drawn of. Whatever else changes in the block, what the viewpoint makes stays. `each` says
+    where rays are cast.
     """
     looks = each(partial(_looks, scene, ids, width), cameras)
     seen = [charts for charts, _ in looks]
     lit = np.unique(np.concatenate([*seen, np.zeros(0, np.int32)]))
     light = np.zeros(len(scene.charts), np.uint64)
     light[lit] = each(partial(_light, scene), lit.tolist())
-    lines = _lines_near(streets, cameras, scene.visibility_range + BESIDE_M)
+    squares = Squares(ground, scene.charts)
     digests = []
-    for (charts, pixels), near in zip(looks, lines, strict=True):
+    for charts, pixels in looks:
         digest = blake2b(pixels, digest_size=16)
         ordered = charts[np.argsort(ids[charts])]
         surface = scene.charts.surface[ordered]
         _, first, of = np.unique(surface, return_index=True, return_inverse=True)
-        for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered], near):
+        for part in (ids[ordered], things.digest[things.of_chart[ordered]], first[of], light[ordered]):
             digest.update(np.ascontiguousarray(part).tobytes())
+        for chart in ordered[scene.charts.kind[ordered] == GROUND].tolist():
+            digest.update(squares.digest(chart))
         digests.append(digest.hexdigest())
     return seen, tuple(digests)
 
@@ -173,16 +173,3 @@ def _light(scene: Scene, charts: Sequence[int]) -> list[int]:
         cells = daylight.light[start : start + int(daylight.rows[chart] * daylight.columns[chart])]
         found.append(int.from_bytes(blake2b(cells.tobytes(), digest_size=8).digest()))
     return found
-
-
-def _lines_near(streets: Sequence[Street], cameras: Sequence[Viewpoint], reach: float) -> list[np.ndarray]:
-    """The segments (k, 4) of centrelines within reach of each viewpoint, in the order of their coordinates."""
-    points = [shapely.get_coordinates(street.line) for street in streets]
-    ends = np.concatenate([np.column_stack([line[:-1], line[1:]]) for line in points] or [np.zeros((0, 4))])
-    segments = np.unique(ends, axis=0)
-    places = shapely.points(np.array([camera.position[:2] for camera in cameras]).reshape(-1, 2))
-    tree = shapely.STRtree(shapely.linestrings(segments.reshape(-1, 2, 2)))
-    camera, near = tree.query(places, predicate="dwithin", distance=reach)
-    order = np.lexsort((near, camera))
-    ends = np.searchsorted(camera[order], np.arange(len(cameras) + 1))
-    return [segments[near[order[first:last]]] for first, last in pairwise(ends.tolist())]

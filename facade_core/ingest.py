@@ -16,18 +16,20 @@ from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import Terrain, terrain_of
 from facade_core.geometry.walls import STREET
+from facade_core.geometry.ways import fitted
 from facade_core.grouping import Grouped
 from facade_core.identity import Each, chart_ids, here, look_around, things_of
 from facade_core.plan import Plan, Sightings
 from facade_core.rectify import REACH_M, sightings
 from facade_core.street.scene import Scene
-from facade_core.types import Building, Elevation, Pose, Street
+from facade_core.types import Building, Elevation, Ground, Pose, Street
 
 
 def ingest(
     buildings: Sequence[Building],
     streets: Sequence[Street],
     *,
+    ground: Ground | None = None,
     elevation: Elevation | None = None,
     poses: Sequence[Pose] = (),
     panorama_sizes: Sequence[tuple[int, int]] = (),
@@ -44,18 +46,25 @@ def ingest(
 ) -> Plan:
     """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
 
-    Without streets they are derived from the gaps between the buildings. Without an elevation the ground follows the
-    buildings' bases. poses and panorama_sizes (rows, columns) are those of the panoramas. Lengths in metres; walls is
-    "exemplar" (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart).
-    With the places of an earlier ingest, charts stay where they are in the atlas. `each` says where rays are cast, most of
-    the work. Raises GeometryError for a block without geometry.
+    ground: what a map says of it; of streets only the lines are known without. Without streets they are derived from the gaps
+    between the buildings. Without an elevation the ground follows the buildings' bases. poses and panorama_sizes (rows,
+    columns) are those of the panoramas. Lengths in metres; walls is "exemplar" (facades are seeded, the street stage writes
+    the rest) or "translate" (the street stage writes every chart). With the places of an earlier ingest, charts stay where
+    they are in the atlas. `each` says where rays are cast, most of the work. Raises GeometryError for a block without
+    geometry.
     """
     footprints = [building.footprint for building in buildings]
     streets = tuple(streets) or streets_between(footprints)
+    ground = fitted(ground or Ground(), streets, footprints)
     terrain = terrain_of(buildings, elevation)
     one_page = AtlasSpec(1, texels_per_metre, page=page)
     charts, mesh, refused = block_surfaces(
-        buildings, streets, terrain=terrain, ground_margin=visibility_range, largest=one_page.largest
+        buildings,
+        streets,
+        terrain=terrain,
+        ground_margin=visibility_range,
+        largest=one_page.largest,
+        within=ground.outline,
     )
     names = tuple(building.id for building in buildings)
     finishes = tuple(building.finish for building in buildings)
@@ -90,7 +99,7 @@ def ingest(
         for position, ahead in zip(positions, forward, strict=True):
             cameras.append(Viewpoint(len(cameras), index, position, ahead))
 
-    seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, streets, panorama_width, each)
+    seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, ground, panorama_width, each)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
@@ -104,6 +113,7 @@ def ingest(
     plan = Plan(
         scene=scene,
         streets=streets,
+        ground=ground,
         facades=facades,
         poses=(),
         refused=refused,

@@ -2,18 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import shapely
 
 from facade_core.facades import Facades
+from facade_core.geometry.charts import GROUND
 from facade_core.geometry.streets import Viewpoint
 from facade_core.grouping import Grouped
 from facade_core.identity import Things, things_of
+from facade_core.street.ground import Squares
 from facade_core.street.scene import Scene
-from facade_core.types import Pose, Street
+from facade_core.types import Ground, Pose, Street
 
 __all__ = ["Facades", "Plan", "Sightings"]
 
@@ -41,16 +43,17 @@ class Sightings:
 class Plan:
     """A block's geometry and the order of its work.
 
-    streets are the given ones, or those derived from the gaps; poses are those of the block's panoramas, on the ground
-    where they had no height. refused: buildings without usable surfaces, as (id, reason). textured (charts,) bool: charts
-    with a texture of the source's own, or on a picture from above. views (k, 2) int32: pairs of viewpoint and chart,
-    sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that the street stage writes; wave
-    (streets,) int32. ids (charts,) uint64 and looks (viewpoints,) digests say what each chart is and each viewpoint sees,
-    wherever it stands in the order.
+    streets are the given ones, or those derived from the gaps; ground is what lies between the buildings; poses are those of
+    the block's panoramas, on the ground where they had no height. refused: buildings without usable surfaces, as (id,
+    reason). textured (charts,) bool: charts with a texture of the source's own, or on a picture from above. views (k, 2)
+    int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that
+    the street stage writes; wave (streets,) int32. ids (charts,) uint64 and looks (viewpoints,) digests say what each chart
+    is and each viewpoint sees, wherever it stands in the order.
     """
 
     scene: Scene
     streets: tuple[Street, ...]
+    ground: Ground
     facades: Facades
     poses: tuple[Pose, ...]
     refused: tuple[tuple[str, str], ...]
@@ -68,13 +71,13 @@ class Plan:
         """What stands in the block."""
         return things_of(self.scene.charts, self.scene.mesh, self.scene.names)
 
-    def lines_within(self, low: np.ndarray, high: np.ndarray) -> list[str]:
-        """The centrelines whose boxes meet the box from low to high (2,), as sorted WKB in hexadecimal."""
-        return sorted(self.streets[i].line.wkb_hex for i in self._lines.query(shapely.box(*low, *high)).tolist())
+    def ground_under(self, charts: Sequence[int]) -> list[str]:
+        """Of each ground chart among some the digest of what its ground is drawn of."""
+        return [self._squares.digest(chart).hex() for chart in charts if self.scene.charts.kind[chart] == GROUND]
 
     @cached_property
-    def _lines(self) -> shapely.STRtree:
-        return shapely.STRtree([street.line for street in self.streets])
+    def _squares(self) -> Squares:
+        return Squares(self.ground, self.scene.charts)
 
     def textured_buildings(self) -> tuple[int, ...]:
         """The buildings that have textures of their own besides those on facades."""

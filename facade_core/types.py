@@ -194,3 +194,48 @@ class Street:
     id: str
     name: str | None
     line: LineString
+
+
+@dataclass(frozen=True, slots=True)
+class Way:
+    """A way on the ground in the block's metric frame, metres: what lies there, not where a camera travels.
+
+    kind: "road", "path", "cycle", "steps", "tram" or "crossing" (the line along which people cross). width: from edge to edge,
+    of a tram's track its gauge; assumed: whether that is by its class. surface: one of SURFACES. lanes: that are marked; 0:
+    none. pavement, parking: to the left and right of its line, 0 where there is none; parking lies within the width. rank:
+    whose surface goes through where roads meet, the larger.
+    """
+
+    id: str
+    line: LineString
+    kind: str
+    width: float
+    surface: str
+    assumed: bool = True
+    lanes: int = 0
+    oneway: bool = False
+    pavement: tuple[float, float] = (0.0, 0.0)
+    parking: tuple[float, float] = (0.0, 0.0)
+    rank: int = 0
+
+
+# What ground is made of.
+SURFACES = ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
+
+
+@dataclass(frozen=True, slots=True)
+class Area:
+    """A piece of ground of one surface, of SURFACES, in the block's metric frame."""
+
+    id: str
+    outline: Polygon | MultiPolygon
+    surface: str
+
+
+@dataclass(frozen=True, slots=True)
+class Ground:
+    """What a map says of the ground; outline: where the block ends, None where nothing says so."""
+
+    ways: tuple[Way, ...] = ()
+    areas: tuple[Area, ...] = ()
+    outline: Polygon | None = None

@@ -28,8 +28,6 @@ from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, Mesh, pack
 from facade_core.geometry.packing import Placement
 from facade_core.street import Materials, Scene
-from facade_core.street.centrelines import Centrelines
-from facade_core.street.field import BESIDE_M
 from facade_core.street.render import shade
 from facade_core.street.tiled import Material
 from facade_core.types import Street
@@ -37,7 +35,7 @@ from facade_core.types import Street
 DENSITY, DENSITIES, SEED = 20.0, (8.0, 16.0, 32.0), 7
 REPEATED = 7
 # Metres along a chart's sides, and from one to the next: none takes another's light.
-SIDE_M, APART_M = 24.0, 200.0
+SIDE_M, APART_M = 24.0, 192.0
 # Those that are compared with means, of so many points along either side of a texel.
 TRUTH_M, SAMPLES = 6.0, 12
 # What a point covers, metres.
@@ -120,7 +118,6 @@ class _Plain:
     def __init__(self, scene: Scene, streets: list[Street], chart: int) -> None:
         self._scene, self._chart = scene, chart
         self._name = list(CHARTS.values())[chart][2]
-        self._lines = Centrelines(streets, BESIDE_M)
         charts = scene.charts
         self._materials = Materials(scene, streets, seed=SEED)
         self._tint = _tint(self._materials, chart, self._name)
@@ -156,8 +153,8 @@ class _Plain:
         across, down = (points @ axis[self._chart] for axis in (charts.axis_u, charts.axis_v))
         other = np.zeros(len(x))
         if self._name in ("asphalt", "paving", "ground"):
-            other = self._lines.distance(points[:, :2])
-            return self._grey * plain.ground(points[:, 0], points[:, 1], other, SEED)
+            own = np.full(len(x), self._chart)  # of the ground the field itself, at a point
+            return self._materials.colour(own, points, np.full(len(x), POINT_M)).astype(np.float64)
         if self._name == "roofing":
             across, down = points[:, 0], points[:, 1]
         elif self._name == "plaster":

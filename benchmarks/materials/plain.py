@@ -91,11 +91,3 @@ def soffit(x: np.ndarray, y: np.ndarray, other: np.ndarray, seed: int) -> np.nda
 MATERIALS: dict[str, Callable[[np.ndarray, np.ndarray, np.ndarray, int], np.ndarray]] = {
     function.__name__: function for function in (asphalt, paving, roofing, tiling, plaster, glass, wood, soffit)
 }
-
-
-def ground(x: np.ndarray, y: np.ndarray, aside: np.ndarray, seed: int) -> np.ndarray:
-    """Colour (n, 3) of ground: carriageway, kerb on its edge, paving beyond; aside (n,): metres from the centreline."""
-    road = aside[:, None] < 3.6
-    colour = paving(x, y, aside, seed)[:, None] * np.array([1.0, 0.985, 0.955])
-    colour = np.where(road, asphalt(x, y, aside, seed)[:, None] * np.array([1.0, 1.0, 1.02]), colour)
-    return np.where(np.abs(aside[:, None] - 3.6) < 0.18, 150 + 0.25 * (colour - 150), colour)

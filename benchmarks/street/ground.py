@@ -1,4 +1,4 @@
-"""What a point of ground costs by the number of streets: distances alone, against all centrelines at once, and agreement.
+"""What the ground costs by the number of streets: drawing a square of it, and a texel of that; at a junction too.
 
 python -m benchmarks.street.ground
 """
@@ -11,40 +11,68 @@ from typing import Any
 
 import numpy as np
 import shapely
+from numba import njit
 
-from facade_core.street.centrelines import Centrelines
-from facade_core.types import Street
+from facade_core.geometry.charts import GROUND, Charts
+from facade_core.street.ground import SQUARE_M, Drawn, Squares
+from facade_core.street.ground_kernels import soil
+from facade_core.types import Ground, Way
 
-# Metres within which a distance matters, and points asked for.
-REACH, POINTS = 8.0, 200_000
-# Points that are compared with shapely, which takes tens of microseconds each.
-COMPARED = 5_000
+# Texels a metre, along a side of a square; texels that are worked out together.
+DENSITY, SIDE = 16.0, 512
+PIECE = 256
+REPEATED = 5
 
 
 def measure(counts: tuple[int, ...] = (3, 100, 1000)) -> dict[str, Any]:
-    """us a point by number of streets, and how far the distances within reach are from shapely's."""
-    rng = np.random.default_rng(0)
+    """By the number of streets: ms to draw a square, ns a texel of the middle one, and of one without a street."""
     found = {}
     for count in counts:
-        side = 200 * np.sqrt(count)
-        begin = rng.uniform(0, side, (count, 2))
-        lines = shapely.linestrings(np.stack([begin, begin + rng.normal(0, 150, (count, 2))], axis=1))
-        centrelines = Centrelines([Street(str(i), None, line) for i, line in enumerate(lines)], REACH)
-        points = rng.uniform(0, side, (POINTS, 2))
-        centrelines.distance(points[:10])  # compiles
-        start = time.perf_counter()
-        distance = centrelines.distance(points)
-        grid = time.perf_counter() - start
-        start = time.perf_counter()
-        expected = shapely.distance(shapely.union_all(lines), shapely.points(points[:COMPARED]))
-        whole = time.perf_counter() - start
-        near = expected < REACH
-        found[str(count)] = {
-            "us": round(1e6 * grid / POINTS, 3),
-            "us_against_all": round(1e6 * whole / COMPARED, 2),
-            "largest_difference_m": float(np.abs(distance[:COMPARED][near] - expected[near]).max(initial=0.0)),
-        }
+        side = np.sqrt(count) * 200
+        rng = np.random.default_rng(0)
+        begin = np.concatenate([rng.uniform(0, side, (count - 2, 2)), [[-60.0, 16.0], [14.0, -60.0]]])
+        end = np.concatenate([begin[:-2] + rng.normal(0, 150, (count - 2, 2)), [[90.0, 19.0], [16.0, 90.0]]])
+        lines = shapely.linestrings(np.stack([begin, end], axis=1))
+        made = ("asphalt", "setts")
+        ways = tuple(
+            Way(str(i), line, "road", 9.0, made[i % 2], lanes=2, pavement=(4.0, 4.0), rank=i % 5)
+            for i, line in enumerate(lines)
+        )
+        places = np.array([[0.0, SQUARE_M, 0.0], [-10_016.0, SQUARE_M, 0.0]])
+        squares = Squares(Ground(ways), _charts(places))
+        start = time.thread_time()
+        squares.of([0])
+        drawn = time.thread_time() - start
+        times = {}
+        for name, chart in (("junction", 0), ("nothing", 1)):
+            near, low = squares.of([chart]), np.array([places[chart, 0], 0.0])
+            _raster(near, *low)  # compiles
+            taken = []
+            for _ in range(REPEATED):
+                start = time.thread_time()
+                _raster(near, *low)
+                taken.append(time.thread_time() - start)
+            times[name] = round(1e9 * min(taken) / SIDE**2, 1)
+        found[str(count)] = {"ms_a_square": round(1e3 * drawn, 1), "ns_a_texel": times}
     return found
+
+
+def _charts(places: np.ndarray) -> Charts:
+    """Squares of ground with their north-west corners at places (n, 3)."""
+    count = len(places)
+    own = np.arange(count, dtype=np.int32)
+    east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
+    kind = np.full(count, GROUND, np.uint8)
+    return Charts(kind, own, np.full(count, -1, np.int32), places, east, south, np.full((count, 2), SQUARE_M))
+
+
+@njit(nogil=True)
+def _raster(drawn: Drawn, left: float, bottom: float) -> None:
+    side, light, out = np.full(PIECE, 1 / DENSITY), np.ones(PIECE), np.empty((PIECE, 3), np.uint8)
+    for row in range(SIDE):
+        y = np.full(PIECE, bottom + (row + 0.5) / DENSITY)
+        for start in range(0, SIDE, PIECE):
+            soil(0, left + (start + np.arange(PIECE) + 0.5) / DENSITY, y, side, drawn, 7, light, 1.0, out)
 
 
 def main() -> None:

@@ -57,6 +57,7 @@ def geometry_digest(block: Block) -> str:
             "crs": block.crs.to_string(),
             "buildings": block.buildings,
             "streets": block.streets,
+            "ground": block.ground,
             "terrain": block.terrain,
             "aerial": aerial and (aerial.content, aerial.crs, aerial.frame),
             "texture": {name: getattr(texture, name) for name in OF_PLAN},

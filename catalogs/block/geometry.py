@@ -12,6 +12,7 @@ import numpy as np
 import shapely
 
 from catalogs.block.file import BlockFile
+from catalogs.block.ground import block_ground
 from catalogs.block.keys import BlockKeys
 from catalogs.block.streets import block_streets, followed
 from catalogs.buildings.extents import Bounds, Source, check_area, places_of, together
@@ -30,7 +31,7 @@ from catalogs.frames import (
 from catalogs.readers.files import read_buildings, read_centrelines
 from catalogs.readers.vectors.shops import read_shops
 from facade_core.errors import BlockFileError
-from facade_core.types import Building, Street
+from facade_core.types import Building, Ground, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -39,6 +40,8 @@ if TYPE_CHECKING:
 Files = Mapping[str, tuple[Path, ...]]
 # Ground is wanted this far around the buildings, and panoramas further away belong to another site.
 SURROUNDINGS_M = 200.0
+# What lies on the ground is kept this far around the area: what is drawn within it depends on no more.
+AROUND_M = 120.0
 # Streets are followed this far from the box around the buildings: four times as far as a viewpoint may see.
 FOLLOWED_M = 1000.0
 
@@ -51,6 +54,7 @@ class Geometry:
     crs: CRS
     built: Buildings
     streets: tuple[Street, ...]
+    ground: Ground
     extent: tuple[float, float, float, float]
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
@@ -73,9 +77,11 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
     extent = _extent(built.items)
     shops = _shops(files, frame, extent)
     if centrelines is None:
-        return Geometry(frame, built, (), extent, notes, built.faults, shops)
+        return Geometry(frame, built, (), Ground(outline=area), extent, notes, built.faults, shops)
+    around = shapely.box(*extent) if area is None else area.buffer(AROUND_M, join_style="mitre")
+    ground = file.read("streets.path", block_ground, centrelines, frame, around, area)
     streets, cut, broken = _streets(keys, files, centrelines, frame, area, extent, file)
-    return Geometry(frame, built, streets, extent, notes + cut, (*built.faults, *broken), shops)
+    return Geometry(frame, built, streets, ground, extent, notes + cut, (*built.faults, *broken), shops)
 
 
 def _building_sources(keys: BlockKeys, files: Files, file: BlockFile) -> list[Source]:

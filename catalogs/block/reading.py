@@ -19,7 +19,7 @@ from catalogs.features import Fault, by_reason, notes_by_reason
 from catalogs.frames import known_frame
 from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
 from facade_core.errors import BlockFileError
-from facade_core.types import Building, Elevation, Privacy, Street
+from facade_core.types import Building, Elevation, Ground, Privacy, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -38,12 +38,12 @@ class Block:
     """One city block, ready to be textured.
 
     crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
-    streets they are derived from the gaps between the buildings when the block is ingested. shops: where a map has some,
-    (x, y), None where none tells. photos: facade id -> file, as taken from the street unless photos_rectified; privacy: what is
-    kept of things in front; textures: the pictures that the buildings' own texture indices count; aerial: the block from
-    straight above; roof_material: a picture of one, and its metres per pixel. notes says what was left out or assumed, one line
-    each; faults are the units that are broken. digest is the sha256 of all of that: of what was read, not of files, their
-    names or dates.
+    streets they are derived from the gaps between the buildings when the block is ingested. ground: what a map says of it;
+    shops: where it has some, (x, y), None where none tells. photos: facade id -> file, as taken from the street unless
+    photos_rectified; privacy: what is kept of things in front; textures: the pictures that the buildings' own texture
+    indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres per pixel. notes
+    says what was left out or assumed, one line each; faults are the units that are broken. digest is the sha256 of all of
+    that: of what was read, not of files, their names or dates.
     """
 
     name: str
@@ -51,6 +51,7 @@ class Block:
     buildings: tuple[Building, ...]
     streets: tuple[Street, ...]
     shops: tuple[tuple[float, float], ...] | None
+    ground: Ground
     terrain: Elevation | None
     exemplars: tuple[Path, ...]
     photos: dict[str, Path]
@@ -111,6 +112,7 @@ def read_block(path: Path | str) -> Block:
         buildings=built.items,
         streets=geometry.streets,
         shops=geometry.shops,
+        ground=geometry.ground,
         terrain=terrain,
         exemplars=exemplars,
         photos=photos,

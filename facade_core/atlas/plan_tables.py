@@ -19,7 +19,7 @@ from facade_core.geometry.packing import Placement
 from facade_core.geometry.streets import Viewpoint
 from facade_core.plan import Plan, Sightings
 from facade_core.street.scene import Scene
-from facade_core.types import Building, Finish, Pose, Street
+from facade_core.types import Area, Building, Finish, Ground, Pose, Street, Way
 
 # A table's columns and attributes, by name.
 Values = Mapping[str, Any]
@@ -61,6 +61,7 @@ def _columns(value: Charts | Facades | Placement | Sightings) -> dict[str, Any]:
 def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, Any]]:
     """The plan as tables."""
     scene, streets, refused = plan.scene, plan.streets, dict(plan.refused)
+    ways, areas = plan.ground.ways, plan.ground.areas
     placement = _columns(scene.placement)
     del placement["pages"]
     return {
@@ -105,6 +106,25 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "point": np.concatenate([_points(s) for s in streets] or [np.empty((0, 2))]),
             "point_street": np.repeat(np.arange(len(streets)), [len(_points(s)) for s in streets]),
         },
+        "ways": {
+            "id": [w.id for w in ways],
+            "kind": [w.kind for w in ways],
+            "line": [shapely.to_wkb(w.line, hex=True) for w in ways],
+            "width": [w.width for w in ways],
+            "assumed": [w.assumed for w in ways],
+            "surface": [w.surface for w in ways],
+            "lanes": [w.lanes for w in ways],
+            "oneway": [w.oneway for w in ways],
+            "pavement": np.array([w.pavement for w in ways]).reshape(-1, 2),
+            "parking": np.array([w.parking for w in ways]).reshape(-1, 2),
+            "rank": [w.rank for w in ways],
+        },
+        "areas": {
+            "id": [a.id for a in areas],
+            "outline": [shapely.to_wkb(a.outline, hex=True) for a in areas],
+            "surface": [a.surface for a in areas],
+            "block": shapely.to_wkb(plan.ground.outline, hex=True) if plan.ground.outline is not None else "",
+        },
         "buildings": {
             "id": [b.id for b in buildings],
             "name": [b.name or "" for b in buildings],
@@ -146,6 +166,7 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
             Street(id_, name or None, shapely.LineString(line))
             for id_, name, line in zip(streets["id"], streets["name"], lines, strict=True)
         ),
+        ground=_ground(tables["ways"], tables["areas"]),
         facades=_of(Facades, tables["facades"]),
         poses=tuple(
             Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
@@ -187,6 +208,24 @@ def _hexadecimal(colour: tuple[int, int, int] | None) -> str:
 
 def _colour(text: str) -> tuple[int, int, int] | None:
     return (int(text[1:3], 16), int(text[3:5], 16), int(text[5:7], 16)) if text else None
+
+
+def _ground(ways: Values, areas: Values) -> Ground:
+    names = ("id", "kind", "width", "surface", "assumed", "lanes", "oneway", "rank")
+    columns = [ways[name] if isinstance(ways[name], tuple) else ways[name].tolist() for name in names]
+    lines = [shapely.from_wkb(line) for line in ways["line"]]
+    sides = [[tuple(pair) for pair in ways[name].tolist()] for name in ("pavement", "parking")]
+    return Ground(
+        tuple(
+            Way(line=line, pavement=pavement, parking=parking, **dict(zip(names, values, strict=True)))
+            for line, pavement, parking, *values in zip(lines, *sides, *columns, strict=True)
+        ),
+        tuple(
+            Area(id, shapely.from_wkb(outline), surface)
+            for id, outline, surface in zip(areas["id"], areas["outline"], areas["surface"], strict=True)
+        ),
+        shapely.from_wkb(areas["block"]) if areas["block"] else None,
+    )
 
 
 def _own_textures(mesh: Mesh) -> dict[str, Any]:

@@ -202,6 +202,31 @@ TABLES = {
             ),
         ),
         Table(
+            "ways",
+            (
+                _column("id", "way", TEXT, "name in the source"),
+                _column("kind", "way", TEXT, "road, path, cycle, steps, tram or crossing"),
+                _column("line", "way", TEXT, "well-known binary in hexadecimal, in the block's CRS"),
+                _column("width", "way", "float64", "from edge to edge, of tracks their gauge", "m"),
+                _column("assumed", "way", "bool", "whether the width is by class or by what buildings leave"),
+                _column("surface", "way", TEXT, "what it is made of"),
+                _column("lanes", "way", "int32", "marked lanes, 0 where none are", "1"),
+                _column("oneway", "way", "bool", "driven in one direction"),
+                _column("pavement", "way left_right", "float64", "pavement beside it, 0 where there is none", "m"),
+                _column("parking", "way left_right", "float64", "parked cars on it, 0 where there are none", "m"),
+                _column("rank", "way", "int32", "whose surface goes through where roads meet, the larger", "1"),
+            ),
+        ),
+        Table(
+            "areas",
+            (
+                _column("id", "area", TEXT, "name in the source"),
+                _column("outline", "area", TEXT, "well-known binary in hexadecimal, in the block's CRS"),
+                _column("surface", "area", TEXT, "what it is made of"),
+            ),
+            ("block",),
+        ),
+        Table(
             "buildings",
             (
                 _column("id", "building", TEXT, "name in the source"),

@@ -44,13 +44,15 @@ def block_surfaces(
     ground_margin: float,
     largest: float,
     grid: float = 32.0,
+    within: Polygon | None = None,
 ) -> tuple[Charts, Mesh, tuple[tuple[str, str], ...]]:
     """Charts and mesh of a block: the surfaces of every building, and the ground near the streets on the terrain.
 
     Third, the buildings without usable surfaces, which are left out: (id, reason).
 
     Surfaces longer than `largest` metres, and all ground, are cut on the world grid of `grid` metres (ground finer where it is
-    uneven); pieces keep their surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills courtyards.
+    uneven); pieces keep their surface's id. Ground reaches `ground_margin` metres from the centrelines, and fills
+    courtyards; it ends straight where a street ends, and FORECOURT_M beyond `within`, where a block has one.
     Raises GeometryError when nothing is left.
     """
     pieces = Pieces()
@@ -66,11 +68,14 @@ def block_surfaces(
         if building.shell is None or found is None or walled(found, _free(index, buildings, beside)) >= WALLED:
             outlines.append(outline)
     if streets:
-        near = [street.line.buffer(ground_margin) for street in streets]
+        near = [street.line.buffer(ground_margin, cap_style="square", join_style="mitre") for street in streets]
         built = shapely.union_all(outlines)
         # closing the footprints covers courtyards and gaps that no street comes near
         around = built.buffer(COURTYARD_M).buffer(FORECOURT_M - COURTYARD_M)
         open_ground = shapely.union_all([*near, around]).difference(built)
+        if within is not None:
+            end = shapely.union_all([within, shapely.union_all(outlines)]).buffer(FORECOURT_M, join_style="mitre")
+            open_ground = open_ground.intersection(end)
         parts = sorted(shapely.get_parts(open_ground), key=lambda p: p.bounds)
         add_ground(pieces, [p for p in parts if p.geom_type == "Polygon" and p.area > 0.01], terrain, grid)
     if not len(pieces):

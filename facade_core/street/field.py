@@ -8,9 +8,9 @@ from copy import copy
 import numpy as np
 
 from facade_core.geometry.charts import DOOR, ROOF, WALL, WINDOW
+from facade_core.geometry.ways import ways_of
 from facade_core.street import field_kernels as kernels
 from facade_core.street import grain
-from facade_core.street.centrelines import Centrelines
 from facade_core.street.field_kernels import (
     BOARDS,
     BRICK,
@@ -25,17 +25,15 @@ from facade_core.street.field_kernels import (
     Surfaces,
 )
 from facade_core.street.grain_file import shipped
-from facade_core.street.materials import BRICKS, CARRIAGEWAY_M, KERB_M, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
+from facade_core.street.ground import Squares
+from facade_core.street.materials import BRICKS, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
 from facade_core.street.own_walls import Wall
 from facade_core.street.render import shade
 from facade_core.street.sampling import Lights
 from facade_core.street.scene import Scene
 from facade_core.street.tiled import Material
-from facade_core.types import Street
+from facade_core.types import Ground, Street
 
-# How far from a centreline the ground takes its colours from it: beyond, no distance is asked for. An edge is soft over
-# twice what lies between it and there, at most.
-BESIDE_M = CARRIAGEWAY_M + KERB_M + 1.22
 # A roof whose normal leans more than this from the vertical (cosine) carries tiles.
 TILED = 0.985
 # A roof whose normal has this much of north in it is under moss, at its worst place.
@@ -57,20 +55,27 @@ LEAST_OPEN = 0.25
 class Materials:
     """What charts are made of: a function of the world point, the same wherever it is seen from.
 
-    Ground is carriageway along the centrelines, kerb, and paving beyond; walls take their building's plaster, tilted roofs
+    Ground is what `ground` says, or carriageways along the streets; walls take their building's plaster, tilted roofs
     tiles along the slope; with a material for roofs, all of these take that. A footprint is the side of the square, in
     metres, over which a colour is meant; a texel's is one texel.
     """
 
     def __init__(
-        self, scene: Scene, streets: Sequence[Street], *, seed: int, roof_material: Material | None = None
+        self,
+        scene: Scene,
+        streets: Sequence[Street],
+        *,
+        seed: int,
+        roof_material: Material | None = None,
+        ground: Ground | None = None,
     ) -> None:
         self._scene = scene
+        self._ground = Squares(ground or Ground(ways_of(streets)), scene.charts)
         self._step = 1 / scene.spec.texels_per_metre
         grey = Material(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
         self.field = Field(
             _surfaces(scene, seed, laid=roof_material is not None),
-            Centrelines(streets, BESIDE_M).lines,
+            self._ground.of([]),
             (roof_material or grey).mips,
             shipped(),
             seed,
@@ -101,14 +106,14 @@ class Materials:
         """Shaded material of world points (n, 3) on charts (n,) with footprints (n,): (n, 3) uint8."""
         out = np.empty((len(chart), 3), np.uint8)
         order, own = np.argsort(chart, kind="stable"), chart.astype(np.int64, copy=False)
-        kernels.colour(order, own, points, footprint, self.field, self._lights(np.unique(chart)), out)
+        kernels.colour(order, own, points, footprint, *self._near(np.unique(chart)), out)
         return out
 
     def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Texels (k,) of a chart at their middles: (k, 3) uint8."""
         out = np.empty((len(rows), 3), np.uint8)
         places = (rows.astype(np.int64, copy=False), columns.astype(np.int64, copy=False))
-        kernels.texels(chart, *places, self._step, self.field, self._lights([chart]), out)
+        kernels.texels(chart, *places, self._step, *self._near([chart]), out)
         return out
 
     def detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
@@ -124,13 +129,15 @@ class Materials:
         """A whole chart: (h, w, 3) uint8."""
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
-        kernels.raster(chart, self._step, self.field, self._lights([chart]), out)
+        kernels.raster(chart, self._step, *self._near([chart]), out)
         return out
 
-    def _lights(self, charts: Sequence[int] | np.ndarray) -> Lights:
+    def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[Field, Lights]:
+        """The field and the light on some charts."""
         daylight = self._scene.daylight
         daylight.reach(charts)
-        return Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
+        lights = Lights(daylight.place, daylight.columns, daylight.rows, daylight.light)
+        return self.field._replace(ground=self._ground.of(charts)), lights
 
 
 def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:

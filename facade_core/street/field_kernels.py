@@ -10,10 +10,10 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from facade_core.street.centrelines import Lines
 from facade_core.street.chance import chance
 from facade_core.street.daylight import LEAST
 from facade_core.street.grain import Grains, add_grain
+from facade_core.street.ground import Drawn
 from facade_core.street.ground_kernels import level, soil
 from facade_core.street.materials import (
     GLASS,
@@ -69,10 +69,13 @@ class Surfaces(NamedTuple):
 
 
 class Field(NamedTuple):
-    """All that a colour is made of but the light: charts, centrelines, a material for roofs, examples of grain, chance."""
+    """All that a colour is made of but the light: charts, the ground, a material for roofs, examples of grain, chance.
+
+    ground: of the charts that are asked for, at least.
+    """
 
     charts: Surfaces
-    lines: Lines
+    ground: Drawn
     roof: Mips
     grains: Grains
     seed: int
@@ -160,7 +163,7 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         east[k], north[k] = points[0, k], points[1, k]
     made, tint, grey = charts.made[c], charts.tint[c], charts.grey[c]
     if made == SOIL:
-        soil(east, north, side, field.lines, seed, light, grey, x, y, other, out)
+        soil(field.ground.square[c], east, north, side, field.ground, seed, light, grey, out)
         return
     if made == LAID:
         for k in range(n):

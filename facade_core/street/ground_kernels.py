@@ -1,15 +1,36 @@
-"""The kernel of the ground: carriageway along centrelines, kerbs, and paving beyond."""
+"""The kernel of the ground: surfaces, kerbs and marks by their shares of the footprint."""
 
 from __future__ import annotations
 
 import numpy as np
 from numba import njit
 
-from facade_core.street.centrelines import Lines, distances
-from facade_core.street.materials import ASPHALT, CARRIAGEWAY_M, KERB_M, PAVING, asphalt, paving
+from facade_core.street.ground import CELL_M, CELLS, PATHS, PAVEMENT, REACH_M, ROAD, Drawn
+from facade_core.street.materials import ASPHALT, PAVING, _covered, add_noise, add_tones, asphalt, paving
+from facade_core.types import SURFACES
 
-# A kerb's own grey, as it adds to what is under it, and the share that it takes from that.
-KERB, KERB_TAKES = 112.5, 0.75
+GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK = range(7)
+assert SURFACES == ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
+# The colours of a tone of 1.
+COLOURS = np.array(
+    [
+        [1.0, 0.955, 0.88],
+        ASPHALT,
+        PAVING,
+        [1.0, 0.985, 0.97],
+        [0.74, 0.92, 0.5],
+        [0.62, 0.78, 0.86],
+        [1.3, 0.86, 0.76],
+    ]
+)
+# A kerb's width and grey, the gutter's width and what it takes of its tone; the width and length of a sett.
+KERB_M, KERB, GUTTER_M, GUTTER = 0.18, 164.0, 0.3, 0.12
+SETT_M = (0.21, 0.15)
+# The tones of marks, and how much of what is under them they hide.
+MARKS = np.array([70.0, 62.0, 58.0, 168.0, 214.0])
+HIDES = np.array([0.45, 0.7, 0.9, 0.9, 0.85])
+# Where a wheel runs from its lane's middle.
+WHEEL_M = 0.85
 
 
 @njit(cache=True, inline="always")
@@ -18,45 +39,298 @@ def level(value: float) -> np.uint8:
     return np.uint8(np.int64(min(max(value, 0.0), 255.0) + 0.5))
 
 
+@njit(cache=True, inline="always", error_model="numpy")
+def _within(low: float, high: float, middle: float, wide: float) -> float:
+    """Of a piece `wide` about a place the share between low and high."""
+    return max(min(middle + 0.5 * wide, high) - max(middle - 0.5 * wide, low), 0.0) / wide
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def outward(px: float, py: float, edges: np.ndarray, first: int, last: int) -> float:
+    """How far a place lies outside of what is on the left of the nearest of some edges, metres, negative inside."""
+    best, beside, sign = np.inf, -1.0, 1.0
+    for k in range(first, last):
+        qx, qy = px - edges[k, 0], py - edges[k, 1]
+        past = qx * edges[k, 2] + qy * edges[k, 3]
+        past -= min(max(past, 0.0), edges[k, 4])
+        left = edges[k, 2] * qy - edges[k, 3] * qx
+        away = past * past + left * left
+        # of two edges with one corner nearest that counts which the place lies more beside
+        if away < best - 1e-9 or (away < best + 1e-9 and abs(left) > beside):
+            best, beside, sign = min(away, best), abs(left), -1.0 if left > 0 else 1.0
+    return sign * np.sqrt(best)
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def soil(
+    square: int,
     x: np.ndarray,
     y: np.ndarray,
     side: np.ndarray,
-    lines: Lines,
+    drawn: Drawn,
     seed: int,
     light: np.ndarray,
     grey: float,
-    road: np.ndarray,
-    slabs: np.ndarray,
-    aside: np.ndarray,
     out: np.ndarray,
 ) -> None:
-    """Ground: carriageway, kerb on its edge, paving beyond, each by its share of the footprint across the street.
-
-    road, slabs, aside (n,): what is known here is written to them.
-    """
+    """Colours (n, 3) of places on a square, each the mean of what its footprint covers."""
     n = len(x)
-    low, high = np.inf, -np.inf
-    distances(x, y, lines, aside)
-    widest = 2 * (lines.reach - CARRIAGEWAY_M - KERB_M)
+    weight = np.zeros((n, len(COLOURS)))
+    along, across, aside = np.empty(n), np.empty(n), np.empty(n)
+    over, hidden, frame = np.zeros(n), np.zeros(n), np.zeros(5)
+    low_x, low_y = drawn.low[square, 0], drawn.low[square, 1]
+    before, plain, made = -1, False, GRAVEL
     for k in range(n):
-        reach = 0.5 * min(side[k], widest)
-        low, high = min(low, aside[k] - reach), max(high, aside[k] + reach)
-    if low < CARRIAGEWAY_M:
-        asphalt(x, y, aside, side, seed, road)
-    if high > CARRIAGEWAY_M:
-        paving(x, y, side, seed, slabs)
+        column = min(max(int((x[k] - low_x) * (1 / CELL_M)), 0), CELLS - 1)
+        row = min(max(int((y[k] - low_y) * (1 / CELL_M)), 0), CELLS - 1)
+        cell = (square * CELLS + row) * CELLS + column
+        if cell != before:
+            before = cell
+            made = _all(cell, drawn)
+            plain = made >= 0
+        if plain and (made in (GRAVEL, GRASS, WATER)):
+            weight[k, made] = 1.0
+            continue
+        nearest = _frame(cell, x[k], y[k], drawn, k, along, across, aside, frame)
+        if plain:
+            weight[k, made] = 1.0
+        else:
+            _layers(cell, x[k], y[k], min(side[k], 2 * REACH_M), nearest, drawn, k, weight[k], over, hidden)
+    total = np.zeros((3, n))
+    member, px, py, ps, pa, tone = (
+        np.empty(n, np.int64),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+        np.empty(n),
+    )
+    for made in range(len(COLOURS)):
+        count, framed = 0, made in (SLABS, SETTS)
+        for k in range(n):
+            if weight[k, made] > 1e-3:
+                member[count] = k
+                px[count], py[count] = (along[k], across[k]) if framed else (x[k], y[k])
+                ps[count], pa[count] = side[k], aside[k] if made == TAR else 9.0
+                count += 1
+        if count == 0:
+            continue
+        _tones(made, px[:count], py[:count], pa[:count], ps[:count], seed, tone[:count])
+        for i in range(count):
+            k = member[i]
+            for band in range(3):
+                total[band, k] += weight[k, made] * tone[i] * COLOURS[made, band]
     for k in range(n):
-        wide = min(side[k], widest)
-        low, high = aside[k] - 0.5 * wide, aside[k] + 0.5 * wide
-        # shares of the road, of its half of the kerb and of the pavement's
-        left = max(min(high, CARRIAGEWAY_M) - low, 0.0) / wide
-        inner = max(min(high, CARRIAGEWAY_M) - max(low, CARRIAGEWAY_M - KERB_M), 0.0) / wide
-        outer = max(min(high, CARRIAGEWAY_M + KERB_M) - max(low, CARRIAGEWAY_M), 0.0) / wide
-        kerb = KERB * (inner + outer)
-        first = (left - KERB_TAKES * inner) * road[k] if left > 0 else 0.0
-        second = (1 - left - KERB_TAKES * outer) * slabs[k] if left < 1 else 0.0
         for band in range(3):
-            value = kerb + first * ASPHALT[band] + second * PAVING[band]
-            out[k, band] = level(value * grey * light[k])
+            out[k, band] = level((total[band, k] * (1 - hidden[k]) + over[k]) * grey * light[k])
+
+
+@njit(cache=True, nogil=True)
+def _all(cell: int, drawn: Drawn) -> int:
+    """What a whole cell is made of; -1 where that is not one thing."""
+    first, last = drawn.start_layer[cell], drawn.start_layer[cell + 1]
+    if drawn.start_mark[cell + 1] > drawn.start_mark[cell]:
+        return -1
+    if first == last:
+        return GRAVEL
+    if last > first + 1 or drawn.first_edge[last] > drawn.first_edge[first]:
+        return -1
+    layer = drawn.layer[first]
+    if layer < PAVEMENT:
+        return layer
+    if layer == PAVEMENT:
+        return SLABS
+    if layer < ROAD:
+        return layer - PATHS
+    start, end = drawn.start_frame[cell], drawn.start_frame[cell + 1]
+    for f in range(start + 1, end):
+        if drawn.frames[f, 6] != drawn.frames[start, 6]:
+            return -1
+    return int(drawn.frames[start, 6]) if end > start else TAR
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _frame(
+    cell: int,
+    px: float,
+    py: float,
+    drawn: Drawn,
+    k: int,
+    along: np.ndarray,
+    across: np.ndarray,
+    aside: np.ndarray,
+    kept: np.ndarray,
+) -> int:
+    """Where a place is in the frame of the nearest road, which is told, -1 for none: along it, across it, and how far from the
+    middle of a lane as `asphalt` has it. kept (5,): what is worked out once for a frame."""
+    frames = drawn.frames
+    first, last = drawn.start_frame[cell], drawn.start_frame[cell + 1]
+    nearest = first if last > first else -1
+    if last > first + 1:
+        best = np.inf
+        for f in range(first, last):
+            away = _beside(px, py, frames, f) - frames[f, 5]
+            if away < best:
+                best, nearest = away, f
+    if nearest < 0:
+        along[k], across[k], aside[k] = px, py, 9.0
+        return nearest
+    if kept[0] != nearest + 1:
+        dx, dy = frames[nearest, 2], frames[nearest, 3]
+        if dx < 0 or (dx == 0 and dy < 0):  # the same slabs whichever way it runs
+            dx, dy = -dx, -dy
+        kept[0], kept[1], kept[2] = nearest + 1, dx, dy
+        kept[3] = frames[nearest, 1] * dx - frames[nearest, 0] * dy
+    dx, dy = kept[1], kept[2]
+    along[k], across[k] = px * dx + py * dy, py * dx - px * dy
+    lane = frames[nearest, 8]
+    turn = (across[k] - kept[3]) / lane
+    aside[k] = 1.7 + abs(abs(turn - np.floor(turn) - 0.5) * lane - WHEEL_M)
+    return nearest
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _layers(
+    cell: int,
+    px: float,
+    py: float,
+    wide: float,
+    nearest: int,
+    drawn: Drawn,
+    k: int,
+    weight: np.ndarray,
+    over: np.ndarray,
+    hidden: np.ndarray,
+) -> None:
+    """What lies at a place: surfaces by their share, and what is laid over."""
+    weight[GRAVEL] = 1.0
+    for e in range(drawn.start_layer[cell], drawn.start_layer[cell + 1]):
+        layer = drawn.layer[e]
+        start, end = drawn.first_edge[e], drawn.first_edge[e + 1]
+        outside = -REACH_M if drawn.inside[e] else REACH_M
+        if end > start:
+            found = outward(px, py, drawn.edges, start, end)
+            if np.isfinite(found):
+                outside = min(max(found, -REACH_M), REACH_M)
+        share = min(max(0.5 - outside / wide, 0.0), 1.0)
+        if share > 0:
+            for made in range(len(weight)):
+                weight[made] *= 1 - share
+        if layer == ROAD:
+            _carriageway(cell, px, py, wide, share, outside, drawn, nearest, k, weight, over, hidden)
+        elif share > 0:
+            weight[layer if layer < PAVEMENT else SLABS if layer == PAVEMENT else layer - PATHS] += share
+    for m in range(drawn.start_mark[cell], drawn.start_mark[cell + 1]):
+        share = _marked(px, py, wide, drawn.marks, m)
+        if share > 0:
+            kind = int(drawn.marks[m, 6])
+            share *= HIDES[kind]
+            over[k] = over[k] * (1 - share) + share * MARKS[kind]
+            hidden[k] = hidden[k] * (1 - share) + share
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _carriageway(
+    cell: int,
+    px: float,
+    py: float,
+    wide: float,
+    share: float,
+    outside: float,
+    drawn: Drawn,
+    nearest: int,
+    k: int,
+    weight: np.ndarray,
+    over: np.ndarray,
+    hidden: np.ndarray,
+) -> None:
+    """A carriageway of what its road is made of, the higher over the lower, its gutter and its kerb."""
+    frames = drawn.frames
+    if share > 0:
+        left, rank = share, -1.0
+        if nearest >= 0:
+            rank = frames[nearest, 7]
+        for f in range(drawn.start_frame[cell + 1] - 1, drawn.start_frame[cell] - 1, -1):  # the highest first
+            if frames[f, 7] <= rank:
+                break
+            own = min(max(0.5 - (_beside(px, py, frames, f) - frames[f, 5]) / wide, 0.0), 1.0)
+            if own > 0:
+                weight[int(frames[f, 6])] += left * own
+                left *= 1 - own
+        weight[int(frames[nearest, 6]) if nearest >= 0 else TAR] += left
+    if abs(outside) >= REACH_M:
+        return
+    gutter = _within(-GUTTER_M, 0.0, outside, wide) * GUTTER
+    lip = _within(-0.03, 0.0, outside, wide) * 0.5
+    if gutter + lip > 0:
+        for made in range(len(weight)):
+            weight[made] *= 1 - gutter - lip
+    stone = _within(0.0, KERB_M, outside, wide)
+    if stone > 0:
+        over[k] = over[k] * (1 - stone) + stone * KERB
+        hidden[k] = hidden[k] * (1 - stone) + stone
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _beside(px: float, py: float, frames: np.ndarray, f: int) -> float:
+    """How far a place is from the line of a frame, metres."""
+    qx, qy = px - frames[f, 0], py - frames[f, 1]
+    past = qx * frames[f, 2] + qy * frames[f, 3]
+    past -= min(max(past, 0.0), frames[f, 4])
+    left = frames[f, 2] * qy - frames[f, 3] * qx
+    return np.sqrt(past * past + left * left)
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _marked(px: float, py: float, wide: float, marks: np.ndarray, m: int) -> float:
+    """The share of a footprint on a mark."""
+    qx, qy, length, half = px - marks[m, 0], py - marks[m, 1], marks[m, 4], marks[m, 5]
+    run, off = qx * marks[m, 2] + qy * marks[m, 3], qy * marks[m, 2] - qx * marks[m, 3]
+    if marks[m, 7] > 0:
+        past = run - min(max(run, 0.0), length)
+        return min(max(0.5 - (np.sqrt(past * past + off * off) - half) / wide, 0.0), 1.0)
+    return _within(-half, half, off, wide) * _within(0.0, length, run, wide)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def _tones(
+    made: int, x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray
+) -> None:
+    """What a surface is like, 0..255."""
+    if made in (TAR, TRACK):
+        asphalt(x, y, aside, side, seed, out)
+    elif made == SLABS:
+        paving(x, y, side, seed, out)
+    elif made == SETTS:
+        setts(x, y, side, seed, out)
+    elif made == GRAVEL:
+        out[:] = 138
+        for number, cell in enumerate((0.04, 0.12, 0.9, 5.0)):
+            add_noise(x, y, side, (cell, cell), (16.0, 8.0, 5.0, 7.0)[number], seed + 51 + number, out)
+    elif made == GRASS:
+        out[:] = 112
+        for number, cell in enumerate((0.05, 0.2, 1.5, 7.0)):
+            add_noise(x, y, side, (cell, cell), (20.0, 11.0, 7.0, 8.0)[number], seed + 55 + number, out)
+    else:
+        out[:] = 96
+        add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
+        add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def setts(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Granite setts in courses across the street, of which x runs along; joints darker."""
+    out[:] = 140
+    add_noise(y, x, side, (0.06, 0.06), 7.0, seed + 61, out)
+    add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
+    add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
+    add_tones(y, x, side, SETT_M, 30.0, seed + 64, out)
+    right, up = 1 / SETT_M[0], 1 / SETT_M[1]
+    beside, below = 0.012 * right, 0.012 * up
+    for k in range(len(x)):
+        column, row, wide, high = y[k] * right, x[k] * up, side[k] * right, side[k] * up
+        even = _covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
+        odd = _covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
+        clear = even * _covered(column, wide, beside, 1 - 2 * beside)
+        clear += odd * _covered(column, wide, 0.5 + beside, 1 - 2 * beside)
+        out[k] *= 0.68 + 0.32 * clear

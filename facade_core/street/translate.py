@@ -12,7 +12,7 @@ from facade_core.street.field import Materials
 from facade_core.street.render import Panorama
 from facade_core.street.scene import Scene
 from facade_core.street.tiled import Material
-from facade_core.types import Street
+from facade_core.types import Ground, Street
 
 # A surface is seen no flatter than this (cosine): what a pixel covers of it near the horizon is counted as this much.
 FLATTEST = 0.02
@@ -33,10 +33,16 @@ class Swatches:
     """
 
     def __init__(
-        self, scene: Scene, streets: Sequence[Street], *, seed: int, roof_material: Material | None = None
+        self,
+        scene: Scene,
+        streets: Sequence[Street],
+        *,
+        seed: int,
+        roof_material: Material | None = None,
+        ground: Ground | None = None,
     ) -> None:
         self._normal = scene.charts.normal()
-        self.materials = Materials(scene, streets, seed=seed, roof_material=roof_material)
+        self.materials = Materials(scene, streets, seed=seed, roof_material=roof_material, ground=ground)
 
     def translate(self, panorama: Panorama) -> np.ndarray:
         rgb = panorama.rgb.copy()

@@ -11,7 +11,6 @@ from catalogs.file_digest import file_digest
 from facade_core.geometry.charts import CORNERS, GROUND
 from facade_core.plan import Plan
 from facade_core.street.daylight import REACH_M
-from facade_core.street.field import BESIDE_M
 from facade_core.street.sun import REACH_M as SHADOWS_M
 from tasks.keys.stage_code import stage_code
 from tasks.keys.units import parts_key
@@ -43,7 +42,7 @@ def surface_key(
         views = np.unique(plan.views_of_charts(np.array(charts))[:, 0]).tolist()
         parts["views"] = [run.texture.panorama_width, [plan.viewpoints[v].position.tolist() for v in views]]
     if (plan.scene.charts.kind[list(charts)] == GROUND).any():
-        parts["lines"] = plan.lines_within(low[:2] - BESIDE_M, high[:2] + BESIDE_M)
+        parts["lines"] = plan.ground_under(charts)
         if run.aerial is not None:
             parts["aerial"] = [run.aerial.content, run.aerial.crs, run.aerial.frame]
     return parts_key(stage_code("surfaces"), **parts)

@@ -25,6 +25,7 @@ def plan_of(block: Block, last: Places | None = None, each: Each = here) -> Plan
     plan = ingest(
         block.buildings,
         block.streets,
+        ground=block.ground,
         elevation=block.terrain,
         poses=[panorama.pose for panorama in block.panoramas],
         panorama_sizes=_sizes(block),

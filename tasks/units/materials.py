@@ -46,7 +46,7 @@ def sampler(run: Run) -> Sampler | None:
 def materials(plan: Plan, seed: int, roofs: tuple[Path, float] | None) -> Materials:
     """What a block's charts are made of; roofs: the picture of their material and its metres per pixel, where one is given."""
     laid = roof_material(roofs, plan.scene.spec.texels_per_metre)
-    return Materials(plan.scene, plan.streets, seed=seed, roof_material=laid)
+    return Materials(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground)
 
 
 def field_of(group: StoreGroup, plan: Plan) -> Materials | None:

@@ -47,7 +47,7 @@ def context(run: Run) -> Context:
     if run.texture.translator == "neural":
         return Context(plan, neural.load(), None)
     laid = roof_material(run.roof_material, run.texture.texels_per_metre)
-    swatches = Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=laid)
+    swatches = Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground)
     return Context(plan, swatches, swatches.materials)
 
 

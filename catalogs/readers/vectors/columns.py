@@ -36,6 +36,16 @@ _NAMES = {
     "tunnel": "tunnel",
     "area": "area",
     "junction": "junction",
+    "width": "width width_m road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte",
+    "lanes": "lanes num_lanes number_of_lanes fahrstreifen anzahl_fahrstreifen nb_voies rijstroken",
+    "oneway": "oneway one_way einbahn",
+    "surface": "surface belag oberflaeche revetement verharding",
+    "sidewalk": "sidewalk",
+    "cycleway": "cycleway",
+    "footway": "footway",
+    "crossing": "crossing",
+    "railway": "railway",
+    "gauge": "gauge",
 }
 # Tag -> the names of its column in order of preference: lower case, every mark an underscore.
 COLUMNS: Mapping[str, tuple[str, ...]] = {tag: tuple(names.split()) for tag, names in _NAMES.items()}

@@ -11,7 +11,7 @@ import numpy as np
 import shapely
 
 from catalogs.broken import reason_of
-from catalogs.features import Centrelines, Fault, Footprints, Remark
+from catalogs.features import Centrelines, Fault, Feature, Footprints, Remark
 from catalogs.readers.faces import FARTHEST
 from catalogs.readers.vectors.centrelines import centrelines_of, place_of
 from catalogs.readers.vectors.layers import Features, read_features
@@ -83,7 +83,12 @@ def read_centrelines(path: Path) -> Centrelines:
             yield id, geometry, listed(tags["name"])[0] if "name" in tags else None
 
     found = centrelines_of(features.crs, streets())
-    return replace(found, remarks=tuple(_renamed(found, features, path)))
+    ground = tuple(
+        Feature(id, geometry, {key: listed(value)[0] for key, value in tags.items()})
+        for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True)
+        if geometry is not None and not (opendrive and tags.get("junction") != "-1")
+    )
+    return replace(found, remarks=tuple(_renamed(found, features, path)), ground=ground)
 
 
 def _renamed(found: Centrelines, features: Features, path: Path) -> Iterator[Remark]:

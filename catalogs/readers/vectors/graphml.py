@@ -13,7 +13,7 @@ import shapely
 from shapely import LineString
 
 from catalogs.broken import is_machines
-from catalogs.features import Centrelines, Fault
+from catalogs.features import Centrelines, Fault, Feature
 from catalogs.readers.vectors.centrelines import centrelines_of
 from catalogs.readers.vectors.osm import is_street, listed
 from facade_core.errors import InputError
@@ -30,6 +30,7 @@ def read_graphml(path: Path) -> Centrelines:
     edges = [(start, end, _texts(attributes)) for start, end, attributes in graph.edges(data=True)]
     from_osm = any("highway" in tags for _, _, tags in edges)
     nowhere: dict[str, None] = {}
+    ground: list[Feature] = []
 
     def streets() -> Iterator[tuple[str, Any, str | None]]:
         for start, end, tags in edges:
@@ -38,6 +39,9 @@ def read_graphml(path: Path) -> Centrelines:
                 line = shapely.from_wkt(tags["geometry"], on_invalid="ignore")
             elif start in places and end in places:
                 line = LineString([places[start], places[end]])
+            if line is not None:
+                plain = {key: listed(value)[0] for key, value in tags.items() if key != "geometry"}
+                ground.append(Feature(f"{start}-{end}", line, plain))
             if from_osm and ("highway" not in tags or not is_street(line or LineString(), tags)):
                 continue
             if "geometry" not in tags and line is None:
@@ -49,7 +53,8 @@ def read_graphml(path: Path) -> Centrelines:
 
     found = centrelines_of(_frame(path, graph.graph.get("crs")), streets())
     reason = "node {} of the street graph has no x and y; give it both, or remove its edges"
-    return replace(found, faults=(*found.faults, *(Fault(node, "street", reason.format(node)) for node in nowhere)))
+    faults = (*found.faults, *(Fault(node, "street", reason.format(node)) for node in nowhere))
+    return replace(found, faults=faults, ground=tuple(ground))
 
 
 def _graph(path: Path) -> Any:

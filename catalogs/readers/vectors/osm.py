@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.broken import is_machines, reason_of
-from catalogs.features import Centrelines, Fault, Footprint, Footprints, Remark
+from catalogs.features import Centrelines, Fault, Feature, Footprint, Footprints, Remark
 from catalogs.readers.vectors.centrelines import centrelines_of, place_of
 from catalogs.readers.vectors.colours import finish_of
 from catalogs.readers.vectors.lengths import parse_length, parse_levels
@@ -118,19 +118,47 @@ def _eaves(height: float, roof: Roof | None, tags: Mapping[str, str]) -> tuple[f
     return height, Roof("flat", 0.0)
 
 
+# What is asked for beside the network of ways: areas of ground, tracks, crossings.
+_ON_GROUND = {
+    "natural": ["water", "wood", "scrub", "grassland", "sand", "beach"],
+    "leisure": ["park", "garden", "pitch", "playground", "dog_park"],
+    "landuse": [
+        "grass", "meadow", "forest", "village_green", "flowerbed", "recreation_ground", "cemetery", "basin",
+        "construction", "brownfield",
+    ],
+    "waterway": ["riverbank", "dock"],
+    "place": ["square"],
+    "amenity": ["parking"],
+    "area:highway": True,
+    "railway": ["tram", "light_rail"],
+    "highway": ["crossing", "pedestrian", "footway", "service"],
+}  # fmt: skip
+
+
 def read_centrelines(path: Path) -> Centrelines:
-    """Every street centreline of a .pbf that a camera can travel above ground, in lon/lat (EPSG:4326).
+    """Every street centreline of a .pbf that a camera can travel above ground, and what lies on the ground, in lon/lat
+    (EPSG:4326).
 
     Raises InputError where the file is no readable .pbf.
     """
+    ground: list[Feature] = []
 
     def streets() -> Iterator[tuple[str, Any, str | None]]:
         for feature, geometry, tags in _features(path, lambda osm: osm.get_network("all")):
+            ground.append(Feature(feature, geometry, tags))
             for line in getattr(geometry, "geoms", [geometry]):
                 if line is not None and not line.is_empty and is_street(line, tags):
                     yield feature, line, tags.get("name")
 
-    return centrelines_of("EPSG:4326", streets())
+    found = centrelines_of("EPSG:4326", streets())
+    known = {feature.id for feature in ground}
+    keep = {"filter_type": "keep", "keep_nodes": True, "keep_ways": True, "keep_relations": True}
+    for feature, geometry, tags in _features(
+        path, lambda osm: osm.get_data_by_custom_criteria(custom_filter=_ON_GROUND, **keep)
+    ):
+        if feature not in known or "Polygon" in geometry.geom_type:
+            ground.append(Feature(feature, geometry, tags))
+    return replace(found, ground=tuple(ground))
 
 
 def is_street(line: Any, tags: Mapping[str, str]) -> bool:

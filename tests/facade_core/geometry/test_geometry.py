@@ -40,7 +40,7 @@ def test_ground_is_cut_on_the_world_grid_and_leaves_out_the_building() -> None:
     assert len(set(charts.surface[ground])) == 1
     triangles = mesh.vertices[mesh.triangles][charts.kind[mesh.chart] == GROUND][..., :2]
     area = sum(shapely.Polygon(triangle).area for triangle in triangles)
-    near, built = STREET.line.buffer(20), BOX.footprint
+    near, built = STREET.line.buffer(20, cap_style="square"), BOX.footprint
     assert near.difference(built).area <= area <= near.union(built.buffer(6.1)).difference(built).area + 1e-6
 
 

@@ -1,0 +1,290 @@
+"""From what a map states of the ground to ways and areas in the block's frame: tags understood, defaults by class."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+from shapely import LineString
+
+from catalogs.features import Centrelines, Feature, natural_order
+from catalogs.frames import between
+from catalogs.readers.vectors.lengths import parse_length
+from facade_core.types import Area, Ground, Way
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+    from shapely import Polygon
+
+# Class of a road: metres of a lane, lanes where none are stated, rank. "" is one whose class nobody states.
+ROADS = {
+    "motorway": (3.6, 2, 9),
+    "trunk": (3.5, 2, 8),
+    "primary": (3.4, 2, 7),
+    "secondary": (3.25, 2, 6),
+    "tertiary": (3.2, 2, 5),
+    "unclassified": (3.0, 2, 4),
+    "residential": (3.0, 2, 3),
+    "": (3.5, 2, 3),
+    "living_street": (2.75, 2, 2),
+    "service": (3.2, 1, 1),
+}
+# Classes whose roads have no pavement unless one is stated.
+BARE = frozenset(("motorway", "trunk", "service", "living_street"))
+# Class of a way without carriageway: kind, metres wide, surface.
+PATHS = {
+    "pedestrian": ("path", 6.0, "slabs"),
+    "footway": ("path", 2.2, "slabs"),
+    "path": ("path", 1.8, "gravel"),
+    "bridleway": ("path", 2.5, "gravel"),
+    "track": ("path", 2.8, "gravel"),
+    "steps": ("steps", 2.5, "slabs"),
+    "cycleway": ("cycle", 2.5, "asphalt"),
+}
+# What the values of `surface` are made of.
+_MADE = {
+    "asphalt": "asphalt chipseal concrete",
+    "slabs": "paving_stones concrete:plates concrete:lanes bricks brick wood metal tiles",
+    "setts": "sett cobblestone unhewn_cobblestone cobblestone:flattened",
+    "gravel": "gravel fine_gravel compacted unpaved ground dirt earth sand pebblestone woodchips mud",
+    "grass": "grass grass_paver artificial_turf",
+}
+MADE = {value: surface for surface, values in _MADE.items() for value in values.split()}
+# What an area is made of by its tags, the first that fits; None: by its `surface`, slabs where it states none.
+AREAS: tuple[tuple[str, Mapping[str, str | None]], ...] = (
+    (
+        "natural",
+        {"water": "water", "wood": "grass", "scrub": "grass", "grassland": "grass", "sand": "gravel", "beach": "gravel"},
+    ),
+    ("leisure", {"park": "grass", "garden": "grass", "pitch": "gravel", "playground": "gravel", "dog_park": "grass"}),
+    (
+        "landuse",
+        {"grass": "grass", "meadow": "grass", "forest": "grass", "village_green": "grass", "flowerbed": "grass",
+         "recreation_ground": "grass", "cemetery": "grass", "basin": "water", "construction": "gravel", "brownfield": "gravel"},
+    ),
+    ("waterway", {"riverbank": "water", "dock": "water"}),
+    ("place", {"square": None}),
+    ("amenity", {"parking": "asphalt"}),
+    ("highway", {"pedestrian": None, "footway": None, "service": "asphalt", "rest_area": "asphalt"}),
+    ("area:highway", {"pedestrian": None, "footway": None, "residential": "asphalt"}),
+)  # fmt: skip
+PAVEMENT_M = 2.5
+# How wide cars stand along a kerb, by how they do.
+PARKED_M = {"parallel": 2.1, "diagonal": 4.3, "perpendicular": 5.0, "half_on_kerb": 1.1}
+# A cycle track beside a road: its width, and what lies between it and the kerb; metres.
+TRACK_M, VERGE_M = 1.8, 0.4
+WIDEST_M = 40.0
+# A crossing that is a node reaches so far to either side of its road, and belongs to a road no further away.
+CROSSING_M, ON_ROAD_M = 15.0, 1.0
+
+
+def block_ground(source: Centrelines, crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
+    """Ways and areas in the metric frame as far as they lie in a polygon in it; outline: where the block ends.
+
+    Tags are OpenStreetMap's. What a tunnel or a bridge's underside would be is left out. A feature that is broken is left out
+    here: as a street it is a fault.
+    """
+    ways: list[Way] = []
+    street: dict[str, str] = {}
+    areas: list[Area] = []
+    nodes: list[tuple[str, shapely.Point]] = []
+    features = sorted(source.ground, key=lambda feature: natural_order(feature.id))
+    for feature, geometry in zip(features, _projected(features, source.crs, crs), strict=True):
+        tags = feature.tags
+        if (
+            geometry is None
+            or geometry.is_empty
+            or _hidden(tags)
+            or not np.isfinite(shapely.get_coordinates(geometry)).all()
+        ):
+            continue
+        if geometry.geom_type == "Point":
+            if tags.get("highway") == "crossing" and _is_marked(tags) and around.contains(geometry):
+                nodes.append((feature.id, geometry))
+        elif (surface := area_surface(geometry, tags)) is not None:
+            outlined = geometry if "Polygon" in geometry.geom_type else shapely.Polygon(geometry.coords)
+            inside = shapely.intersection(shapely.make_valid(outlined), around)
+            parts = [part for part in shapely.get_parts(inside) if part.geom_type == "Polygon" and part.area > 0]
+            if parts:
+                areas.append(Area(feature.id, shapely.multipolygons(parts), surface))
+        elif "LineString" in geometry.geom_type and tags.get("area") != "yes":
+            for line in shapely.get_parts(shapely.intersection(geometry, around)):
+                if line.geom_type == "LineString" and line.length > 0:
+                    ways += ways_of(feature.id, line, tags)
+                    street[feature.id] = f"{tags.get('highway')} {tags.get('name', feature.id)}"
+    ways = _even(ways, street)
+    roads = [way for way in ways if way.kind == "road"]
+    ways += [crossing for id, node in nodes if (crossing := _across(id, node, roads)) is not None]
+    return Ground(tuple(ways), tuple(areas), outline)
+
+
+def ways_of(id: str, line: LineString, tags: Mapping[str, str]) -> list[Way]:
+    """A line as the ways that its tags make it: a road with the cycle tracks beside it, a path, tracks, a crossing; none where
+    it is nothing on the ground."""
+    if tags.get("railway") in ("tram", "light_rail"):
+        gauge = _metres(tags, "gauge", 1435.0) or 1435.0
+        return [Way(id, line, "tram", min(max(gauge, 600.0), 1700.0) / 1000, "asphalt")]
+    stated = tags.get("highway", "" if "railway" not in tags else "none")
+    name = stated.removesuffix("_link")
+    if name == "footway" and tags.get("footway") == "crossing":
+        return [Way(id, line, "crossing", 3.0, "asphalt")] if _is_marked(tags) else []
+    if name == "footway" and tags.get("footway") == "sidewalk":
+        return []  # it lies on its road's pavement
+    if name in PATHS:
+        kind, wide, made = PATHS[name]
+        width = _metres(tags, "width", WIDEST_M)
+        return [Way(id, line, kind, width or wide, _surface(tags, made), width is None)]
+    return _road(id, line, name, tags) if name in ROADS else []
+
+
+def _road(id: str, line: LineString, name: str, tags: Mapping[str, str]) -> list[Way]:
+    lane, usual, rank = ROADS[name]
+    oneway = tags.get("oneway") in ("yes", "true", "True", "1", "-1")
+    lanes = _count(tags.get("lanes", ""))
+    parking = (_parked(tags, "left"), _parked(tags, "right"))
+    stated = _metres(tags, "width:carriageway", WIDEST_M) or _metres(tags, "width", WIDEST_M)
+    width = stated or lane * (lanes or (1 if oneway and usual == 2 else usual)) + sum(parking)
+    if oneway and stated is None and not lanes:
+        width = max(width, 4.0)
+    if sum(parking) > width - 2.2:
+        parking = (0.0, 0.0)
+    marked = lanes if rank >= 4 or tags.get("lane_markings") == "yes" else 0
+    if tags.get("lane_markings") == "no":
+        marked = 0
+    pavement = tuple(_pavement(tags, side, name) for side in ("left", "right"))
+    surface = _surface(tags, "asphalt")
+    road = Way(
+        id, line, "road", round(width, 2), surface, stated is None and not lanes, marked or 0, oneway,
+        (pavement[0], pavement[1]), parking, rank,
+    )  # fmt: skip
+    tracks = []
+    for side, name_of in ((1.0, "left"), (-1.0, "right")):
+        if _of_side(tags, "cycleway", name_of) == "track":
+            beside = shapely.offset_curve(line, side * (width / 2 + VERGE_M + TRACK_M / 2), join_style="mitre")
+            for index, part in enumerate(shapely.get_parts(beside)):
+                if part.length > 0:
+                    tracks.append(Way(f"{id}-{name_of}-{index}", part, "cycle", TRACK_M, "track"))
+    return [road, *tracks]
+
+
+def area_surface(geometry: Any, tags: Mapping[str, str]) -> str | None:
+    """What a closed outline's ground is made of; None where it is no area of ground."""
+    closed = "Polygon" in geometry.geom_type or (
+        geometry.geom_type in ("LineString", "LinearRing") and geometry.is_closed
+    )
+    if not closed or "building" in tags or len(shapely.get_coordinates(geometry)) < 4:
+        return None
+    for key, surfaces in AREAS:
+        value = tags.get(key)
+        if value is None or value not in surfaces:
+            continue
+        if key == "highway" and tags.get("area") != "yes" and value != "pedestrian":
+            continue
+        made = surfaces[value]
+        return made if made in ("grass", "water") else _surface(tags, made or "slabs")
+    return None
+
+
+def _even(ways: Sequence[Way], street: Mapping[str, str]) -> list[Way]:
+    """The ways, roads of one name and class as wide as most of their length is, so that the kerb of a street runs on where its
+    tags, such as those of parking, change from piece to piece."""
+    lengths: dict[str, dict[float, float]] = {}
+    for way in ways:
+        if way.kind == "road":
+            of_width = lengths.setdefault(street[way.id], {})
+            of_width[way.width] = of_width.get(way.width, 0.0) + way.line.length
+    usual = {name: max(widths, key=lambda width: (widths[width], width)) for name, widths in lengths.items()}
+    return [
+        replace(
+            way,
+            width=usual[street[way.id]],
+            parking=way.parking if sum(way.parking) < usual[street[way.id]] - 2.2 else (0.0, 0.0),
+        )
+        if way.kind == "road"
+        else way
+        for way in ways
+    ]
+
+
+def _across(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | None:
+    """A crossing that is mapped as a node: a line across its road."""
+    if not roads:
+        return None
+    away = shapely.distance([way.line for way in roads], node)
+    line = roads[int(np.argmin(away))].line
+    if away.min() > ON_ROAD_M:
+        return None
+    along = line.project(node)
+    ends = shapely.get_coordinates(
+        shapely.line_interpolate_point(line, [max(along - 2.0, 0.0), min(along + 2.0, line.length)])
+    )
+    east, north = (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9) * CROSSING_M
+    # no further than its own road: another that lies parallel has a crossing of its own
+    reach = min(1.0, (max(way.width for way in roads if way.line is line) / 2 + 0.5) / CROSSING_M)
+    east, north = float(east * reach), float(north * reach)
+    across = LineString([(node.x - north, node.y + east), (node.x + north, node.y - east)])
+    return Way(id, across, "crossing", 3.0, "asphalt") if across.length > 0 else None
+
+
+def _projected(features: Sequence[Feature], source: str | None, crs: CRS) -> np.ndarray:
+    flat = np.empty(len(features), dtype=object)
+    flat[:] = [feature.geometry for feature in features]
+    flat = shapely.force_2d(flat)
+    return flat if source is None else shapely.transform(flat, between(source, crs), interleaved=False)
+
+
+def _hidden(tags: Mapping[str, str]) -> bool:
+    """Whether a thing lies under the ground, in a building or above it."""
+    try:
+        under = float(tags.get("layer", "0")) < 0 and tags.get("natural") != "water"
+    except ValueError:
+        under = False
+    return under or tags.get("tunnel", "no") not in ("no", "F") or tags.get("indoor") == "yes" or "covered" in tags
+
+
+def _is_marked(tags: Mapping[str, str]) -> bool:
+    return tags.get("crossing") not in ("unmarked", "no", "informal") and tags.get("crossing:markings") != "no"
+
+
+def _surface(tags: Mapping[str, str], otherwise: str) -> str:
+    return MADE.get(tags.get("surface", "").split(";")[0], otherwise)
+
+
+def _metres(tags: Mapping[str, str], key: str, most: float) -> float | None:
+    found = parse_length(tags.get(key, ""))
+    return found if found is not None and 0.5 <= found <= most else None
+
+
+def _count(text: str) -> int | None:
+    try:
+        count = int(float(text.strip("[]'\" ").split(",")[0].split(";")[0].strip("'\" ")))
+    except ValueError:
+        return None
+    return count if 1 <= count <= 10 else None
+
+
+def _of_side(tags: Mapping[str, str], key: str, side: str) -> str | None:
+    return tags.get(f"{key}:{side}", tags.get(f"{key}:both", tags.get(key)))
+
+
+def _pavement(tags: Mapping[str, str], side: str, name: str) -> float:
+    """Metres of pavement on a side of a road."""
+    stated = tags.get(f"sidewalk:{side}", tags.get("sidewalk:both"))
+    if stated is None and "sidewalk" in tags:
+        both = tags["sidewalk"]
+        stated = "yes" if both in ("both", "yes", "separate", side) else "no"
+    if stated is None:
+        stated = "no" if name in BARE else "yes"
+    return 0.0 if stated in ("no", "none") else _metres(tags, f"sidewalk:{side}:width", 15.0) or PAVEMENT_M
+
+
+def _parked(tags: Mapping[str, str], side: str) -> float:
+    """Metres that parked cars take on a side of a road's carriageway."""
+    stated = _of_side(tags, "parking", side)
+    if stated in ("lane", "street_side"):
+        both = tags.get("parking:both:orientation", tags.get("parking:orientation", "parallel"))
+        return PARKED_M.get(tags.get(f"parking:{side}:orientation", both), PARKED_M["parallel"])
+    return PARKED_M.get(stated or _of_side(tags, "parking:lane", side) or "", 0.0)

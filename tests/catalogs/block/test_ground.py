@@ -1,0 +1,78 @@
+"""Tags of a map as ways and areas of the ground."""
+
+from __future__ import annotations
+
+import pytest
+import shapely
+from pyproj import CRS
+
+from catalogs.block.ground import block_ground, ways_of
+from catalogs.features import Centrelines, Feature
+from facade_core.types import Way
+
+LINE = shapely.LineString([(0, 0), (40, 0)])
+UTM = CRS("EPSG:32635")
+
+
+def road(**tags: str) -> Way:
+    return ways_of("w1", LINE, {key.replace("__", ":"): value for key, value in tags.items()})[0]
+
+
+@pytest.mark.parametrize(
+    ("tags", "width", "assumed"),
+    [
+        ({"highway": "residential"}, 6.0, True),
+        ({"highway": "residential", "oneway": "yes"}, 4.0, True),
+        ({"highway": "primary", "lanes": "4"}, 13.6, False),
+        ({"highway": "tertiary", "width": "5.5 m"}, 5.5, False),
+        ({"highway": "residential", "parking__both": "lane"}, 10.2, True),
+        ({"highway": "residential", "parking__lane__left": "perpendicular"}, 11.0, True),
+        ({"highway": "residential", "lanes": "soon", "width": "-3"}, 6.0, True),
+        ({"width": "5"}, 5.0, False),
+    ],
+)
+def test_width_is_what_tags_say_else_by_class(tags: dict[str, str], width: float, assumed: bool) -> None:
+    found = road(**tags)
+    assert (found.kind, found.width, found.assumed) == ("road", pytest.approx(width), assumed)
+
+
+def test_ways_without_a_carriageway_have_none() -> None:
+    kinds = {name: ways_of("w", LINE, {"highway": name}) for name in ("footway", "pedestrian", "steps", "cycleway")}
+    assert {name: found[0].kind for name, found in kinds.items()} == {
+        "footway": "path", "pedestrian": "path", "steps": "steps", "cycleway": "cycle",
+    }  # fmt: skip
+    assert ways_of("w", LINE, {"highway": "footway", "footway": "sidewalk"}) == []
+    assert ways_of("w", LINE, {"highway": "proposed"}) == []
+    assert ways_of("w", LINE, {"railway": "tram", "gauge": "1000"})[0].width == 1.0
+    beside = ways_of("w", LINE, {"highway": "primary", "cycleway:right": "track"})
+    assert [way.kind for way in beside] == ["road", "cycle"]
+    assert beside[1].line.centroid.y < -beside[0].width / 2
+
+
+def test_surfaces_pavements_and_lanes() -> None:
+    assert road(highway="residential", surface="cobblestone").surface == "setts"
+    assert road(highway="residential", sidewalk="left").pavement[1] == 0.0
+    assert road(highway="residential", sidewalk="no").pavement == (0.0, 0.0)
+    assert min(road(highway="residential").pavement) > 0
+    assert (road(highway="secondary", lanes="2").lanes, road(highway="residential", lanes="2").lanes) == (2, 0)
+
+
+def test_crossings_areas_and_what_is_hidden() -> None:
+    features = (
+        Feature("w1", LINE, {"highway": "residential", "name": "A"}),
+        Feature("w2", shapely.LineString([(40, 0), (60, 0)]), {"highway": "residential", "name": "A", "lanes": "3"}),
+        Feature("n3", shapely.Point(10, 0.2), {"highway": "crossing"}),
+        Feature("n4", shapely.Point(10, 30), {"highway": "crossing"}),
+        Feature("n5", shapely.Point(20, 0), {"highway": "crossing", "crossing": "unmarked"}),
+        Feature("w6", shapely.box(0, 20, 30, 40), {"leisure": "park"}),
+        Feature("w7", shapely.box(500, 500, 600, 600), {"natural": "water"}),
+        Feature("w8", LINE, {"highway": "residential", "tunnel": "yes"}),
+        Feature("w9", shapely.box(10, 25, 14, 28), {"place": "square", "surface": "sett"}),
+    )
+    around = shapely.box(-50, -50, 50, 50)
+    ground = block_ground(Centrelines(None, (), ground=features[::-1]), UTM, around, around)
+    assert [(way.id, way.kind) for way in ground.ways] == [("w1", "road"), ("w2", "road"), ("n3", "crossing")]
+    assert [way.width for way in ground.ways[:2]] == [6.0, 6.0]  # the kerb of a street runs on
+    assert ground.ways[1].line.bounds[2] == 50.0
+    assert ground.ways[2].line.length == pytest.approx(7.0)
+    assert [(area.id, area.surface) for area in ground.areas] == [("w6", "grass"), ("w9", "setts")]

@@ -1,0 +1,81 @@
+"""The ground by squares: what it is at places that are known, edges that are shared, and what it depends on."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from facade_core.geometry.charts import GROUND, Charts
+from facade_core.street.ground import SQUARE_M, Squares
+from facade_core.street.ground_kernels import COLOURS, GRASS, soil
+from facade_core.types import Area, Ground, Way
+
+MAIN = Way("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
+SIDE = Way("side", shapely.LineString([(20, 11.76), (24, 150)]), "road", 6.0, "asphalt", pavement=(3.0, 0.0), rank=1)
+PARK = Area("park", shapely.box(-60, -60, 60, 2), "grass")
+GROUND_OF = Ground((MAIN, SIDE), (PARK,))
+
+
+def squares(ground: Ground, *places: tuple[int, int]) -> Squares:
+    """Ground charts that are whole squares of the world grid."""
+    count = len(places)
+    own = np.arange(count, dtype=np.int32)
+    origin = np.array([(x * SQUARE_M, (y + 1) * SQUARE_M, 0.0) for x, y in places])
+    east, south = (np.tile(axis, (count, 1)) for axis in ([1.0, 0.0, 0.0], [0.0, -1.0, 0.0]))
+    size = np.full((count, 2), SQUARE_M)
+    return Squares(ground, Charts(np.full(count, GROUND, np.uint8), own, own * 0 - 1, origin, east, south, size))
+
+
+def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:
+    out = np.empty((len(x), 3), np.uint8)
+    soil(0, x, y, np.full(len(x), side), squares(ground, square).of([0]), 1, np.ones(len(x)), 1.0, out)
+    return out.astype(float)
+
+
+def test_ground_is_what_the_map_says() -> None:
+    """A park is green to its edge, a kerb is lighter than the carriageway beside it and runs round the corner."""
+    x = np.linspace(2, 12, 200)
+    park = colours(GROUND_OF, x, np.full(200, 1.0), 0.05, (0, 0)).mean(axis=0)
+    assert park[1] / park[0] > 0.9 * COLOURS[GRASS, 1] / COLOURS[GRASS, 0]
+    edge = shapely.offset_curve(MAIN.line, -4.0 - 0.09)
+    points = shapely.get_coordinates(shapely.line_interpolate_point(edge, np.linspace(205, 215, 200)))
+    kerb = colours(GROUND_OF, points[:, 0], points[:, 1], 0.05, (0, 0))
+    road = colours(GROUND_OF, points[:, 0], points[:, 1] + 1.0, 0.05, (0, 0))
+    assert kerb.mean() > road.mean() + 20
+    # the corner between the two roads is carriageway, not a pavement with a point
+    asphalt = Ground((replace(MAIN, surface="asphalt"), SIDE))
+    inner, outer = colours(asphalt, np.array([23.9, 27.0]), np.array([16.4, 19.5]), 0.3, (0, 0)).mean(axis=1)
+    assert inner < 115 < 125 < outer
+
+
+def test_squares_meet_and_a_far_footprint_is_the_mean_of_near_ones() -> None:
+    y = np.linspace(1, 31, 300)
+    left, right = (colours(GROUND_OF, np.full(300, 32.0 + off), y, 0.1, (n, 0)) for n, off in ((0, -1e-9), (1, 1e-9)))
+    assert np.abs(left - right).max() <= 1
+    whole = colours(GROUND_OF, np.array([10.0]), np.array([11.0]), 1.0, (0, 0))[0]
+    offset = (np.arange(20) + 0.5) / 20 - 0.5
+    fine = [colours(GROUND_OF, 10.0 + offset, np.full(20, 11.0 + dy), 0.05, (0, 0)).mean(axis=0) for dy in offset]
+    assert np.abs(whole - np.mean(fine, axis=0)).max() < 8
+
+
+def test_the_ground_depends_on_what_lies_near_it_alone() -> None:
+    """Another surface of a road, or an area more, is told where it may be seen and nowhere else."""
+    places = [(0, 0), (0, 6), (12, 0)]
+    before = squares(GROUND_OF, *places)
+    other = squares(replace(GROUND_OF, ways=(MAIN, replace(SIDE, surface="setts"))), *places)
+    assert [before.digest(c) == other.digest(c) for c in range(3)] == [False, True, True]
+    more = squares(replace(GROUND_OF, areas=(PARK, Area("pond", shapely.box(10, 200, 20, 210), "water"))), *places)
+    assert [before.digest(c) == more.digest(c) for c in range(3)] == [True, False, True]
+    renamed = squares(replace(GROUND_OF, ways=(replace(MAIN, id="other"), SIDE)), *places)
+    assert all(before.digest(c) == renamed.digest(c) for c in range(3))
+
+
+def test_a_line_that_is_cut_elsewhere_is_drawn_the_same() -> None:
+    """Dashes and slabs count from the world's origin, not from where a line begins."""
+    marked = replace(MAIN, surface="asphalt", lanes=2)
+    shorter = replace(marked, line=shapely.LineString([(-100, 10.8), (300, 14)]))
+    x, y = np.meshgrid(np.linspace(0.5, 31.5, 60), np.linspace(4, 20, 60))
+    first, second = (colours(Ground((way,)), x.ravel(), y.ravel(), 0.1, (0, 0)) for way in (marked, shorter))
+    assert np.abs(first - second).mean() < 0.5
