@@ -95,14 +95,17 @@ def exemplars_of(plan: Plan, records: Records, shops: np.ndarray, *, seed: int) 
     if not usable or not len(facades):
         return {}
     found = [record for _, record in usable]
+    # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
+    seen = facades.seen > 0
+    told = np.flatnonzero(seen | ~np.isin(facades.building, facades.building[seen]))
     walls = Walls(
-        facades.width,
-        facades.height,
-        facades.floors,
-        plan.scene.building_numbers[facades.building],
-        _numbers(plan.streets)[facades.street],
-        plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2],
-        shops,
+        facades.width[told],
+        facades.height[told],
+        facades.floors[told],
+        plan.scene.building_numbers[facades.building[told]],
+        _numbers(plan.streets)[facades.street[told]],
+        plan.scene.charts.at_shares(facades.chart[told], _FOOT)[..., :2],
+        shops[told],
     )
     library = Library(
         [record["width_m"] for record in found],
@@ -114,7 +117,9 @@ def exemplars_of(plan: Plan, records: Records, shops: np.ndarray, *, seed: int) 
         [record["look"] for record in found],
     )
     chosen = choose_exemplars(walls, library, seed=seed)
-    return {facade: (usable[c][0], usable[c][1]["unit"]) for facade, c in enumerate(chosen.tolist())}
+    of_building = dict(zip(facades.building[told].tolist(), chosen.tolist(), strict=True))
+    own = [usable[of_building[building]] for building in facades.building.tolist()]
+    return {facade: (index, record["unit"]) for facade, (index, record) in enumerate(own)}
 
 
 def _numbers(streets: Sequence[Street]) -> np.ndarray:
