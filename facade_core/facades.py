@@ -85,7 +85,8 @@ def find_facades(
     """Walls that a street sees; seen: the charts that each camera's panorama shows. With `streets` all others that stand free,
     too."""
     charts = scene.charts
-    large, free = _large_walls(scene), _free_walls(scene) if streets else np.zeros(len(charts), bool)
+    wall = ~_gables(scene, buildings)
+    large, free = _large_walls(scene) & wall, _free_walls(scene) & wall if streets else np.zeros(len(charts), bool)
     runs = bends(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
@@ -170,6 +171,15 @@ def _most(level: np.ndarray, width: np.ndarray) -> float:
     """The level at which most of some walls' width is, of levels within LEVEL_M of it."""
     near = np.abs(level[:, None] - level) < LEVEL_M
     return float(level[np.argmax(near @ width)])
+
+
+def _gables(scene: Scene, buildings: Sequence[Building]) -> np.ndarray:
+    """What stands on the walls of buildings without a model, under their roofs, (charts,) bool: those walls are rectangles."""
+    charts, mesh = scene.charts, scene.mesh
+    a, b, c = (mesh.vertices[mesh.triangles[:, k]] for k in range(3))
+    area = np.bincount(mesh.chart, 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1), len(charts))
+    built = np.array([building.shell is None for building in buildings], bool)[charts.building] & (charts.building >= 0)
+    return built & (area < 0.99 * charts.size.prod(axis=1))
 
 
 def _best_seen(

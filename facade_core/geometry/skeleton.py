@@ -21,6 +21,8 @@ GRID_M = 0.01
 NEAR_M = 0.02
 # 1 + the cosine between the normals of a corner's edges: below it the corner is a spike, whose motorcycle has no speed.
 SPIKE = 0.02
+# A motorcycle that runs into a corner meets its edges, to this share of their lengths.
+NEAR_SHARE = 1e-6
 # Corners whose sine is below this are straight.
 STRAIGHT = 1e-6
 
@@ -163,7 +165,7 @@ def _motorcycles(
     until = np.full(len(corner), np.inf)
     for k in range(len(corner)):
         time, share = _meeting(corner[k], speed[k], start, end - start)
-        wall = (time > 1e-9) & (share >= -1e-9) & (share <= 1 + 1e-9)
+        wall = (time > 1e-9) & (share >= -NEAR_SHARE) & (share <= 1 + NEAR_SHARE)
         wall[[reflex[k], previous[reflex[k]]]] = False
         until[k] = time[wall].min(initial=np.inf)
     if not np.isfinite(until).all():
