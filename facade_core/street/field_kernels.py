@@ -163,7 +163,7 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         east[k], north[k] = points[0, k], points[1, k]
     made, tint, grey = charts.made[c], charts.tint[c], charts.grey[c]
     if made == SOIL:
-        soil(field.ground.square[c], east, north, side, field.ground, seed, light, grey, out)
+        soil(field.ground.square[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
         return
     if made == LAID:
         for k in range(n):

@@ -5,6 +5,10 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from facade_core.street.grain import ASPHALT as TARRED
+from facade_core.street.grain import CONCRETE, Grains, add_grain
+from facade_core.street.grain import GRASS as LAWN
+from facade_core.street.grain import GRAVEL as CRUSHED
 from facade_core.street.ground import CELL_M, CELLS, PATHS, PAVEMENT, REACH_M, ROAD, Drawn
 from facade_core.street.materials import ASPHALT, PAVING, _covered, add_noise, add_tones, asphalt, paving
 from facade_core.types import SURFACES
@@ -68,6 +72,7 @@ def soil(
     y: np.ndarray,
     side: np.ndarray,
     drawn: Drawn,
+    grains: Grains,
     seed: int,
     light: np.ndarray,
     grey: float,
@@ -115,7 +120,7 @@ def soil(
                 count += 1
         if count == 0:
             continue
-        _tones(made, px[:count], py[:count], pa[:count], ps[:count], seed, tone[:count])
+        _tones(made, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
         for i in range(count):
             k = member[i]
             for band in range(3):
@@ -294,34 +299,48 @@ def _marked(px: float, py: float, wide: float, marks: np.ndarray, m: int) -> flo
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def _tones(
-    made: int, x: np.ndarray, y: np.ndarray, aside: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray
+    made: int,
+    x: np.ndarray,
+    y: np.ndarray,
+    aside: np.ndarray,
+    side: np.ndarray,
+    grains: Grains,
+    seed: int,
+    out: np.ndarray,
 ) -> None:
     """What a surface is like, 0..255."""
+    which, rough = CONCRETE, 0.0
     if made in (TAR, TRACK):
+        which, rough = TARRED, 98.0
         asphalt(x, y, aside, side, seed, out)
     elif made == SLABS:
+        rough = 220.0
         paving(x, y, side, seed, out)
     elif made == SETTS:
+        rough = 350.0
         setts(x, y, side, seed, out)
     elif made == GRAVEL:
+        which, rough = CRUSHED, 138.0
         out[:] = 138
-        for number, cell in enumerate((0.04, 0.12, 0.9, 5.0)):
-            add_noise(x, y, side, (cell, cell), (16.0, 8.0, 5.0, 7.0)[number], seed + 51 + number, out)
+        for number, cell in enumerate((0.9, 5.0)):
+            add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
     elif made == GRASS:
+        which, rough = LAWN, 112.0
         out[:] = 112
-        for number, cell in enumerate((0.05, 0.2, 1.5, 7.0)):
-            add_noise(x, y, side, (cell, cell), (20.0, 11.0, 7.0, 8.0)[number], seed + 55 + number, out)
+        for number, cell in enumerate((1.5, 7.0)):
+            add_noise(x, y, side, (cell, cell), (7.0, 8.0)[number], seed + 57 + number, out)
     else:
         out[:] = 96
         add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
         add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
+    if rough > 0:
+        add_grain(x, y, side, grains, which, rough, seed + 71, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def setts(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Granite setts in courses across the street, of which x runs along; joints darker."""
     out[:] = 140
-    add_noise(y, x, side, (0.06, 0.06), 7.0, seed + 61, out)
     add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
     add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
     add_tones(y, x, side, SETT_M, 30.0, seed + 64, out)

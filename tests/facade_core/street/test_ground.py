@@ -8,6 +8,7 @@ import numpy as np
 import shapely
 
 from facade_core.geometry.charts import GROUND, Charts
+from facade_core.street.grain_file import shipped
 from facade_core.street.ground import SQUARE_M, Squares
 from facade_core.street.ground_kernels import COLOURS, GRASS, soil
 from facade_core.types import Area, Ground, Way
@@ -30,7 +31,7 @@ def squares(ground: Ground, *places: tuple[int, int]) -> Squares:
 
 def colours(ground: Ground, x: np.ndarray, y: np.ndarray, side: float, square: tuple[int, int]) -> np.ndarray:
     out = np.empty((len(x), 3), np.uint8)
-    soil(0, x, y, np.full(len(x), side), squares(ground, square).of([0]), 1, np.ones(len(x)), 1.0, out)
+    soil(0, x, y, np.full(len(x), side), squares(ground, square).of([0]), shipped(), 1, np.ones(len(x)), 1.0, out)
     return out.astype(float)
 
 
