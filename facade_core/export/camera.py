@@ -21,7 +21,7 @@ FAR_M, OPEN_M = 30.0, 60.0
 # Height of the eyes of who walks; how far aside of the street a picture of it looks, degrees, and how far up.
 EYE_M, ASIDE, UP = 1.7, 40.0, 7.0
 # From where a close-up looks at a facade's foot: metres before it and aside, and the height that it looks at.
-BEFORE_M, BESIDE_M, LOOKED_AT_M = 5.5, 3.8, 2.4
+BEFORE_M, BESIDE_M, LOOKED_AT_M = 8.0, 6.0, 3.4
 # Facades that are tried for the close-up: something may stand before one.
 TRIED = 12
 

@@ -66,10 +66,11 @@ class Picture:
             filtering.paint(flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels)
 
     def hazed(self) -> np.ndarray:
-        """The painted picture with the haze of its distances, (h, w, 3) uint8."""
+        """The painted picture with the haze between what is nearest and what is far, (h, w, 3) uint8."""
+        nearest = self.depth.min(initial=np.inf)
         drawn = self.rgb.copy().reshape(-1, 3)
         for some in np.array_split(np.arange(len(self.pixel)), 1 + len(self.pixel) // AT_ONCE):
-            share = (1 - np.exp(-self.depth[some] / HAZE_M))[:, None].astype(np.float32)
+            share = (1 - np.exp((nearest - self.depth[some]) / HAZE_M))[:, None].astype(np.float32)
             here = self.pixel[some]
             drawn[here] = (drawn[here] * (1 - share) + HORIZON.astype(np.float32) * share + 0.5).astype(np.uint8)
         return drawn.reshape(self.rgb.shape)
