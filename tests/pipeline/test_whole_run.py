@@ -142,12 +142,14 @@ def test_items_answer_queries(undisturbed: Run) -> None:
     assert len(json.loads(done.stdout)["features"]) == summary["facades_done"]
 
 
-def test_the_report_shows_every_facade_and_no_outside_address(undisturbed: Run) -> None:
+def test_the_report_shows_every_street_front_and_no_outside_address(undisturbed: Run) -> None:
     _, summary = undisturbed
     report = Path(summary["outputs"]["report"])
     pages = {path: path.read_text() for path in report.parent.rglob("*.html")}
-    for name in query(Path(summary["out"]))["id"]:
-        assert sum(f'id="{name}"' in page for page in pages.values()) == 1
+    facades = query(Path(summary["out"]))
+    assert "street" in set(facades["role"])
+    for name, role in zip(facades["id"], facades["role"], strict=True):
+        assert sum(f'id="{name}"' in page for page in pages.values()) == (role == "street")
     for path, page in pages.items():
         for part in page.split('src="')[1:]:
             assert (path.parent / part.split('"')[0]).is_file()
