@@ -42,6 +42,7 @@ ROWS = 1000
 FACADE_COLUMNS = (
     "id",
     "street",
+    "role",
     "status",
     "reason",
     "quality",
