@@ -16,7 +16,7 @@ from facade_core.labels import FLAGS
 
 # Of what stores hold, in an attribute of theirs: raised when tables, arrays or records are written in another way. A store of
 # another format begins anew at the next run.
-FORMAT = 3
+FORMAT = 4
 
 PAGE, PAGE_RGB = ("page", "y", "x"), ("page", "y", "x", "band")
 FROM = {"flag_values": list(range(len(PROVENANCE))), "flag_meanings": " ".join(PROVENANCE)}

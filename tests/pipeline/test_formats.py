@@ -15,14 +15,14 @@ from tasks.run import Run
 from tasks.stages.ingest import ingest_block
 from tasks.store.wounds import mend
 from tasks.viewing.reading import Reader
-from tests.facade_core.atlas.stores import BUILDINGS, FORMAT_3, STREETS, unpack
+from tests.facade_core.atlas.stores import BUILDINGS, FORMAT_4, STREETS, unpack
 from tests.pipeline.stages import write_block
 
 
 @pytest.fixture
 def before(tmp_path: Path) -> tuple[Run, Block]:
     """A block whose store was made when its format was new."""
-    out = unpack(FORMAT_3, tmp_path / "out")
+    out = unpack(FORMAT_4, tmp_path / "out")
     block = read_block(write_block(tmp_path / "in", buildings=BUILDINGS, streets=STREETS))
     run = run_of(block, out)
     return run, block

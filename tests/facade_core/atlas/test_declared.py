@@ -17,7 +17,7 @@ from facade_core.atlas.arrays import ARRAYS, journal, resize_arrays
 from facade_core.atlas.rasters import write_chunks
 from facade_core.atlas.tables import TABLES, TEXT, Table
 from facade_core.errors import StoreError
-from tests.facade_core.atlas.stores import FORMAT_3, unpack
+from tests.facade_core.atlas.stores import FORMAT_4, unpack
 
 STAGES = ("poses", "exemplars", "textures", "facades", "viewpoints", "streets", "pages", "tiles", "pictures")
 
@@ -57,7 +57,7 @@ def test_arrays_are_those_of_the_stores_of_before(tmp_path: Any) -> None:
     """But for attributes, which only say more."""
     from facade_core.atlas import open_repository, open_root
 
-    held = open_root(open_repository(unpack(FORMAT_3, tmp_path) / "store").readonly_session("main"))
+    held = open_root(open_repository(unpack(FORMAT_4, tmp_path) / "store").readonly_session("main"))
     group = zarr.create_group({})
     counts = {stage: held[f"journal/{stage}"].shape[0] if f"journal/{stage}" in held else 0 for stage in STAGES}
     create_arrays(group, AtlasSpec(1, 3.0), counts, crs="EPSG:32635", panorama_width=128)

@@ -27,14 +27,14 @@ from facade_core.atlas.journal import latest_digests
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import new_root
 from facade_core.errors import FormatError, InputError, StoreError
-from tests.facade_core.atlas.stores import FORMAT_3, unpack
+from tests.facade_core.atlas.stores import FORMAT_4, unpack
 
 TEXELS_PER_METRE = 3.0
 
 
 @pytest.fixture(scope="module")
 def out(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    return unpack(FORMAT_3, tmp_path_factory.mktemp("run"))
+    return unpack(FORMAT_4, tmp_path_factory.mktemp("run"))
 
 
 @pytest.fixture(scope="module")
@@ -128,7 +128,7 @@ def test_a_facade_survives_cf_there_and_back(atlas: Atlas, tmp_path: Path) -> No
 
 
 def test_at_a_tag_or_snapshot(tmp_path: Path) -> None:
-    out = unpack(FORMAT_3, tmp_path)
+    out = unpack(FORMAT_4, tmp_path)
     repository = open_repository(out / "store")
     (tag,) = repository.list_tags()
     before = open_atlas(out / "store")
@@ -150,7 +150,7 @@ def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
     assert atlas.chart(np.int64(0)).identical(atlas.chart(0))
     with pytest.raises(InputError, match="no facade 3"):
         atlas.facade(3)  # type: ignore[arg-type]
-    with pytest.raises(InputError, match="no facade a-9; there are 1, the nearest is a-0"):
+    with pytest.raises(InputError, match="no facade a-9; there are 4, the nearest is a-3"):
         atlas.facade("a-9")
     with pytest.raises(InputError, match="no chart 99; there are 13"):
         atlas.chart(99)
@@ -163,15 +163,15 @@ def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
         open_atlas(tmp_path)
 
 
-@pytest.mark.parametrize("format_", [1, 2, None])
+@pytest.mark.parametrize("format_", [1, 3, None])
 def test_a_store_of_another_format_says_what_to_do(tmp_path: Path, format_: int | None) -> None:
-    out = unpack(FORMAT_3, tmp_path)
+    out = unpack(FORMAT_4, tmp_path)
     session = open_repository(out / "store").writable_session("main")
     root = open_root(session)
     del root.attrs["format"]
     root.attrs["made_for"] = {**root.attrs["made_for"], "format": format_}  # where those of before said it
     commit(session, "as another version")
-    with pytest.raises(FormatError, match=r"is of format (1|2|unknown), and .* reads 3; `streetloom run") as caught:
+    with pytest.raises(FormatError, match=r"is of format (1|3|unknown), and .* reads 4; `streetloom run") as caught:
         open_atlas(out)
     assert str(out / "store") in str(caught.value)
     assert "\n" not in str(caught.value)

@@ -8,7 +8,7 @@ from __future__ import annotations
 import tarfile
 from pathlib import Path
 
-FORMAT_3 = Path(__file__).with_name("format-3.tar.xz")
+FORMAT_4 = Path(__file__).with_name("format-4.tar.xz")
 BUILDINGS = {"a": (4, 5, 12, 2.8, 7.0)}
 STREETS = {"1": [(0, 0), (18, 0)]}
 
