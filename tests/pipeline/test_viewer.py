@@ -57,7 +57,8 @@ def test_the_map_holds_every_facade_with_its_columns(address: str, undisturbed: 
         assert np.hypot(x1 - x0, y1 - y0) == pytest.approx(facade["width_m"], abs=0.05)
     assert len(block["viewpoints"]) == undisturbed[1]["viewpoints"] == len(block["seen"])
     seen = {number for numbers in block["seen"] for number in numbers}
-    assert seen == set(range(len(block["facades"])))
+    fronts = {number for number, facade in enumerate(block["facades"]) if facade["role"] == "street"}
+    assert fronts <= seen < set(range(len(block["facades"]))), "backs are seen from no street"
     doubtful = {facade["id"] for facade in block["facades"] if facade["quality"] not in ("good", "height-assumed")}
     assert set(block["to_look_at"]) == doubtful
     assert [name for _, name in block["parse_colours"]] == list(CLASSES)
@@ -66,9 +67,11 @@ def test_the_map_holds_every_facade_with_its_columns(address: str, undisturbed: 
 def test_every_stage_of_a_facade_is_a_picture(address: str) -> None:
     block = json.loads(get(f"{address}/api/block"))
     photos = [facade["id"] for facade in block["facades"] if facade.get("photo")]
-    others = [facade["id"] for facade in block["facades"] if not facade.get("photo")]
+    others = [f["id"] for f in block["facades"] if not f.get("photo") and f["role"] == "street"]
+    backs = [facade["id"] for facade in block["facades"] if facade["role"] == "back"]
     assert photos
     assert others
+    assert backs
     for facade in (photos[0], others[0]):
         stages = [stage["stage"] for stage in json.loads(get(f"{address}/api/facade", id=facade))["stages"]]
         assert {"parse", "lattice", "layout", "texture", "level-0", "sample", "street"} <= set(stages)
@@ -78,6 +81,11 @@ def test_every_stage_of_a_facade_is_a_picture(address: str) -> None:
             image = np.asarray(Image.open(io.BytesIO(get(f"{address}/picture/facade", id=facade, stage=stage))))
             assert image.ndim == 3
             assert image.std() > 5, stage
+    plain = [stage["stage"] for stage in json.loads(get(f"{address}/api/facade", id=backs[0]))["stages"]]
+    assert {"parse", "layout", "texture", "source"} <= set(plain)
+    assert not {"level-0", "sample"} & set(plain), "of a back there is no hierarchy"
+    for stage in plain:
+        assert get(f"{address}/picture/facade", id=backs[0], stage=stage)
 
 
 def test_the_street_grows_with_its_viewpoints(address: str) -> None:

@@ -152,7 +152,7 @@ def test_what_is_not_there_is_one_line(atlas: Atlas, tmp_path: Path) -> None:
         atlas.facade(3)  # type: ignore[arg-type]
     with pytest.raises(InputError, match="no facade a-9; there are 4, the nearest is a-3"):
         atlas.facade("a-9")
-    with pytest.raises(InputError, match="no chart 99; there are 13"):
+    with pytest.raises(InputError, match="no chart 99; there are 14"):
         atlas.chart(99)
     with pytest.raises(StoreError, match="there is no store; run the block first"):
         open_atlas(tmp_path / "nothing")

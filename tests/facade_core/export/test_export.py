@@ -85,11 +85,12 @@ def test_what_is_finer_than_pixels_is_seen_as_its_mean_and_what_is_coarser_witho
 
 def test_haze_grows_with_distance_and_no_pixel_is_without_colour(scene: Scene) -> None:
     black = {c: np.zeros((2, 2, 3), np.uint8) for c in range(len(scene.charts))}
-    seen = []
-    for away in (30.0, 300.0):
-        camera = Camera.towards(np.array([10.0, -away, 3]), heading=0, pitch=0, field_of_view=3, size=(20, 20))
-        seen.append(perspective(scene, camera, black.__getitem__))
-    assert 0 < seen[0][10, 10].max() < seen[1][10, 10].min()
+    aslant = Camera.towards(np.array([10.0, -30, 3]), heading=30, pitch=0, field_of_view=80, size=(20, 20))
+    picture = aim(scene, aslant, samples=1)
+    hazed = picture.hazed().reshape(-1, 3)[picture.pixel]
+    assert hazed[picture.depth.argmin()].max() == 0, "it begins at what is nearest"
+    assert hazed[picture.depth.argmax()].min() > 0
+    assert (np.diff(hazed[np.argsort(picture.depth), 0].astype(int)) >= 0).all()
     up = Camera.towards(np.array([10.0, -30, 3]), heading=180, pitch=40, field_of_view=80, size=(40, 40))
     drawn = perspective(scene, up, black.__getitem__)
     assert drawn.min() > 90

@@ -4,12 +4,14 @@ from typing import Any
 import numpy as np
 
 from facade_core.export import views
+from facade_core.geometry.walls import STREET
 
 
 def test_views_are_along_the_streets_with_the_most_facades() -> None:
     facades = SimpleNamespace(
         chart=np.arange(5),
         street=np.array([4, 4, 1, 2, 0]),
+        role=np.full(5, STREET),
         width=np.array([10.0, 10, 30, 4, 50]),
         height=np.array([12.0, 12, 3, 4, 20]),
     )
