@@ -30,6 +30,11 @@ def view_names(plan: Plan) -> list[str]:
     return ["above", *(f"street-{number}" for number in range(len(_streets(plan)))), *near]
 
 
+def pictured(plan: Plan) -> np.ndarray:
+    """The facades (k,) of which there are pictures: those on streets."""
+    return np.flatnonzero(plan.facades.role == STREET)
+
+
 def cameras(plan: Plan, records: Sequence[Record | None]) -> list[Camera]:
     """The cameras of `view_names`, from where most of the facades is seen, photos before others. records: those of facades."""
     worth = np.zeros(len(plan.scene.charts))

@@ -5,15 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Mapping, Sequence
 
-import numpy as np
-
 from catalogs.block import Block
 from facade_core.atlas.encoded import PICTURES as FOLDER
 from facade_core.atlas.encoded import forget_encoded
 from facade_core.atlas.journal import Record, latest_digests, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.export.views import cameras, photo_share, view_names
-from facade_core.geometry.walls import STREET
+from facade_core.export.views import cameras, photo_share, pictured, view_names
 from facade_core.plan import Plan
 from tasks.keys.finished import facade_pictures_key, view_keys
 from tasks.kinds.kind import Change, Kind, Records
@@ -54,11 +51,6 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
             )
         )
     return units
-
-
-def pictured(plan: Plan) -> np.ndarray:
-    """The facades (k,) of which there are pictures: those on streets."""
-    return np.flatnonzero(plan.facades.role == STREET)
 
 
 def staged_facades(plan: Plan, records: Sequence[Record | None]) -> set[int]:

@@ -14,10 +14,9 @@ from facade_core.atlas.encoded import picture_path, read_encoded
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.export.hidden import LONGEST_PREVIEW
 from facade_core.export.picture import file_of
-from facade_core.export.views import spread
+from facade_core.export.views import pictured, spread
 from facade_core.resizing import resized
 from tasks.keys.stage_code import stage_code
-from tasks.kinds.pictures import pictured
 from tasks.published.aside import Aside
 from tasks.published.stored import StoredBlock
 

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 import shapely
 
+from facade_core.geometry.walls import STREET
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
 from facade_core.rectify import sightings
@@ -135,7 +136,8 @@ def test_panoramas_of_facades_are_those_of_all_poses() -> None:
     found = plan(HOUSES, poses=poses)
     wanted = [
         (facade, one.panorama, one.seen, one.pixels_per_metre)
-        for facade, chart in enumerate(found.facades.chart.tolist())
+        for facade, (chart, role) in enumerate(zip(found.facades.chart.tolist(), found.facades.role, strict=True))
+        if role == STREET
         for one in sightings(found.scene, chart, found.poses, [(256, 512)] * len(poses))
     ]
     shown = found.sightings

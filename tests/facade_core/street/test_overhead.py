@@ -10,6 +10,7 @@ from facade_core.atlas import MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
 from facade_core.geometry import block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import GROUND, ROOF
 from facade_core.street import Materials, Scene
+from facade_core.street.contact import contact
 from facade_core.street.overhead import from_above, raster_points, shown_from_above
 from facade_core.street.surfaces import Known, surface
 from facade_core.street.tiled import Material
@@ -83,8 +84,11 @@ def test_unseen_ground_takes_the_picture_and_seen_ground_keeps_its_own(scene: Sc
     rgb, known = from_above(scene, chart, picture)
     assert (known & ~seen).sum() > 1000
     np.testing.assert_array_equal(colour[known & ~seen], rgb[known & ~seen])
-    assert (colour[seen] == [9, 9, 200]).all()
-    bare = ~known & ~seen
+    left = contact(scene, chart)
+    away = np.ones(shape, bool) if left is None else left == 1  # from walls: at their feet what is painted is darker
+    assert (seen & away).any()
+    assert (colour[seen & away] == [9, 9, 200]).all()
+    bare = ~known & ~seen & away
     assert bare.any()
     np.testing.assert_array_equal(colour[bare], materials.raster(chart)[bare])
     np.testing.assert_array_equal(provenance, np.where(seen, TRANSLATED, np.where(known, PHOTO, MATERIAL)))

@@ -15,6 +15,7 @@ from shapely import LineString
 
 from catalogs.block import TextureSettings
 from catalogs.block.sources import OPENSTREETMAP, sources_of
+from facade_core.geometry.walls import STREET
 from facade_core.types import Street
 from tasks.published.catalogue_facts import (
     OF_FACADES,
@@ -130,7 +131,8 @@ def windows(rows: int, confidence: float = 0.9) -> list[list[Any]]:
     ],
 )
 def test_quality_says_what_to_look_at(changes: dict[str, Any], source: str, quality: str) -> None:
-    facades = cast(Any, SimpleNamespace(height=np.array([12.0]), width=np.array([9.0]), floors=np.array([4])))
+    sizes = {"height": np.array([12.0]), "width": np.array([9.0]), "floors": np.array([4])}
+    facades = cast(Any, SimpleNamespace(**sizes, role=np.array([STREET])))
     made = facts(facades, 0, record("a", elements=windows(4), occluded=0.1, floors=4) | changes, source)
     assert made["quality"] == quality
     assert (made["floors"], made["levels"]) == (changes.get("floors") or 4, 4)

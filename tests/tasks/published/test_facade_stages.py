@@ -13,6 +13,7 @@ from PIL import Image
 
 from catalogs.features import file_stem
 from facade_core.export.facade_stages import shown_levels, stages_of
+from facade_core.geometry.walls import STREET
 from facade_core.labels import CLASSES
 from tasks.viewing import Reader, View
 from tasks.viewing.pictures import picture, stages
@@ -34,6 +35,9 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
         assert [span.text_content() for span in legend.iter("span")] == list(CLASSES)
     files = set()
     for index, facade in enumerate(view.tables.facades.id):
+        if view.tables.facades.role[index] != STREET:
+            assert facade not in shown
+            continue
         declared = [stage.report for stage in stages_of(view.facade(index)) if stage.report]
         assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
         names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
