@@ -11,7 +11,7 @@ import shapely
 
 from facade_core.geometry.charts import WALL, Charts
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import BACK, SIDE, STREET, bends, free_part
+from facade_core.geometry.walls import BACK, LEVEL_M, SIDE, STOREY_M, STREET, bends, free_part
 from facade_core.grouping import grouped
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Street
@@ -27,11 +27,8 @@ NARROW_M = 0.7
 FREE = 0.25
 # Points of a wall that are looked at, per axis.
 SAMPLES = (5, 4)
-# A storey is at least and at most this high: tagged levels can contradict the height. So it is where nothing is tagged.
-STOREY_M = (2.2, 6.0)
-OWN_STOREY_M = (2.6, 4.5)
-# Feet and tops of walls are at one height within this.
-LEVEL_M = 0.1
+# A storey is at least and at most this high: tagged levels can contradict the height. Else STOREY_M.
+TAGGED_STOREY_M = (2.2, 6.0)
 
 
 @dataclass(frozen=True)
@@ -85,8 +82,9 @@ def find_facades(
     """Walls that a street sees; seen: the charts that each camera's panorama shows. With `streets` all others that stand free,
     too."""
     charts = scene.charts
-    wall = ~_gables(scene, buildings)
-    large, free = _large_walls(scene) & wall, _free_walls(scene) & wall if streets else np.zeros(len(charts), bool)
+    upright = ~_gables(scene, buildings)
+    large = _large_walls(scene) & upright
+    free = _free_walls(scene) & upright if streets else np.zeros(len(charts), bool)
     runs = bends(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
@@ -106,6 +104,7 @@ def find_facades(
     foot, eaves = _levels(charts, chart)
     levels = [buildings[b].levels for b in building]
     storeys = _floors(levels, eaves, storey)
+    _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
         chart=chart.astype(np.int32),
@@ -118,9 +117,7 @@ def find_facades(
             np.abs(height - eaves) < LEVEL_M, storeys, np.maximum(1, np.round(height * storeys / eaves))
         ).astype(np.int32),
         seen=best[chart],
-        run=np.unique(run[chart], return_index=True, return_inverse=True)[1][
-            np.unique(run[chart], return_inverse=True)[1]
-        ].astype(np.int32),
+        run=first[of].astype(np.int32),
         along=along[chart],
         foot=foot,
         eaves=eaves,
@@ -226,6 +223,6 @@ def _floors(levels: Sequence[int | None], height: np.ndarray, storey: float) -> 
     """Floors of facades (n,) int32: the tagged levels, else as many storeys as the height has; as many as it can have."""
     tagged = np.array([count or 0 for count in levels], np.int64)
     floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / storey))).astype(np.int32)
-    low, high = (np.where(tagged > 0, *limits) for limits in zip(STOREY_M, OWN_STOREY_M, strict=True))
+    low, high = (np.where(tagged > 0, *limits) for limits in zip(TAGGED_STOREY_M, STOREY_M, strict=True))
     most = np.maximum(1, np.floor(height / low))
     return np.clip(floors, np.minimum(np.ceil(height / high), most), most).astype(np.int32)

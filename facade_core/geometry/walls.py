@@ -23,6 +23,8 @@ SNAP_M, MEETING_M = 0.001, 0.05
 FACET_M, BEND = 3.0, 0.86
 # Feet and tops of walls that are one differ by no more.
 LEVEL_M = 0.1
+# Storeys of a building are from so low to so high where its height allows it.
+STOREY_M = (2.6, 4.5)
 
 
 def free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, BaseGeometry]:

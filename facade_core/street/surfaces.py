@@ -73,11 +73,11 @@ def surface(
     What nobody can ever see of a wall takes one colour, which costs nothing to keep. Where walls stand on the ground what is
     painted beside the line is darker; with a `sun` all is in its light and its shadows.
 
-    Bare texels take their material, bare ground under the
-    free sky the `aerial` picture. With `levelling` what is painted is levelled to what was seen of the same surface, on its own
-    chart or beside it, and both together to what pictures show. network: whether streets were translated by the network, whose
-    colours are not those of the materials; pixels: of what, so that what is finer than they are is added from the material;
-    anew: streets painted this chart with other materials than these, so that theirs is painted over.
+    Bare texels take their material, bare ground under the free sky the `aerial` picture. With `levelling` what is painted is
+    levelled to what was seen of the same surface, on its own chart or beside it, and both together to what pictures show.
+    network: whether streets were translated by the network, whose colours are not those of the materials; pixels: of what, so
+    that what is finer than they are is added from the material; anew: streets painted this chart with other materials than
+    these, so that theirs is painted over.
     """
     colour, provenance = _levelled_surface(scene, materials, chart, known, network, pixels, levelling, aerial, anew)
     left = contact(scene, chart)

@@ -12,6 +12,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from shapely.geometry.base import BaseGeometry
 
 from facade_core.errors import ImageError
+from facade_core.geometry.walls import STOREY_M
 from facade_core.labels import BALCONY, WALL
 from facade_core.texture.compose import compose
 from facade_core.texture.genetic import POPULATION
@@ -20,8 +21,6 @@ from facade_core.types import Lattice
 
 # What of a storey is left at a wall's foot or top belongs to the storey beside it where it is lower than this.
 LEAST_STOREY_M = 2.2
-# Storeys of a building are from so low to so high where its height allows it.
-STOREY_M = (2.6, 4.5)
 # A wall ends at the eaves where it ends this near to them: there it shows what crowns the exemplar.
 EAVES_M = 0.3
 # Wall on either side of a window, to the wall's edge or to a neighbour.
