@@ -71,6 +71,11 @@ COLUMNS = (
         "what the facade is to the streets: street, in sight of one; side, narrow and in sight; back, out of sight",
     ),
     Column("height_m", "double", "metres", "height from the ground to the eaves"),
+    Column("roof_shape", "string", "", "of the building, as OpenStreetMap's `roof:shape`; none of a model"),
+    Column("roof_height_m", "double", "metres", "height of the building's roof from the eaves to the ridge"),
+    Column(
+        "roof_confidence", "double", "0 to 1", "how sure the roof's shape is: 1 where it is stated, less where assumed"
+    ),
     Column("width_m", "double", "metres", "width along the ground"),
     Column("azimuth_deg", "double", "degrees", "direction the facade faces, clockwise from north of the grid"),
     Column(

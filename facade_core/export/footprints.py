@@ -7,7 +7,7 @@ import shapely
 from shapely import MultiPolygon, Polygon
 
 from facade_core.export.models import Textured
-from facade_core.geometry.charts import ROOF
+from facade_core.geometry.charts import CEILING, ROOF
 from facade_core.grouping import grouped
 
 # Corners are put on a grid of this many metres, so that edges that nearly meet do.
@@ -17,14 +17,23 @@ SMALLEST_M2 = 0.1
 
 
 def footprint(source: Textured, triangles: np.ndarray) -> list[Polygon]:
-    """What the roofs among some triangles of the mesh cover, from above; of all of them where none is a roof."""
-    mesh = source.mesh
-    roof = triangles[source.charts.kind[mesh.chart[triangles]] == ROOF]
-    flat = shapely.polygons(mesh.vertices[mesh.triangles[roof if len(roof) else triangles]][..., :2])
-    flat = flat[shapely.area(flat) > GRID_M**2]
-    if not len(flat):
-        return []
-    parts = shapely.get_parts(shapely.union_all(flat, grid_size=GRID_M))
+    """What the roofs among some triangles of the mesh cover, from above, where no ceiling faces down below them as under eaves;
+    all of it where one does everywhere, and that of all triangles where none is a roof."""
+    kind = source.charts.kind[source.mesh.chart[triangles]]
+    roof = triangles[kind == ROOF]
+    covered = _covered(source, roof if len(roof) else triangles)
+    open_below = _covered(source, triangles[kind == CEILING])
+    standing = _parts(shapely.difference(covered, open_below, grid_size=GRID_M)) if len(roof) else []
+    return standing or _parts(covered)
+
+
+def _covered(source: Textured, triangles: np.ndarray) -> shapely.Geometry:
+    flat = shapely.polygons(source.mesh.vertices[source.mesh.triangles[triangles]][..., :2])
+    return shapely.union_all(flat[shapely.area(flat) > GRID_M**2], grid_size=GRID_M)
+
+
+def _parts(covered: shapely.Geometry) -> list[Polygon]:
+    parts = shapely.get_parts(covered)
     return [part for part in parts if part.geom_type == "Polygon" and part.area >= SMALLEST_M2]
 
 

@@ -11,6 +11,8 @@ from facade_core.errors import GeometryError
 
 # Pages still open for first fit: more would fill pages better, but scatter a building over the atlas.
 OPEN_PAGES = 4
+# Charts that are wider than half a chunk share a row of chunks up to this part of one high.
+THIN = 4
 
 
 @dataclass(frozen=True)
@@ -59,9 +61,10 @@ def pack(
 ) -> Placement:
     """Pack rasters of `texels` (n, 2) width and height into square pages of `page` texels.
 
-    Charts up to half a chunk share chunks, but only with charts of the same `owner` (n,), the building; charts without one
-    (-1) never share. Charts keep their order, first fit over the last few pages, so that neighbours stay together. With the
-    places of an earlier ingest, charts (of `ids` (n,) uint64) that it had stay, and the others take the first free places.
+    Charts up to half a chunk share chunks, but only with charts of the same `owner` (n,), the building, and so do long ones up
+    to a THINth of a chunk high; charts without one (-1) never share. Charts keep their order, first fit over the last few
+    pages, so that neighbours stay together. With the places of an earlier ingest, charts (of `ids` (n,) uint64) that it had
+    stay, and the others take the first free places.
     Raises GeometryError for a chart larger than a page less its gutters.
     """
     outer = texels.astype(np.int64) + 2 * gutter
@@ -73,7 +76,7 @@ def pack(
     block, inner_x, inner_y, blocks = _share_chunks(outer, np.asarray(owner, np.int64), chunk)
     size = np.ones((blocks, 2), np.int64)
     large = (outer > chunk // 2).any(axis=1)
-    size[block[large]] = -(-outer[large] // chunk)
+    np.maximum.at(size, block[large], -(-outer[large] // chunk))
     place = np.full((blocks, 3), -1, np.int64)
     if last is not None and ids is not None:
         corner = np.column_stack([inner_x, inner_y]) + gutter
@@ -117,15 +120,28 @@ def _stayed(
 
 @njit(cache=True)
 def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.ndarray, np.ndarray, np.ndarray, int]:
-    """Each chart's block of whole chunks and its place in it; small charts of one owner go on shelves of one chunk."""
+    """Each chart's block of whole chunks and its place in it; small charts of one owner go on shelves of one chunk, thin ones
+    on shelves as long as the first of them."""
     n = len(outer)
     block = np.empty(n, np.int64)
     inner_x = np.zeros(n, np.int64)
     inner_y = np.zeros(n, np.int64)
     blocks = 0
     shelf_owner, shelf_block, x, y, shelf_height = -1, -1, 0, 0, 0
+    thin_owner, thin_block, thin_x, thin_y, thin_height, thin_length = -1, -1, 0, 0, 0, 0
     for i in range(n):
         width, height = outer[i, 0], outer[i, 1]
+        if width > chunk // 2 and height <= chunk // THIN and owner[i] >= 0:
+            if owner[i] == thin_owner and thin_x + width > thin_length:
+                thin_x, thin_y, thin_height = 0, thin_y + thin_height, 0
+            if owner[i] != thin_owner or thin_y + height > chunk or width > thin_length:
+                thin_owner, thin_block, thin_x, thin_y, thin_height = owner[i], blocks, 0, 0, 0
+                thin_length = -(-width // chunk) * chunk
+                blocks += 1
+            block[i], inner_x[i], inner_y[i] = thin_block, thin_x, thin_y
+            thin_x += width
+            thin_height = max(thin_height, height)
+            continue
         if width > chunk // 2 or height > chunk // 2 or owner[i] < 0:
             block[i] = blocks
             blocks += 1

@@ -8,15 +8,26 @@ from dataclasses import replace
 import numpy as np
 import shapely
 from shapely import MultiPolygon, Polygon
+from shapely.geometry.base import BaseGeometry
 
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces, frames
 from facade_core.geometry.cutting import SHORTEST_WALL_M, cut_triangles, line_cuts
+from facade_core.geometry.eaves import (
+    ASIDE_M,
+    LOW_ROOF_M,
+    OPEN,
+    OVERHANG_M,
+    Around,
+    along_streets,
+    overhang,
+    parapet,
+)
 from facade_core.geometry.facets import Facets, facets, walled
 from facade_core.geometry.ground import FINER, add_ground, add_level, add_planar
 from facade_core.geometry.roofs import GRID_M, roof_shell
 from facade_core.geometry.terrain import Terrain
-from facade_core.types import Building, Shell, Street
+from facade_core.types import Building, Street
 
 # Footprint vertices nearer than this to the wall they lie on do not split it into two facades.
 COLLINEAR_M = 0.2
@@ -32,6 +43,8 @@ FOOT_M = 2.0
 AS_HIGH = 0.5
 # A shell with walls along less of its free outline is a canopy: the ground goes on under it.
 WALLED = 0.6
+# A neighbour that ends this much lower is in no eaves' way.
+LOWER_M = 0.5
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -58,10 +71,12 @@ def block_surfaces(
     pieces = Pieces()
     refused, outlines = [], []
     beside = shapely.STRtree([building.footprint for building in buildings])
+    eyes = along_streets([street.line for street in streets])
     for index, building in enumerate(buildings):
         try:
             party = _beside(index, buildings, beside)
-            outline, found = add_building(pieces, index, building, terrain, party, largest=largest, grid=grid)
+            around = Around(_in_the_way(index, buildings, beside, terrain), eyes, beside)
+            outline, found = add_building(pieces, index, building, terrain, party, around, largest=largest, grid=grid)
         except GeometryError as error:
             refused.append((building.id, str(error)))
             continue
@@ -90,13 +105,15 @@ def add_building(
     building: Building,
     terrain: Terrain,
     beside: Sequence[Polygon | MultiPolygon] = (),
+    around: Around = OPEN,
     *,
     largest: float,
     grid: float = 32.0,
 ) -> tuple[Polygon | MultiPolygon, Facets | None]:
     """The surfaces of one building behind those in `pieces`. Raises GeometryError where it has none.
 
-    beside: the footprints that its roof runs on over. Returns what it covers, and a shell's facets, None of what is built here.
+    beside: the footprints that its roof runs on over; around: what its roof's edge has about it. Returns what it covers, and a
+    shell's facets, None of what is built here.
     """
     outline = _outline(building)
     if building.shell is not None:
@@ -108,9 +125,14 @@ def add_building(
         onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
         roofed = roof_shell(replace(building, footprint=onto_grid), base, beside) if onto_grid.is_valid else None
         if roofed is None:
+            flat = building.roof is not None and building.roof.shape == "flat" and building.height > LOW_ROOF_M
+            edge = parapet(outline, base + building.height, around) if flat else None
             _extruded(pieces, index, outline, base, building.height, terrain, largest, grid)
         else:
-            _extruded(pieces, index, onto_grid, base, building.height, terrain, largest, grid, roofed)
+            roof, edge = overhang(_above(facets(roofed, outline), base + building.height), onto_grid, around)
+            _extruded(pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof)
+        if edge is not None:
+            _facets(pieces, index, edge.facets, largest, grid, edge.along)
         return outline, None
     found = facets(shell, outline)
     if len(found) == 0:
@@ -128,6 +150,27 @@ def _beside(index: int, buildings: Sequence[Building], tree: shapely.STRtree) ->
     near = sorted(tree.query(own.footprint, predicate="dwithin", distance=OUTLINE_M).tolist())
     others = [buildings[i] for i in near if i != index]
     return [other.footprint for other in others if other.height >= AS_HIGH * own.height and other.footprint.is_valid]
+
+
+def _in_the_way(index: int, buildings: Sequence[Building], tree: shapely.STRtree, terrain: Terrain) -> BaseGeometry:
+    """What a building's neighbours cover that reach up to its eaves."""
+    own = buildings[index]
+    if own.shell is not None or not np.isfinite(own.height):
+        return OPEN.high
+    least = _base(own, terrain) + own.height - LOWER_M
+    near = [i for i in tree.query(own.footprint, predicate="dwithin", distance=OVERHANG_M + ASIDE_M) if i != index]
+    high = [
+        one for one in (buildings[i] for i in sorted(near)) if one.footprint.is_valid and _top(one, terrain) > least
+    ]
+    return shapely.union_all([one.footprint for one in high])
+
+
+def _base(building: Building, terrain: Terrain) -> float:
+    return terrain.lowest(building.footprint) if building.base is None else building.base
+
+
+def _top(building: Building, terrain: Terrain) -> float:
+    return _base(building, terrain) + building.height + (building.roof.height if building.roof else 0.0)
 
 
 def _free(index: int, buildings: Sequence[Building], tree: shapely.STRtree) -> shapely.Geometry:
@@ -158,16 +201,16 @@ def _extruded(
     terrain: Terrain,
     largest: float,
     grid: float,
-    roofed: Shell | None = None,
+    roof: Facets | None = None,
 ) -> None:
-    """Walls on every edge, a flat roof or that of a shell, and a skirt down to the terrain where it lies lower."""
+    """Walls on every edge, a flat roof or the facets of one, and a skirt down to the terrain where it lies lower."""
     eaves = base + height
-    joints = np.empty((0, 2)) if roofed is None else roofed.vertices[roofed.vertices[:, 2] >= eaves, :2]
+    joints = np.empty((0, 2)) if roof is None else roof.vertices[roof.vertices[:, 2] >= eaves, :2]
     rings = [np.asarray(ring.coords) for ring in (outline.exterior, *outline.interiors)]
     edges = [edge for ring in rings for edge in zip(ring[:-1], ring[1:], strict=True)]
     for a, b in edges:
         _wall(pieces, index, a, b, base, eaves, largest, grid, joints)
-    if roofed is None:
+    if roof is None:
         add_level(pieces, ROOF, index, outline, eaves, largest, grid)
     for a, b in edges:
         length = float(np.hypot(*(b - a)))
@@ -175,8 +218,8 @@ def _extruded(
         foot = float(terrain.height(a + steps[:, None] * (b - a)).min())
         if base - foot > SKIRT_M:
             _wall(pieces, index, a, b, foot, base, largest, grid)
-    if roofed is not None:
-        _facets(pieces, index, _above(facets(roofed, outline), eaves), largest, grid)
+    if roof is not None:
+        _facets(pieces, index, roof, largest, grid)
 
 
 def _above(found: Facets, height: float) -> Facets:
@@ -251,9 +294,11 @@ def _on_edge(start: np.ndarray, along: np.ndarray, length: float, points: np.nda
     return np.unique(np.round(step[(off < 2 * GRID_M) & (step > GRID_M) & (step < length - GRID_M)], 6))
 
 
-def _facets(pieces: Pieces, index: int, facets: Facets, largest: float, grid: float) -> None:
-    """Facets as charts; those longer than `largest` are cut on the grid."""
-    axis_u, axis_v = frames(facets.normal)
+def _facets(
+    pieces: Pieces, index: int, facets: Facets, largest: float, grid: float, along: np.ndarray | None = None
+) -> None:
+    """Facets as charts, with their right `along` (f, 3) if that is given; those longer than `largest` are cut on the grid."""
+    axis_u, axis_v = frames(facets.normal) if along is None else (along, np.cross(along, facets.normal))
     vertices, triangles, uv = facets.vertices, facets.triangles, facets.uv
     corners = vertices[triangles]
     first = np.searchsorted(facets.facet, np.arange(len(facets)))

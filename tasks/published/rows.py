@@ -104,6 +104,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 "building": buildings["id"][building],
                 "geometry": LineString([start, end]),
                 "street": street.name or street.id,
+                **_roof(buildings, building),
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
                 **facts(facades, index, record, buildings["height_source"][building]),
                 "parents": _parents(run.block, buildings["id"][building], street.id, record),
@@ -115,6 +116,15 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _roof(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:
+    """What there is to say of a building's roof: of a model nothing."""
+    shape = buildings["roof_shape"][building]
+    if not shape:
+        return {"roof_shape": None, "roof_height_m": None, "roof_confidence": None}
+    height, confidence = (round(float(buildings[name][building]), 3) for name in ("roof_height", "roof_confidence"))
+    return {"roof_shape": shape, "roof_height_m": height, "roof_confidence": confidence}
 
 
 def facts(facades: Facades, index: int, record: Mapping[str, Any], height_source: str) -> dict[str, Any]:

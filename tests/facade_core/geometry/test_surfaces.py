@@ -83,13 +83,14 @@ def test_a_building_stands_on_the_lowest_ground_and_a_higher_one_has_a_skirt() -
 
 
 def test_a_roofed_building_is_closed_down_to_the_slope() -> None:
+    far = replace(STREET, line=shapely.affinity.translate(STREET.line, 0, 500))  # eaves stand out where they are seen
     roofed = replace(BOX, roof=Roof("gabled", 4.0), base=23.0)
-    charts, mesh = surfaces([roofed], [STREET], SLOPE)
+    charts, mesh = surfaces([roofed], [far], SLOPE)
     assert (charts.kind == ROOF).sum() == 2
     walls = (charts.kind == WALL)[mesh.chart]
     # 60 m around at 12 m, two gables, and the skirt down to the lowest ground under each wall
     assert shares(mesh, walls) == pytest.approx(60 * 12 + 40 + 3 * 10 + 1 * 10 + 2 * 3 * 20, abs=1e-3)
-    flat = surfaces([replace(roofed, roof=None)], [STREET], SLOPE)[0]
+    flat = surfaces([replace(roofed, roof=None)], [far], SLOPE)[0]
     assert (charts.size[:4] == flat.size[:4]).all(), "walls end at the eaves: facades are what they are without a roof"
     whole = trimesh.Trimesh(mesh.vertices, mesh.triangles[charts.building[mesh.chart] == 0])
     edges = trimesh.grouping.group_rows(whole.edges_sorted, require_count=1)
