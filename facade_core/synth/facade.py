@@ -9,14 +9,14 @@ import cv2
 import numpy as np
 
 from facade_core.errors import LayoutError
-from facade_core.synth import entrances, materials, ornament, railings
+from facade_core.synth import entrances, materials, ornament, railings, shops
 from facade_core.synth.canvas import GAMMA, Canvas, linear
 from facade_core.synth.light import shade
 from facade_core.synth.occluders import paint_occluders
 from facade_core.synth.plan import Opening, Plan, plan
 from facade_core.synth.styles import BY_NAME, STYLES
 from facade_core.synth.weather import weather
-from facade_core.synth.windows import Fabrics, panes_differ, window_tile
+from facade_core.synth.windows import SKY_HIGHEST, SKY_LOWEST, Fabrics, panes_differ, window_tile
 from facade_core.types import Element
 
 LOWEST_STOREY, NARROWEST_COLUMN = 2.4, 1.5  # metres
@@ -140,7 +140,7 @@ def _walls(canvas: Canvas, laid: Plan, palette: ornament.Palette, rng: np.random
     course = max(0.075, 2.5 * mpp)
     upper = (0.0, top, w, max(ground, top + mpp))
     if style.wall == "brick":
-        bond = materials.Bond(course, 3.1 * course, 0.2 * course, header=1.55 * course, spread=0.13)
+        bond = materials.Bond(course, 3.33 * course, 0.14 * course, header=1.67 * course, spread=0.15)
         materials.masonry(canvas, upper, palette.wall, linear("#a59380"), bond, rng)
     elif style.wall == "ashlar":
         bond = materials.Bond(0.42, 1.0, 0.02, spread=0.035)
@@ -157,7 +157,7 @@ def _walls(canvas: Canvas, laid: Plan, palette: ornament.Palette, rng: np.random
             canvas, lower, palette.base, palette.base * 0.55, bond, rng, relief=0.06, groove=0.05, rock=0.035
         )
     elif style.base == "tile":
-        bond = materials.Bond(max(0.15, 3 * mpp), max(0.3, 6 * mpp), 0.018, spread=0.06)
+        bond = materials.Bond(max(0.10, 2.5 * mpp), max(0.2, 5 * mpp), 0.014, spread=0.07)
         materials.masonry(canvas, lower, palette.base, palette.base * 1.6, bond, rng, relief=0.02)
     else:
         bond = materials.Bond(0.50, 1.1, 0.025, spread=0.05)
@@ -176,7 +176,7 @@ def _openings(
 ) -> None:
     mpp, style = laid.metres_per_pixel, laid.style
     factor = round(canvas.scale * mpp)
-    tiles: dict[tuple[str, str, tuple[int, int], int], tuple[Canvas, np.ndarray | None]] = {}
+    tiles: dict[tuple[str, str, tuple[int, int], bool, int], tuple[Canvas, np.ndarray | None]] = {}
 
     def metres(o: Opening) -> ornament.Box:
         x0, y0, x1, y1 = o.box
@@ -190,9 +190,11 @@ def _openings(
         ornament.surround(canvas, laid, o, metres(o), palette)
     for o in by_label["window"]:
         # Of rooms in one state there are some: no two neighbours draw their curtains alike.
-        key = (o.kind, o.state, shape(o), int(rng.integers(ROOMS)))
+        high = 2 * o.floor > laid.floors
+        key = (o.kind, o.state, shape(o), high, int(rng.integers(ROOMS)))
         if key not in tiles:
-            tiles[key] = window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, rng)
+            sky = SKY_HIGHEST if high else SKY_LOWEST
+            tiles[key] = window_tile(shape(o), canvas.scale, style.glazing, o.kind, o.state, fabrics, sky, rng)
         tile, opening = tiles[key]
         canvas.paste(panes_differ(tile, rng), o.box[0] * factor, o.box[1] * factor, opening)
     spacing = factor * max(2, round(0.13 / mpp))
@@ -210,13 +212,18 @@ def _openings(
         ornament.doorway(canvas, laid, metres(o), palette)
         tile = entrances.door_tile(shape(o), canvas.scale, palette.door, modern=style.modern, rng=rng)
         canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
-    signs = rng.permutation(len(entrances.SIGNS))
-    schemes = rng.permutation(12)
-    for number, o in enumerate(by_label["shop"]):
-        # A shop is two bays wide, in one colour.
-        word, scheme = entrances.SIGNS[signs[number % len(signs)]], int(schemes[number // 2 % len(schemes)])
-        tile, awning = entrances.shop_tile(shape(o), canvas.scale, o.state, word, scheme, rng)
-        canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
-        if awning is not None:
-            x, y = o.box[0] * factor + awning.x, o.box[1] * factor + awning.y
-            canvas.plates.append(replace(awning, x=x, y=y))
+    bays = by_label["shop"]
+    ornament.piers(canvas, laid, [metres(o) for o in bays], palette)
+    numbers = sorted({o.unit for o in bays})
+    for number, shop in zip(numbers, shops.parade(len(numbers), rng), strict=True):
+        own = [o for o in bays if o.unit == number]
+        for place, o in enumerate(own):
+            # The name stands over the first bay, and the second has the door.
+            named, door = place == 0, place == min(1, len(own) - 1)
+            tile, awning = shops.shop_tile(
+                shape(o), canvas.scale, o.state, shop, named=named, door=door, stone=palette.base, rng=rng
+            )
+            canvas.paste(tile, o.box[0] * factor, o.box[1] * factor)
+            if awning is not None:
+                x, y = o.box[0] * factor + awning.x, o.box[1] * factor + awning.y
+                canvas.plates.append(replace(awning, x=x, y=y))

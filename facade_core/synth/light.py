@@ -7,8 +7,8 @@ import numpy as np
 
 from facade_core.synth.canvas import Canvas, Plate, blur
 
-SUN = np.array([0.665, 0.625, 0.560], np.float32)
-SKY = np.array([0.345, 0.370, 0.415], np.float32)
+SUN = np.array([0.720, 0.690, 0.640], np.float32)
+SKY = np.array([0.285, 0.305, 0.335], np.float32)
 # How far a shadow falls to the right and down, in metres per metre that its caster stands out.
 SHADOW_X, SHADOW_Y = 0.50, 0.78
 DEEPEST = 1.0  # metres; nothing on a facade stands out more
@@ -83,9 +83,12 @@ def _facing(relief: np.ndarray, scale: float) -> np.ndarray:
 
 
 def _openness(relief: np.ndarray, scale: float) -> np.ndarray:
-    """Share of the sky that a point sees (ambient occlusion), from how far its surroundings stand above it."""
+    """Share of the sky that a point sees (ambient occlusion), from how far what is around and above it stands out."""
     open_ = np.ones_like(relief)
-    for radius, strength in ((0.06, 1.5), (0.30, 1.5)):
-        buried = blur(relief, radius * scale) - relief
-        open_ *= 1 / (1 + np.float32(strength * 2) * np.maximum(buried, 0))
+    # The sky is above: what lies under a ledge loses more than what lies over it.
+    for radius, rise, strength in ((0.06, 0.03, 3.0), (0.30, 0.28, 3.0)):
+        around = blur(relief, radius * scale)
+        drop = min(round(rise * scale), len(relief) - 1)
+        buried = np.concatenate([np.repeat(around[:1], drop, 0), around[: len(around) - drop]]) - relief
+        open_ *= 1 / (1 + np.float32(strength) * np.maximum(buried, 0))
     return open_

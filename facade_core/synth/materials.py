@@ -33,7 +33,7 @@ def plaster(
     shape = canvas.relief[at].shape
     grain = noise(shape, 0.022 * canvas.scale, rng)
     # Grain, the strokes of the trowel, and patches as far as an arm reaches.
-    tone = 1 + np.float32(0.012 + 0.03 * rough) * grain + 0.018 * noise(shape, 0.35 * canvas.scale, rng)
+    tone = 1 + np.float32(0.03 + 0.05 * rough) * grain + 0.022 * noise(shape, 0.35 * canvas.scale, rng)
     tone += np.float32(0.010) * noise(shape, (0.05 * canvas.scale, 0.16 * canvas.scale), rng)
     tone += np.float32(0.014) * noise(shape, 1.7 * canvas.scale, rng)
     canvas.albedo[at] = colour * tone[..., None]

@@ -237,6 +237,18 @@ def sill(canvas: Canvas, box: Box, colour: np.ndarray, *, out: float) -> None:
     canvas.moulding(x0 - out, y1, x1 + out, y1 + 0.11, colour, SILL)
 
 
+def piers(canvas: Canvas, plan: Plan, bays: list[Box], palette: Palette) -> None:
+    """Pilasters beside the bays of shops, on plinths."""
+    if plan.style.base == "tile":
+        return
+    foot = plan.lines[0] * plan.metres_per_pixel
+    for x0, y0, x1, _ in bays:
+        for left, right in ((x0 - 0.24, x0 - 0.03), (x1 + 0.03, x1 + 0.24)):
+            canvas.box(left, y0, right, foot - 0.5, palette.base * 1.08, 0.07)
+            canvas.moulding(left - 0.03, y0, right + 0.03, y0 + 0.16, palette.base * 1.1, (0.13, 0.13, 0.09))
+            canvas.box(left - 0.02, foot - 0.5, right + 0.02, foot, palette.base * 0.85, 0.1)
+
+
 def doorway(canvas: Canvas, plan: Plan, box: Box, palette: Palette) -> None:
     """A door's surround with a hood; stone for the old styles, a thin canopy for the modern one."""
     x0, y0, x1, y1 = box

@@ -12,16 +12,19 @@ from facade_core.types import Element
 
 GROUND_SHARE = 1.28  # height of the ground floor, in upper storeys
 WINDOW_STATES = ("clear", "curtains-open", "curtains-drawn", "blind-half", "blind-full")
-WINDOW_ODDS = (0.34, 0.26, 0.12, 0.17, 0.11)
+WINDOW_ODDS = (0.50, 0.21, 0.06, 0.15, 0.08)
 BALCONY_STATES = ("bare", "flowers")
 BALCONY_ODDS = (0.85, 0.15)
 SHOP_STATES = ("plain", "awning")
+SHOP_ODDS = (0.65, 0.35)
+# Metres: what shops and balconies leave free at a facade's ends, the pier between two bays of shops, the widest such bay.
+CORNER, PIER, WIDEST_BAY = 0.5, 0.5, 4.2
 SMALLEST_ROOF_WITH_DORMERS = 1.7
 
 
 @dataclass(frozen=True, slots=True)
 class Opening:
-    """A window, balcony, door or shop; box in whole pixels (x0, y0, x1, y1), half-open."""
+    """A window, balcony, door or shop; box in whole pixels (x0, y0, x1, y1), half-open; unit: of which shop it is a bay."""
 
     label: str
     kind: str
@@ -29,6 +32,7 @@ class Opening:
     box: tuple[int, int, int, int]
     floor: int
     column: int
+    unit: int = 0
 
     @property
     def truth(self) -> str:
@@ -124,6 +128,11 @@ def _centred(column: float, pitch: float, width: int, top: int, bottom: int) -> 
     return left, top, left + width, max(bottom, top + 2)
 
 
+def _corner(width: int, mpp: float) -> int:
+    """Pixels that shops and balconies leave free at either end of a facade."""
+    return round(min(CORNER / mpp, 0.12 * width))
+
+
 def _balcony_places(style: Style, floors: int, columns: int, rng: np.random.Generator) -> set[tuple[int, int]]:
     upper = range(1, floors)
     if floors == 1 or style.balconies == "none":
@@ -152,7 +161,7 @@ def _balconies(
     rng: np.random.Generator,
 ) -> list[Opening]:
     floors = len(lines) - 1
-    above, below = round(0.95 / mpp), round(0.16 / mpp)
+    above, below, edge = round(0.95 / mpp), round(0.16 / mpp), _corner(width, mpp)
     found = []
     parisian = style.balconies == "parisian"
     long_floors = {min(2, floors - 1), floors - 1} if parisian and floors >= 4 else {floors - 1} if parisian else set()
@@ -161,7 +170,7 @@ def _balconies(
         state = str(rng.choice(BALCONY_STATES, p=BALCONY_ODDS))
         if floor in long_floors:
             if column == 0:
-                margin = max(1, round(0.12 * pitch))
+                margin = max(1, round(0.12 * pitch), edge)
                 box = (margin, top, width - margin, bottom)
                 found.append(Opening("balcony", "long", state, box, floor, 0))
             continue
@@ -170,6 +179,8 @@ def _balconies(
         wide = round(share * pitch) if share else min(window_w + 2 * round(margin_m / mpp), round(0.94 * pitch))
         if share:
             wide = min(wide, round(3.4 / mpp))
+        if column in (0, round(width / pitch) - 1):
+            wide = max(min(wide, round(pitch) - 2 * edge), min(wide, window_w))
         found.append(Opening("balcony", "plain", state, _centred(column, pitch, wide, top, bottom), floor, column))
     return found
 
@@ -189,17 +200,40 @@ def _ground_floor(
     doorway = columns // 2 if style.balconies == "centre" else int(rng.integers(columns))
     door_w = max(2, round(min(0.52 * pitch * mpp, 1.7) / mpp))
     found = []
+    units = _shops(columns, doorway, rng) if shops else {}
+    states = rng.choice(SHOP_STATES, columns, p=SHOP_ODDS)
+    edge, pier = _corner(round(columns * pitch), mpp), PIER / mpp
     for column in range(columns):
         if column == doorway:
             top = ceiling + round(0.20 * tall)
             found.append(Opening("door", "plain", "leaf", _centred(column, pitch, door_w, top, height), 0, column))
-        elif shops:
-            state = str(rng.choice(SHOP_STATES))
-            wide = round(min(0.88 * pitch, 4.2 / mpp))
-            box = _centred(column, pitch, wide, ceiling + round(0.11 * tall), height)
-            found.append(Opening("shop", "plain", state, box, 0, column))
+        elif column in units:
+            wide = min(pitch - pier, WIDEST_BAY / mpp)
+            left = max(round((column + 0.5) * pitch - wide / 2), edge if column == 0 else 0)
+            right = round((column + 0.5) * pitch + wide / 2)
+            if column == columns - 1:
+                right = min(right, round(columns * pitch) - edge)
+            box = (left, ceiling + round(0.11 * tall), right, height)
+            unit = units[column]
+            found.append(Opening("shop", "plain", str(states[unit]), box, 0, column, unit))
         else:
             state = str(rng.choice(WINDOW_STATES, p=WINDOW_ODDS))
             top, bottom = ceiling + round(0.22 * tall), ceiling + round(0.70 * tall)
             found.append(Opening("window", "ground", state, _centred(column, pitch, window_w, top, bottom), 0, column))
     return found
+
+
+def _shops(columns: int, doorway: int, rng: np.random.Generator) -> dict[int, int]:
+    """The number of its shop by column: shops are two or three bays wide where the door leaves room, and on long fronts one
+    place in three is none."""
+    runs: list[list[int]] = []
+    for side in (range(doorway), range(doorway + 1, columns)):
+        left = list(side)
+        while left:
+            size = len(left) if len(left) <= 3 else int(rng.integers(2, 4)) if len(left) != 4 else 2
+            runs.append(left[:size])
+            left = left[size:]
+    if len(runs) > 2 and rng.random() < 0.6:
+        least = min(range(len(runs)), key=lambda i: len(runs[i]))
+        del runs[least]
+    return {column: unit for unit, run in enumerate(runs) for column in run}

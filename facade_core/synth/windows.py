@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
-from facade_core.synth.canvas import Canvas, blur, linear, noise
+from facade_core.synth.canvas import Canvas, linear, noise
 
 GLASS, BAR, FRAME = -0.27, -0.23, -0.20  # relief in metres
-_SKY_HIGH, _SKY_LOW, _STREET = linear("#8fb4df"), linear("#e6ecee"), linear("#837a70")
-_ROOM = linear("#2a2c30")
+# What glass shows of them: a twelfth of the sky's light, twice a wall's, and of the shaded houses across the street.
+_SKY_HIGH, _SKY_LOW, _STREET = 0.17 * linear("#a9c3e2"), 0.27 * linear("#eef0ee"), linear("#3b3a39")
+_ROOM = linear("#35353a")
+# How often a casement leans so that it mirrors the sky: on the lowest storey, and so much more on the highest.
+SKY_LOWEST, SKY_HIGHEST = 0.10, 0.40
 
 
 @dataclass(frozen=True)
@@ -29,15 +34,18 @@ def window_tile(
     kind: str,
     state: str,
     fabrics: Fabrics,
+    sky: float,
     rng: np.random.Generator,
 ) -> tuple[Canvas, np.ndarray | None]:
-    """A window of `shape` raster pixels in one state, and the mask of its opening where that is not the whole box."""
+    """A window of `shape` raster pixels in one state, each casement of which mirrors the sky by a chance; and the mask of its
+    opening where that is not the whole box."""
     tile = Canvas.blank(*shape, scale)
     tile.relief[:] = GLASS
-    inside = _room(shape, state, fabrics, scale, rng)
-    tile.albedo[:] = 0.64 * inside + 0.50 * mirrored(shape, rng)
+    tile.albedo[:] = _room(shape, state, fabrics, scale, rng)
+    shown = "dormer" if kind == "dormer" else glazing
+    tile.albedo += mirrored(shape, rng, posts=[tile.px(x) for x in _posts(shown, tile.width_m)], sky=sky)
     tile.gloss[:] = 1.0
-    _frame(tile, "dormer" if kind == "dormer" else glazing, kind, fabrics.frame)
+    _frame(tile, shown, kind, fabrics.frame)
     if kind != "arched":
         return tile, None
     rows, columns = shape
@@ -51,52 +59,61 @@ def window_tile(
     return tile, below >= 0
 
 
-def mirrored(shape: tuple[int, int], rng: np.random.Generator, horizon: float = 0.68) -> np.ndarray:
-    """What a pane mirrors (H, W, 3): sky paling towards the roofs across the street, and those roofs below."""
+def mirrored(shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequence[int], sky: float) -> np.ndarray:
+    """What panes mirror (H, W, 3): the shaded houses across the street, with the sky over their eaves in some leaves.
+
+    posts: columns between casements, each of which leans its own way; sky: the chance that one shows the sky.
+    """
     rows, columns = shape
-    horizon = horizon + float(rng.uniform(-0.06, 0.1))
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
-    x = ((np.arange(columns, dtype=np.float32) + 0.5) / columns)[None, :]
-    down = np.clip(y / horizon, 0, 1) ** 1.2 + np.zeros_like(x)
-    cloud = np.clip(0.5 + 2.2 * (0.55 - np.abs(x * 0.8 + y - 0.75)) * 0.6, 0, 1) * 0.35
-    sky = _SKY_HIGH + (_SKY_LOW - _SKY_HIGH) * np.clip(down + cloud, 0, 1)[..., None]
-    roofs = horizon + 0.07 * np.repeat(rng.random(4).astype(np.float32), -(-columns // 4))[:columns]
-    street = np.clip((y - roofs) * 14, 0, 1)[..., None]
-    depth = 1 - 0.35 * np.clip((y - horizon) / (1 - horizon), 0, 1)
-    # Panes that lean in or out mirror less or more of the sky.
-    lean = np.float32(rng.uniform(0.78, 1.0))
-    return lean * (sky * (1 - 0.75 * street) + _STREET * (0.75 * street * depth[..., None]))
+    # Walls and windows across the street, out of focus.
+    coarse = np.kron(rng.uniform(0.6, 1.4, (5, 4)), np.ones((3, 3))).astype(np.float32)
+    houses = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
+    eaves = np.full(columns, -1.0, np.float32)
+    strength = np.ones(columns, np.float32)
+    low = float(rng.uniform(0.25, 1.3))
+    for left, right in zip((0, *posts), (*posts, columns), strict=True):
+        if rng.random() < sky:
+            steps = np.repeat(rng.random(3).astype(np.float32), -(-(right - left) // 3))[: right - left]
+            eaves[left:right] = low + rng.uniform(-0.12, 0.12) + 0.10 * steps
+            strength[left:right] = rng.uniform(0.55, 1.0)
+        else:
+            strength[left:right] = rng.uniform(0.5, 1.3)
+    above = np.clip((eaves[None, :] - y) * (rows / 3), 0, 1)[..., None]
+    light = _SKY_HIGH + (_SKY_LOW - _SKY_HIGH) * np.clip(y / 1.1, 0, 1)[..., None]
+    return strength[None, :, None] * (above * light + (1 - above) * _STREET * houses[..., None])
 
 
 def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rng: np.random.Generator) -> np.ndarray:
+    """The room behind, as dim as daylight leaves it, with what hangs at the window."""
     rows, columns = shape
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
     x = ((np.arange(columns, dtype=np.float32) + 0.5) / columns)[None, :]
-    room = _ROOM * (0.7 + 0.8 * y[..., None] + 0.25 * noise(shape, 0.25 * scale, rng)[..., None].clip(-1, 1))
+    depth = np.float32(rng.uniform(0.5, 1.1)) * (0.75 + 0.5 * y + 0.3 * noise(shape, 0.3 * scale, rng).clip(-1, 1))
+    room = _ROOM * depth[..., None]
     if state.startswith("curtains"):
-        folds = 0.80 + 0.20 * np.sin(2 * np.pi * x * columns / (0.17 * scale) + 0.9 * np.sin(3 * y))
-        cloth = fabrics.curtain * (folds * (1.02 - 0.18 * y))[..., None]
+        # Cloth hangs behind glass and a reveal: it is never as light as the wall.
+        light = float(rng.uniform(0.30, 0.55))
+        folds = 0.72 + 0.28 * np.sin(2 * np.pi * x * columns / (rng.uniform(0.10, 0.2) * scale) + 0.9 * np.sin(3 * y))
+        cloth = light * fabrics.curtain * (folds * (1.05 - 0.35 * y))[..., None]
         if state == "curtains-drawn":
-            # A sliver stays open in the middle, as curtains are drawn by hand.
-            cover = np.clip((np.abs(x - 0.5) - 0.015 - 0.02 * y) * columns / 2, 0, 1)
+            # A sliver stays open, as curtains are drawn by hand.
+            middle = float(rng.uniform(0.35, 0.65))
+            cover = np.clip((np.abs(x - middle) - 0.015 - 0.03 * y) * columns / 2, 0, 1)
         else:
-            # Tall windows have tied drapes, broad ones hang straight.
+            # Tall windows have tied drapes, broad ones hang straight; no two sides alike.
             tie = 0.12 if rows > 1.35 * columns else 0.0
-            drape = (
-                (0.29 if tie else 0.2) * float(rng.uniform(0.75, 1.15))
-                - tie * np.exp(-(((y - 0.68) / 0.24) ** 2))
-                + 0.02 * y
-            )
-            cover = np.clip((np.abs(x - 0.5) - (0.5 - drape)) * columns / 2, 0, 1)
-        # A net curtain veils the whole window behind.
-        room = room * 0.75 + linear("#d8d8d2") * 0.10
+            drape = (0.26 if tie else 0.18) - tie * np.exp(-(((y - 0.68) / 0.24) ** 2)) + 0.02 * y
+            sides = rng.uniform(0.3, 1.2, 2).astype(np.float32)
+            wide = drape * np.where(x < 0.5, sides[0], sides[1])
+            cover = np.clip((np.abs(x - 0.5) - (0.5 - wide)) * columns / 2, 0, 1)
         return room + cover[..., None] * (cloth - room)
     if state.startswith("blind"):
-        reach = float(rng.uniform(0.42, 0.62)) if state == "blind-half" else 1.0
-        slats = 0.86 + 0.14 * np.sin(2 * np.pi * y * rows / max(4.0, 0.12 * scale))
+        reach = float(rng.uniform(0.25, 0.62)) if state == "blind-half" else 1.0
+        slats = 0.80 + 0.20 * np.sin(2 * np.pi * y * rows / max(4.0, 0.07 * scale))
         cover = np.clip((reach - y) * rows / 2, 0, 1) + np.zeros_like(x)
         edge = np.exp(-(((reach - y) * rows / (0.03 * scale)) ** 2)) * (reach < 1)
-        cloth = fabrics.blind * (slats * (0.9 + 0.1 * x) * (1 - 0.45 * edge))[..., None]
+        cloth = 0.5 * fabrics.blind * (slats * (0.9 + 0.1 * x) * (1 - 0.45 * edge))[..., None]
         return room + cover[..., None] * (cloth - room)
     return room
 
@@ -108,27 +125,24 @@ def _frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> None:
         foot = min(0.55, 0.22 * h)
         tile.box(0, h - foot, w, h, colour * 0.92, FRAME)
         tile.box(0.16, h - foot + 0.12, w - 0.16, h - 0.12, colour * 0.82, BAR)
-    transom, sashes, upper, rows = {
-        "jugend": (0.36, 3 if w > 1.45 else 2, 2, 1),
-        "cross": (0.30, 2, 1, 2),
-        "sash": (0.33, 2, 1, 2),
-        "strip": (0.0, max(2, round(w / 0.95)), 1, 1),
-        "french": (0.20, 2, 1, 3),
-        "dormer": (0.0, 2, 1, 2),
-        "grid": (0.0, 2, 1, 3),
-        "deco": (0.24, 3, 1, 1),
-        "picture": (0.0, 2, 1, 1),
+    transom, upper, rows = {
+        "jugend": (0.36, 2, 1),
+        "cross": (0.30, 1, 2),
+        "sash": (0.33, 1, 2),
+        "strip": (0.0, 1, 1),
+        "french": (0.20, 1, 3),
+        "dormer": (0.0, 1, 2),
+        "grid": (0.0, 1, 3),
+        "deco": (0.24, 1, 1),
+        "picture": (0.0, 1, 1),
     }[glazing]
     edge, bar, thin = 0.075, 0.065, 0.034
     light = (h - foot) * transom
-    posts = np.linspace(0, w, sashes + 1)[1:-1]
-    if glazing in ("strip", "picture"):
-        # One narrow casement to air the room beside the broad lights.
-        posts = np.array([min(0.5, 0.3 * w), *np.linspace(min(0.5, 0.3 * w), w, sashes)[1:-1]])
+    posts = _posts(glazing, w)
     for x in posts:
         tile.box(x - bar / 2, light, x + bar / 2, h - foot, colour, FRAME)
     if transom:
-        for x in np.linspace(0, w, sashes * upper + 1)[1:-1]:
+        for x in np.linspace(0, w, (len(posts) + 1) * upper + 1)[1:-1]:
             tile.box(x - thin / 2, 0, x + thin / 2, light, colour, BAR)
         if glazing == "jugend":
             tile.box(0, light / 2 - thin / 2, w, light / 2 + thin / 2, colour, BAR)
@@ -139,9 +153,17 @@ def _frame(tile: Canvas, glazing: str, kind: str, colour: np.ndarray) -> None:
         tile.box(x0, y0, x1, y1, colour, FRAME)
 
 
+def _posts(glazing: str, w: float) -> list[float]:
+    """Where the posts between casements are, in metres."""
+    sashes = {"jugend": 3 if w > 1.45 else 2, "strip": max(2, round(w / 0.95)), "deco": 3}.get(glazing, 2)
+    if glazing in ("strip", "picture"):
+        # One narrow casement to air the room beside the broad lights.
+        narrow = min(0.5, 0.3 * w)
+        return [narrow, *np.linspace(narrow, w, sashes)[1:-1].tolist()]
+    return list(np.linspace(0, w, sashes + 1)[1:-1].tolist())
+
+
 def panes_differ(tile: Canvas, rng: np.random.Generator) -> Canvas:
-    """The same window once more: old glass never mirrors quite the same light twice."""
-    strength = np.float32(0.035 * rng.standard_normal())
-    wave = 0.02 * blur(rng.standard_normal(tile.relief.shape, dtype=np.float32), 0.12 * tile.scale) * 0.12 * tile.scale
-    albedo = tile.albedo * (1 + tile.gloss * (strength + wave))[..., None]
-    return Canvas(albedo, tile.relief, tile.gloss, tile.scale)
+    """The same window once more: no two rooms are equally dark."""
+    strength = np.float32(np.exp(0.18 * rng.standard_normal()) - 1)
+    return Canvas(tile.albedo * (1 + tile.gloss * strength)[..., None], tile.relief, tile.gloss, tile.scale)

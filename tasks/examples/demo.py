@@ -25,6 +25,7 @@ TEXELS_PER_METRE = 16
 EXEMPLARS, EXEMPLAR_PIXELS_PER_METRE = 40, 64
 # Of the facades wide enough to be photographed, this many (from the first, every third) get a painted photo with a hole.
 PHOTO_EVERY = 3
+PHOTO_PIXELS_PER_METRE = 32  # at less a course of bricks would be lost
 PHOTO_METRES = (6.0, 40.0)
 
 
@@ -104,7 +105,7 @@ def _paint_photos(block: Block, folder: Path) -> None:
             floors=floors,
             columns=max(1, round(width / 3.4)),
             style=NORDIC[number % len(NORDIC)],
-            metres_per_pixel=1 / TEXELS_PER_METRE,
+            metres_per_pixel=1 / PHOTO_PIXELS_PER_METRE,
             seed=SEED + i,
             occluders=2,
         )
@@ -120,4 +121,4 @@ def _save(path: Path, painted: PaintedFacade) -> None:
     from PIL import Image
 
     alpha = np.where(painted.occluded, 0, 255).astype(np.uint8)
-    Image.fromarray(np.dstack([painted.image, alpha])).save(path)
+    Image.fromarray(np.dstack([painted.image, alpha])).save(path, compress_level=1)

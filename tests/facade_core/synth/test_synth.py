@@ -10,6 +10,7 @@ import pytest
 from facade_core.errors import FacadeError
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, WALL, WINDOW
 from facade_core.synth import STYLES, PaintedFacade, exemplars, facade
+from facade_core.synth.shops import parade
 
 
 def paint(style: str = "jugend", **changes) -> PaintedFacade:
@@ -97,7 +98,33 @@ def test_equal_states_look_more_alike_than_unequal_ones():
     assert len(clear) > 1
     within = max(np.abs(clear[0] - p).mean() for p in clear[1:])
     between = min(np.abs(clear[0] - p).mean() for p in blind)
-    assert between > 2 * within
+    assert between > 1.5 * within, "panes of one state mirror this or that"
+
+
+def test_panes_are_dark():
+    for style in ("neoclassical", "functionalist", "haussmann"):
+        result = paint(style)
+        grey = result.image.mean(2)
+        panes = np.percentile(grey[result.labels == WINDOW], 25)
+        assert panes < 0.55 * np.median(grey[result.labels == WALL])
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_shops_and_balconies_keep_off_the_ends_and_shops_have_piers(seed):
+    for style in ("functionalist", "haussmann"):
+        result = paint(style, floors=3, columns=7, size_m=(11.0, 21.0), metres_per_pixel=0.1, seed=seed)
+        width = result.labels.shape[1]
+        for e in result.elements:
+            if e.label in ("shop", "balcony"):
+                assert e.x0 * 0.1 >= 0.5 - 1e-9
+                assert (width - e.x1) * 0.1 >= 0.5 - 1e-9
+        shops = [e for e in result.elements if e.label == "shop"]
+        assert all(b.x0 - a.x1 >= 4 for a, b in zip(shops, shops[1:], strict=False)), "a pier between bays"
+
+
+def test_no_name_is_twice_in_a_parade():
+    names = [shop.name.lower() for shop in parade(12, np.random.default_rng(4))]
+    assert len(set(names)) == 12
 
 
 def test_same_arguments_same_bits():
