@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import groupby
 
 import numpy as np
@@ -12,7 +13,7 @@ import shapely
 from facade_core.geometry.charts import WALL, Charts
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import BACK, LEVEL_M, SIDE, STOREY_M, STREET, bends, free_part
-from facade_core.grouping import grouped
+from facade_core.grouping import Grouped, grouped
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Street
 
@@ -67,8 +68,12 @@ class Facades:
 
     def laid_out_with(self, facade: int) -> np.ndarray:
         """The facades (k,) that are laid out as one with a facade, it among them, from left to right."""
-        own = np.flatnonzero(self.run == self.run[facade])
+        own = self._by_run.of(int(self.run[facade]))
         return own[np.argsort(self.along[own], kind="stable")]
+
+    @cached_property
+    def _by_run(self) -> Grouped:
+        return Grouped(self.run)
 
 
 def find_facades(

@@ -87,6 +87,14 @@ class Plan:
     def _textured_buildings(self) -> tuple[int, ...]:
         return tuple(np.unique(self.scene.charts.building[self._own_charts]).tolist())
 
+    def is_facade(self, chart: int) -> bool:
+        """Whether a chart is a facade."""
+        return len(self._facade_of_chart.of(chart)) > 0
+
+    @cached_property
+    def _facade_of_chart(self) -> Grouped:
+        return Grouped(self.facades.chart)
+
     def own_charts(self, building: int) -> list[int]:
         """The charts of a building, its facades aside, that have textures of their own."""
         return self._own_charts[self._own_by_building.of(building)].tolist()

@@ -135,6 +135,14 @@ PLAIN = Finish()
 
 
 @dataclass(frozen=True, slots=True)
+class Sun:
+    """Where the sun stands: azimuth, degrees clockwise from the grid's north; elevation, degrees over the horizon."""
+
+    azimuth: float
+    elevation: float
+
+
+@dataclass(frozen=True, slots=True)
 class Building:
     """A building in the block's metric frame (metres, z up): a footprint to extrude, or a shell, which may stand in parts.
 

@@ -11,7 +11,7 @@ from typing import Annotated, Any, Literal, Union, get_args, get_origin, get_typ
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, ValidationError
 
 from catalogs.visible import shown
-from facade_core.types import Privacy
+from facade_core.types import Privacy, Sun
 
 
 def _even(value: int) -> int:
@@ -46,8 +46,8 @@ class MaterialSettings:
 
 
 @dataclass(frozen=True, slots=True)
-class SunSettings:
-    """Where the sun stands, degrees: clockwise from north, and over the horizon."""
+class SunSettings(Sun):
+    """The sun within the ranges that a block file may state."""
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 

@@ -15,6 +15,7 @@ from facade_core.street.field_kernels import (
     BOARDS,
     BRICK,
     LAID,
+    NONE,
     PANE,
     PLASTER,
     SHEET,
@@ -22,12 +23,13 @@ from facade_core.street.field_kernels import (
     TILE,
     UNDERSIDE,
     Field,
+    Own,
     Surfaces,
 )
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import Squares
 from facade_core.street.materials import BRICKS, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
-from facade_core.street.own_walls import Wall
+from facade_core.street.own_walls import WallMaterial
 from facade_core.street.render import shade
 from facade_core.street.sampling import Lights
 from facade_core.street.scene import Scene
@@ -75,14 +77,15 @@ class Materials:
         grey = Material(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
         self.field = Field(
             _surfaces(scene, seed, laid=roof_material is not None),
+            NONE,
             self._ground.of([]),
             (roof_material or grey).mips,
             shipped(),
             seed,
         )
 
-    def with_wall(self, charts: Sequence[int], wall: Wall, facade: int) -> tuple[Materials, np.ndarray]:
-        """The same with the plaster walls among some charts of what a building's facade shows on its chart, unless a source
+    def with_wall(self, charts: Sequence[int], wall: WallMaterial, facade: int) -> tuple[Materials, np.ndarray]:
+        """The same with the plaster walls among a building's charts of what its facade shows on its chart, unless a source
         states what they are of; and which charts these are."""
         surfaces = self.field.charts
         own = np.array(charts)
@@ -90,16 +93,14 @@ class Materials:
         if self._scene.finishes:
             finish = [self._scene.finishes[row] for row in self._scene.charts.building[own].tolist()]
             own = own[[one.wall_colour is None and one.wall_material is None for one in finish]]
-        made, tint, examples, rough = (
-            part.copy() for part in (surfaces.made, surfaces.tint, surfaces.grain, surfaces.rough)
-        )
-        tint[own] = wall.colour / surfaces.grey[facade] * surfaces.grey[own, None]
+        if not len(own):
+            return self, own
+        made, example, rough = PLASTER, int(surfaces.grain[own[0]]), float(surfaces.rough[own[0]])
         if wall.brick:
-            made[own] = BRICK
-            examples[own], rough[own] = GRAIN[BRICK]
+            made, (example, rough) = BRICK, GRAIN[BRICK]
         found = copy(self)
-        changed = surfaces._replace(made=made, tint=tint, grain=examples, rough=rough)
-        found.field = self.field._replace(charts=changed)
+        colour = wall.colour / surfaces.grey[facade]
+        found.field = self.field._replace(own=Own(np.sort(own).astype(np.int64), made, example, rough, colour))
         return found, own
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:

@@ -68,13 +68,30 @@ class Surfaces(NamedTuple):
     mossy: np.ndarray
 
 
+class Own(NamedTuple):
+    """A material that some charts have in place of theirs: charts (k,) int64, ascending; made, grain, rough as of `Surfaces`;
+    colour (3,) in a light of 1."""
+
+    charts: np.ndarray
+    made: int
+    grain: int
+    rough: float
+    colour: np.ndarray
+
+
+# No chart has another.
+NONE = Own(np.zeros(0, np.int64), 0, 0, 0.0, np.zeros(3))
+
+
 class Field(NamedTuple):
-    """All that a colour is made of but the light: charts, the ground, a material for roofs, examples of grain, chance.
+    """All that a colour is made of but the light: charts, a material that some have in place of theirs, the ground, a material
+    for roofs, examples of grain, chance.
 
     ground: of the charts that are asked for, at least.
     """
 
     charts: Surfaces
+    own: Own
     ground: Drawn
     roof: Mips
     grains: Grains
@@ -161,7 +178,10 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
     for k in range(n):
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
         east[k], north[k] = points[0, k], points[1, k]
-    made, tint, grey = charts.made[c], charts.tint[c], charts.grey[c]
+    made, grey, example, rough = int(charts.made[c]), charts.grey[c], charts.grain[c], charts.rough[c]
+    tint, own = charts.tint[c], np.searchsorted(field.own.charts, c)
+    if own < len(field.own.charts) and field.own.charts[own] == c:
+        made, example, rough, tint = field.own.made, field.own.grain, field.own.rough, field.own.colour * grey
     if made == SOIL:
         soil(field.ground.square[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
         return
@@ -198,7 +218,7 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         wood(x, y, side, seed, tone)
     else:
         soffit(x, y, side, seed, tone)
-    add_grain(x, y, side, field.grains, charts.grain[c], charts.rough[c], seed + 71, tone)
+    add_grain(x, y, side, field.grains, example, rough, seed + 71, tone)
     if share > 0:
         for k in range(n):
             for band in range(3):

@@ -182,9 +182,3 @@ def add_grain(
         below = np.int64(found)
         part = found - below
         out[k] += left * ((1 - part) * table[below] + part * table[below + 1])
-
-
-@njit(cache=True, inline="always")
-def coloured(grains: Grains, which: int, band: int, tone: float) -> float:
-    """A band's level, 0..255, of an example's colour at a tone about 1."""
-    return grains.colour[which, band] * (1 + grains.slope[which, band] * (tone - 1))

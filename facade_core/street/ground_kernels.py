@@ -5,31 +5,12 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
-from facade_core.street.grain import ASPHALT as TARRED
-from facade_core.street.grain import CONCRETE, Grains, add_grain
-from facade_core.street.grain import GRASS as LAWN
-from facade_core.street.grain import GRAVEL as CRUSHED
+from facade_core.street.grain import Grains
 from facade_core.street.ground import CELL_M, CELLS, PATHS, PAVEMENT, REACH_M, ROAD, Drawn
-from facade_core.street.materials import ASPHALT, PAVING, _covered, add_noise, add_tones, asphalt, paving
-from facade_core.types import SURFACES
+from facade_core.street.materials import COLOURS, GRASS, GRAVEL, SETTS, SLABS, TAR, WATER, ground
 
-GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK = range(7)
-assert SURFACES == ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
-# The colours of a tone of 1.
-COLOURS = np.array(
-    [
-        [1.0, 0.955, 0.88],
-        ASPHALT,
-        PAVING,
-        [1.0, 0.985, 0.97],
-        [0.74, 0.92, 0.5],
-        [0.62, 0.78, 0.86],
-        [1.3, 0.86, 0.76],
-    ]
-)
-# A kerb's width and grey, the gutter's width and what it takes of its tone; the width and length of a sett.
+# A kerb's width and grey, the gutter's width and what it takes of its tone.
 KERB_M, KERB, GUTTER_M, GUTTER = 0.18, 164.0, 0.3, 0.12
-SETT_M = (0.21, 0.15)
 # The tones of marks, and how much of what is under them they hide.
 MARKS = np.array([70.0, 62.0, 58.0, 168.0, 214.0])
 HIDES = np.array([0.45, 0.7, 0.9, 0.9, 0.85])
@@ -120,7 +101,7 @@ def soil(
                 count += 1
         if count == 0:
             continue
-        _tones(made, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
+        ground(made, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
         for i in range(count):
             k = member[i]
             for band in range(3):
@@ -295,61 +276,3 @@ def _marked(px: float, py: float, wide: float, marks: np.ndarray, m: int) -> flo
         past = run - min(max(run, 0.0), length)
         return min(max(0.5 - (np.sqrt(past * past + off * off) - half) / wide, 0.0), 1.0)
     return _within(-half, half, off, wide) * _within(0.0, length, run, wide)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def _tones(
-    made: int,
-    x: np.ndarray,
-    y: np.ndarray,
-    aside: np.ndarray,
-    side: np.ndarray,
-    grains: Grains,
-    seed: int,
-    out: np.ndarray,
-) -> None:
-    """What a surface is like, 0..255."""
-    which, rough = CONCRETE, 0.0
-    if made in (TAR, TRACK):
-        which, rough = TARRED, 98.0
-        asphalt(x, y, aside, side, seed, out)
-    elif made == SLABS:
-        rough = 220.0
-        paving(x, y, side, seed, out)
-    elif made == SETTS:
-        rough = 350.0
-        setts(x, y, side, seed, out)
-    elif made == GRAVEL:
-        which, rough = CRUSHED, 138.0
-        out[:] = 138
-        for number, cell in enumerate((0.9, 5.0)):
-            add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
-    elif made == GRASS:
-        which, rough = LAWN, 112.0
-        out[:] = 112
-        for number, cell in enumerate((1.5, 7.0)):
-            add_noise(x, y, side, (cell, cell), (7.0, 8.0)[number], seed + 57 + number, out)
-    else:
-        out[:] = 96
-        add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
-        add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
-    if rough > 0:
-        add_grain(x, y, side, grains, which, rough, seed + 71, out)
-
-
-@njit(cache=True, nogil=True, error_model="numpy")
-def setts(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Granite setts in courses across the street, of which x runs along; joints darker."""
-    out[:] = 140
-    add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
-    add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
-    add_tones(y, x, side, SETT_M, 30.0, seed + 64, out)
-    right, up = 1 / SETT_M[0], 1 / SETT_M[1]
-    beside, below = 0.012 * right, 0.012 * up
-    for k in range(len(x)):
-        column, row, wide, high = y[k] * right, x[k] * up, side[k] * right, side[k] * up
-        even = _covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
-        odd = _covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
-        clear = even * _covered(column, wide, beside, 1 - 2 * beside)
-        clear += odd * _covered(column, wide, 0.5 + beside, 1 - 2 * beside)
-        out[k] *= 0.68 + 0.32 * clear

@@ -11,7 +11,9 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from facade_core.street import grain
 from facade_core.street.chance import ACROSS, DOWN, SEED, mixed, row_of
+from facade_core.types import SURFACES
 
 # Muted Nordic plasters and roofs.
 PLASTERS = np.array(
@@ -32,15 +34,29 @@ WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 
 # The colours of a tone of 1.
 SOFFIT = np.array([172.0, 170.28, 166.84])
 ASPHALT, PAVING = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
+# What ground is made of, and the colours of a tone of 1.
+GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK = range(7)
+assert SURFACES == ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
+COLOURS = np.array(
+    [
+        [1.0, 0.955, 0.88],
+        ASPHALT,
+        PAVING,
+        [1.0, 0.985, 0.97],
+        [0.74, 0.92, 0.5],
+        [0.62, 0.78, 0.86],
+        [1.3, 0.86, 0.76],
+    ]
+)
 # Fired clay and sand-lime of walls, and the mortar between; moss, of a tone of 1.
 BRICKS = np.array([[142, 78, 58], [126, 66, 50], [158, 96, 68], [176, 140, 98]], np.float64)
 MORTAR, MOSS = np.array([168.0, 162.0, 150.0]), np.array([82.0, 88.0, 54.0])
 # A pane's colour where it shows no sky, and where it shows nothing else.
 GLASS, SKY = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
-# From a centreline to the kerb's middle, and half of a kerb's width.
-CARRIAGEWAY_M, KERB_M = 3.6, 0.18
 # Width and visible length of a roof tile, of a slab; widths of a board and of a sheet of metal.
 TILE_M, SLAB_M, BOARD_M, SHEET_M = (0.24, 0.34), (0.6, 0.4), (0.12, 1e9), 0.6
+# The width of a sett across a street and its length.
+SETT_M = (0.21, 0.15)
 # A brick with its joint, a course high, and the joint.
 BRICK_M, JOINT_M = (0.25, 0.078), 0.011
 
@@ -82,6 +98,19 @@ def _covered(at: float, wide: float, first: float, width: float) -> float:
     low, high = at - 0.5 * wide - first, at + 0.5 * wide - first
     start, end = np.floor(low), np.floor(high)
     return ((end - start) * width + min(high - end, width) - min(low - start, width)) / wide
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _bonded(column: float, row: float, wide: float, high: float, joint: float, across: float, down: float) -> float:
+    """The share of a footprint that lies on no joint of a running bond, of which odd courses begin half a stone further.
+
+    Place and footprint in stones; joint: its width, metres; across, down: stones to the metre.
+    """
+    beside, below = 0.5 * joint * across, 0.5 * joint * down
+    even = _covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
+    odd = _covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
+    clear = even * _covered(column, wide, beside, 1 - 2 * beside)
+    return clear + odd * _covered(column, wide, 0.5 + beside, 1 - 2 * beside)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -144,14 +173,9 @@ def paving(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
         add_noise(x, y, side, (cell, cell), 10 / 3, seed + 3 + number, out)
     add_tones(x, y, side, SLAB_M, 14, seed + 11, out)
     across, down = 1 / SLAB_M[0], 1 / SLAB_M[1]
-    beside, below = 0.02 * across, 0.02 * down
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        # between the joints of rows: even ones and odd ones, which begin half a slab further
-        even = _covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
-        odd = _covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
-        clear = even * _covered(column, wide, beside, 1 - 2 * beside)
-        clear += odd * _covered(column, wide, 0.5 + beside, 1 - 2 * beside)
+        clear = _bonded(column, row, wide, high, 0.04, across, down)
         out[k] *= 0.86 + 0.14 * clear
 
 
@@ -204,14 +228,9 @@ def brick(
     plaster(x, y, above, side, seed, out)
     add_tones(x, y, side, BRICK_M, 0.34, seed + 53, out)
     across, down = 1 / BRICK_M[0], 1 / BRICK_M[1]
-    beside, below = 0.5 * JOINT_M * across, 0.5 * JOINT_M * down
     for k in range(len(x)):
         column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
-        even = _covered(0.5 * row, 0.5 * high, 0.5 * below, 0.5 - below)
-        odd = _covered(0.5 * row, 0.5 * high, 0.5 + 0.5 * below, 0.5 - below)
-        clear = even * _covered(column, wide, beside, 1 - 2 * beside)
-        clear += odd * _covered(column, wide, 0.5 + beside, 1 - 2 * beside)
-        mortar[k] = 1 - clear
+        mortar[k] = 1 - _bonded(column, row, wide, high, JOINT_M, across, down)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -250,3 +269,56 @@ def soffit(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
     out[:] = 1.0
     for number, cell in enumerate((0.3, 1.5, 5.0)):
         add_noise(x, y, side, (cell, cell), 0.05 / 3, seed + 47 + number, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def setts(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Granite setts in courses across the street, of which x runs along; joints darker."""
+    out[:] = 140
+    add_noise(y, x, side, (1.1, 1.1), 5.0, seed + 62, out)
+    add_noise(y, x, side, (6.0, 6.0), 7.0, seed + 63, out)
+    add_tones(y, x, side, SETT_M, 30.0, seed + 64, out)
+    right, up = 1 / SETT_M[0], 1 / SETT_M[1]
+    for k in range(len(x)):
+        column, row, wide, high = y[k] * right, x[k] * up, side[k] * right, side[k] * up
+        out[k] *= 0.68 + 0.32 * _bonded(column, row, wide, high, 0.024, right, up)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def ground(
+    made: int,
+    x: np.ndarray,
+    y: np.ndarray,
+    aside: np.ndarray,
+    side: np.ndarray,
+    grains: grain.Grains,
+    seed: int,
+    out: np.ndarray,
+) -> None:
+    """What a surface is like, 0..255."""
+    which, rough = grain.CONCRETE, 0.0
+    if made in (TAR, TRACK):
+        which, rough = grain.ASPHALT, 98.0
+        asphalt(x, y, aside, side, seed, out)
+    elif made == SLABS:
+        rough = 220.0
+        paving(x, y, side, seed, out)
+    elif made == SETTS:
+        rough = 350.0
+        setts(x, y, side, seed, out)
+    elif made == GRAVEL:
+        which, rough = grain.GRAVEL, 138.0
+        out[:] = 138
+        for number, cell in enumerate((0.9, 5.0)):
+            add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
+    elif made == GRASS:
+        which, rough = grain.GRASS, 112.0
+        out[:] = 112
+        for number, cell in enumerate((1.5, 7.0)):
+            add_noise(x, y, side, (cell, cell), (7.0, 8.0)[number], seed + 57 + number, out)
+    else:
+        out[:] = 96
+        add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
+        add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
+    if rough > 0:
+        grain.add_grain(x, y, side, grains, which, rough, seed + 71, out)

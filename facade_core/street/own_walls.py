@@ -17,14 +17,14 @@ PIECE_M, PIECES = (0.8, 1.6), 4
 PEAK, LEAST_DENSITY = 8.0, 30.0
 
 
-class Wall(NamedTuple):
+class WallMaterial(NamedTuple):
     """colour (3,): 0..255; brick: whether courses of bricks show, else it is taken for plaster of that colour."""
 
     colour: np.ndarray
     brick: bool
 
 
-def wall_of(image: np.ndarray, labels: np.ndarray, texels_per_metre: float) -> Wall | None:
+def wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metre: float) -> WallMaterial | None:
     """The wall of a facade (h, w, 3) uint8 with labels (h, w); None where too little of it shows."""
     on = labels == WALL
     if on.sum() < LEAST_M2 * texels_per_metre**2:
@@ -32,7 +32,9 @@ def wall_of(image: np.ndarray, labels: np.ndarray, texels_per_metre: float) -> W
     pixels = image[on].astype(np.float64)
     light = pixels.mean(axis=1)
     low, high = np.quantile(light, LIT)
-    return Wall(np.median(pixels[(light >= low) & (light <= high)], axis=0), _courses(image, on, texels_per_metre))
+    return WallMaterial(
+        np.median(pixels[(light >= low) & (light <= high)], axis=0), _courses(image, on, texels_per_metre)
+    )
 
 
 def _courses(image: np.ndarray, on: np.ndarray, density: float) -> bool:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-
 import numpy as np
 
 from facade_core.street.scene import Scene
+from facade_core.types import Sun
 
 # Radius of the disk, degrees: six times the sun's own, as through thin haze. Rays to it.
 DISK, RAYS = 1.6, 9
@@ -20,29 +19,21 @@ SKY_LIGHT, SUN_LIGHT = np.array([0.60, 0.63, 0.68]), np.array([0.66, 0.62, 0.55]
 AT_ONCE = 1 << 19
 
 
-@dataclass(frozen=True)
-class Sun:
-    """Where the sun stands: azimuth, degrees clockwise from the grid's north; elevation, degrees over the horizon."""
+def direction(sun: Sun) -> np.ndarray:
+    """Towards the sun, unit (3,)."""
+    turn, rise = np.radians(sun.azimuth), np.radians(sun.elevation)
+    return np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
 
-    azimuth: float
-    elevation: float
 
-    def direction(self) -> np.ndarray:
-        """Towards it, unit (3,)."""
-        turn, rise = np.radians(self.azimuth), np.radians(self.elevation)
-        return np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
-
-    def disk(self) -> np.ndarray:
-        """Unit directions (RAYS, 3) that cover its disk evenly: a spiral of equal areas."""
-        towards = self.direction()
-        right = np.cross(towards, [0.0, 0.0, 1.0])
-        right /= np.linalg.norm(right)
-        radius = np.tan(np.radians(DISK)) * np.sqrt((np.arange(RAYS) + 0.5) / RAYS)
-        turn = np.pi * (3 - np.sqrt(5)) * np.arange(RAYS)
-        rays = (
-            towards + np.outer(radius * np.cos(turn), right) + np.outer(radius * np.sin(turn), np.cross(right, towards))
-        )
-        return rays / np.linalg.norm(rays, axis=1, keepdims=True)
+def disk(sun: Sun) -> np.ndarray:
+    """Unit directions (RAYS, 3) that cover its disk evenly: a spiral of equal areas."""
+    towards = direction(sun)
+    right = np.cross(towards, [0.0, 0.0, 1.0])
+    right /= np.linalg.norm(right)
+    radius = np.tan(np.radians(DISK)) * np.sqrt((np.arange(RAYS) + 0.5) / RAYS)
+    turn = np.pi * (3 - np.sqrt(5)) * np.arange(RAYS)
+    rays = towards + np.outer(radius * np.cos(turn), right) + np.outer(radius * np.sin(turn), np.cross(right, towards))
+    return rays / np.linalg.norm(rays, axis=1, keepdims=True)
 
 
 def sunlight(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
@@ -53,7 +44,7 @@ def sunlight(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
     charts, density = scene.charts, scene.spec.texels_per_metre
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
     normal = charts.normal()[chart]
-    cosine = float(normal @ sun.direction())
+    cosine = float(normal @ direction(sun))
     if cosine <= 0:
         return np.zeros((height, width), np.float32)
     step = max(1, round(CELL_M * density))
@@ -61,12 +52,12 @@ def sunlight(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
     y, x = ((np.arange(n) + 0.5) * step / density for n in (rows, columns))
     x, y = np.minimum(x, charts.size[chart, 0]), np.minimum(y, charts.size[chart, 1])
     seen = np.empty((rows, columns), np.float32)
-    disk = sun.disk()
+    towards = disk(sun)
     together = max(1, AT_ONCE // (columns * RAYS))
     for first in range(0, rows, together):
         own = slice(first, first + together)
         points = charts.points(chart, x[None, :], y[own, None]) + LIFT_M * normal
-        rays = np.broadcast_to(disk, (*points.shape[:2], RAYS, 3))
+        rays = np.broadcast_to(towards, (*points.shape[:2], RAYS, 3))
         depth, _ = scene.caster.cast(np.broadcast_to(points[:, :, None], rays.shape), rays)
         seen[own] = (depth > REACH_M).mean(axis=2)
     finer = cv2.resize(seen, (columns * step, rows * step), interpolation=cv2.INTER_LINEAR)

@@ -17,9 +17,10 @@ from facade_core.street.enclosed import enclosed
 from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial, from_above
 from facade_core.street.scene import Scene
-from facade_core.street.sun import Sun, lit, sunlight
+from facade_core.street.sun import lit, sunlight
 from facade_core.street.translate import footprint
 from facade_core.street.window import Window
+from facade_core.types import Sun
 
 # Metres around a chart that its levelling depends on.
 BESIDE_M = LEVELLED_M * LEVELLED_REACHES

@@ -18,8 +18,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.packing import Placement
 from facade_core.plan import Plan
 from facade_core.street.field import Materials
-from facade_core.street.own_walls import wall_of
-from facade_core.street.sun import Sun
+from facade_core.street.own_walls import wall_material
 from facade_core.street.surfaces import Known, Pixels, surface
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
@@ -45,8 +44,6 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
     scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
     known = Known(_reader(group, scene.placement, seeded, written), seeded, written)
     above = sampler(run)
-    stands = run.texture.sun
-    sun = None if stands is None else Sun(stands.azimuth, stands.elevation)
     field, own = _with_own_wall(group, plan, field, charts, seeded)
     rasters = Rasters.of(scene.placement, charts)
     colour, provenance = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
@@ -61,7 +58,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             levelling=run.texture.levelling,
             aerial=above,
             anew=chart in own,
-            sun=sun,
+            sun=run.texture.sun,
         )
         texels = rasters.slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
@@ -88,7 +85,7 @@ def _with_own_wall(
 ) -> tuple[Materials, set[int]]:
     """What a building's charts are made of, with the wall that its largest facade shows; and the charts that take that."""
     placement = plan.scene.placement
-    facades = [chart for chart in charts if chart in seeded and chart in plan.facades.chart]
+    facades = [chart for chart in charts if chart in seeded and plan.is_facade(chart)]
     if not facades:
         return field, set()
     chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
@@ -99,7 +96,7 @@ def _with_own_wall(
         slice(x, x + int(placement.width[chart])),
     )
     image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
-    wall = wall_of(image, labels, plan.scene.spec.texels_per_metre)
+    wall = wall_material(image, labels, plan.scene.spec.texels_per_metre)
     if wall is None:
         return field, set()
     changed, own = field.with_wall(charts, wall, chart)
@@ -109,7 +106,7 @@ def _with_own_wall(
 def _pixels(run: Run, plan: Plan, chart: int) -> Pixels | None:
     """Those of the network that a chart was translated from, where it is no facade: windows have no grain."""
     seen = plan.views_of_charts(np.array([chart]))[:, 0]
-    if run.texture.translator != "neural" or chart in plan.facades.chart or not len(seen):
+    if run.texture.translator != "neural" or plan.is_facade(chart) or not len(seen):
         return None
     return Pixels(np.array([plan.viewpoints[v].position for v in seen.tolist()]), run.texture.panorama_width)
 

@@ -96,6 +96,10 @@ def test_what_is_round_is_one(plan: Plan) -> None:
     assert (facades.role[own] == STREET).all()
     assert wall_of(plan.scene, facades, tower[3]).width == pytest.approx(25, abs=0.5)
     assert len(facades.laid_out_with(on(plan, "ell", (0, -1))[0])) == 1
+    for one in range(len(facades)):
+        assert set(facades.laid_out_with(one).tolist()) == set(np.flatnonzero(facades.run == facades.run[one]).tolist())
+    is_facade = [plan.is_facade(chart) for chart in range(len(plan.scene.charts))]
+    assert np.flatnonzero(is_facade).tolist() == sorted(facades.chart.tolist())
 
 
 def windows(labels: np.ndarray) -> list[tuple[slice, slice]]:

@@ -11,6 +11,9 @@ import shapely
 from facade_core.atlas import AtlasSpec
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene
+from facade_core.street.field import GRAIN
+from facade_core.street.field_kernels import BRICK
+from facade_core.street.own_walls import WallMaterial
 from facade_core.types import Building, Finish, Ground, Roof, Street, Way
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -57,6 +60,27 @@ def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
                 np.testing.assert_array_equal(bare, tinted)
             else:
                 assert np.argmax(tinted.mean(axis=(0, 1))) == place
+
+
+@pytest.mark.parametrize("brick", [False, True])
+def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> None:
+    """What a building alone knows of its walls changes no other chart, and costs no copy of the tables of all."""
+    plain = Materials(scene, [STREET], seed=1)
+    surfaces, charts = plain.field.charts, np.flatnonzero(scene.charts.building == 1).tolist()
+    facade = next(one for one in charts if scene.charts.kind[one] == WALL)
+    wall = WallMaterial(np.array([150.0, 90.0, 70.0]), brick)
+    changed, own = plain.with_wall(charts, wall, facade)
+    assert own.tolist() == [one for one in charts if scene.charts.kind[one] == WALL]
+    assert changed.field.charts is surfaces
+    made, tint, example, rough = (part.copy() for part in surfaces[5:7] + surfaces[10:12])
+    tint[own] = wall.colour / surfaces.grey[facade] * surfaces.grey[own, None]
+    if brick:
+        made[own], example[own], rough[own] = BRICK, *GRAIN[BRICK]
+    whole = Materials(scene, [STREET], seed=1)
+    whole.field = whole.field._replace(charts=surfaces._replace(made=made, tint=tint, grain=example, rough=rough))
+    for chart in (facade, of_kind(scene, WALL), of_kind(scene, ROOF)):
+        np.testing.assert_array_equal(changed.raster(chart), whole.raster(chart))
+    assert (changed.raster(facade) != plain.raster(facade)).any()
 
 
 def test_the_order_in_which_charts_are_asked_for_changes_nothing(scene: Scene) -> None:

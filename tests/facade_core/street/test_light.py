@@ -10,9 +10,9 @@ from facade_core.atlas import PHOTO, UNSEEN, AtlasSpec
 from facade_core.geometry import GROUND, ROOF, WALL, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene
 from facade_core.street.contact import contact
-from facade_core.street.sun import Sun, lit, sunlight
+from facade_core.street.sun import lit, sunlight
 from facade_core.street.surfaces import Known, surface
-from facade_core.types import Building, Street
+from facade_core.types import Building, Street, Sun
 
 STREET = Street("s", None, shapely.LineString([(-20, -12), (40, -12)]))
 DENSITY = 8.0

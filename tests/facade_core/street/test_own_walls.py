@@ -7,7 +7,7 @@ import pytest
 
 from facade_core.labels import WALL, WINDOW
 from facade_core.street.materials import brick, plaster
-from facade_core.street.own_walls import wall_of
+from facade_core.street.own_walls import wall_material
 
 DENSITY = 32.0
 COLOUR = np.array([168.0, 132.0, 96.0])
@@ -31,21 +31,21 @@ def facade(laid: bool, density: float = DENSITY) -> tuple[np.ndarray, np.ndarray
 
 
 def test_the_colour_is_that_of_the_lit_wall() -> None:
-    wall = wall_of(*facade(laid=False), DENSITY)
+    wall = wall_material(*facade(laid=False), DENSITY)
     assert wall is not None
     assert wall.colour == pytest.approx(COLOUR, rel=0.06)
     assert not wall.brick
 
 
 def test_bricks_are_told_by_their_courses_where_texels_show_them() -> None:
-    wall = wall_of(*facade(laid=True), DENSITY)
+    wall = wall_material(*facade(laid=True), DENSITY)
     assert wall is not None
     assert wall.brick
-    coarse = wall_of(*facade(laid=True, density=16.0), 16.0)
+    coarse = wall_material(*facade(laid=True, density=16.0), 16.0)
     assert coarse is not None
     assert not coarse.brick
 
 
 def test_of_a_facade_that_is_all_windows_nothing_is_known() -> None:
     image, labels = facade(laid=False)
-    assert wall_of(image, np.full_like(labels, WINDOW), DENSITY) is None
+    assert wall_material(image, np.full_like(labels, WINDOW), DENSITY) is None
