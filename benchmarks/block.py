@@ -1,4 +1,4 @@
-"""The embedded block, whole: seconds per facade and stage, per viewpoint and stage, peak memory, and the rerun."""
+"""The embedded block, whole: seconds per facade and stage, per viewpoint and stage, peak memory, processor time, the rerun."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from typing import Any
 
 import psutil
 
+from benchmarks.orchestration.runs import ROLES, add_used
 from tasks.store.commits import journal
 
 
@@ -29,8 +30,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         out = Path(folder) / "out"
         extra = ["--exemplars", str(options.exemplars)] if options.exemplars else []
-        first, peak = _demo(out, options.workers, extra)
-        again, _ = _demo(out, options.workers, extra)
+        first, peak, processor = _demo(out, options.workers, extra)
+        again, _, _ = _demo(out, options.workers, extra)
         store = out / "store"
         streets = [record for record in journal(store, "streets") if record]
         result = {
@@ -42,6 +43,7 @@ def main() -> None:
             "viewpoints": first["viewpoints"],
             "seconds_whole_command": first["seconds_command"],
             "seconds_run": first["seconds"],
+            "processor_seconds": processor,
             "seconds_again": again["seconds_command"],
             "units_done_again": again["units_done"],
             "peak_memory_mb": peak,
@@ -75,18 +77,22 @@ def _quantiles(values: list[float]) -> dict[str, float]:
     }
 
 
-def _demo(out: Path, workers: int, extra: list[str]) -> tuple[dict[str, Any], float]:
-    """One run of the demo as a command: its summary, and the peak of the memory of all its processes in MB."""
+def _demo(out: Path, workers: int, extra: list[str]) -> tuple[dict[str, Any], float, dict[str, float]]:
+    """One run of the demo as a command: its summary, the peak of the memory of all its processes in MB, and their processor
+    seconds by what they do."""
     start = time.monotonic()
     environment = {k: v for k, v in os.environ.items() if k != "PREFECT_API_URL"}
     command = [sys.executable, "-m", "flows", "demo", "--out", str(out), "--workers", str(workers), "--json", *extra]
     process = subprocess.Popen(command, stdout=subprocess.PIPE, text=True, env=environment)
     peak = 0.0
+    used: dict[int, tuple[str, float]] = {}
 
     def watch() -> None:
         nonlocal peak
+        root = psutil.Process(process.pid)
         while process.poll() is None:
             peak = max(peak, _family_mb(process.pid))
+            add_used(root, used)
             time.sleep(0.25)
 
     watcher = threading.Thread(target=watch)
@@ -96,7 +102,10 @@ def _demo(out: Path, workers: int, extra: list[str]) -> tuple[dict[str, Any], fl
     if process.returncode not in (0, 1):
         raise SystemExit(f"the demo ended with {process.returncode}; its error is above")
     summary = json.loads(output.strip().splitlines()[-1])
-    return summary | {"seconds_command": round(time.monotonic() - start, 1)}, round(peak)
+    processor = dict.fromkeys(ROLES, 0.0)
+    for role, seconds in used.values():
+        processor[role] = round(processor[role] + seconds, 1)
+    return summary | {"seconds_command": round(time.monotonic() - start, 1)}, round(peak), processor
 
 
 def _family_mb(pid: int) -> float:

@@ -16,7 +16,7 @@ from facade_core.export import Camera, perspective
 from facade_core.facade import from_exemplar
 from facade_core.ingest import ingest
 from facade_core.layout import complete
-from facade_core.layout.optimisation import search
+from facade_core.layout.statistics import measure
 from facade_core.street.propagate import see
 from facade_core.street.render import render
 from facade_core.street.surfaces import Known, paint, surface
@@ -32,7 +32,7 @@ SIZE_M = (7.0, 9.0)
 
 def cache_folder() -> Path | None:
     """Where numba keeps what it compiled; None where it can nowhere."""
-    folder = search.stats.cache_path
+    folder = measure.stats.cache_path
     return Path(folder) if folder else None
 
 

@@ -33,6 +33,9 @@ LEAST_THING, THING_RIM = 0.0005, 0.006
 # The parser, which sees a hole filled from its border, takes some of that border for a thing: not within this share.
 SPILL = 0.05
 
+# Pixels of the longer side at which an exemplar that comes with labels is counted and looked at: windows are large there.
+COUNTED = 640
+
 # The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
 VARIED = 0.75
 # A wall goes on so far, metres, behind what stands against it, and beyond its edges.
@@ -202,21 +205,33 @@ def prepare_exemplar(
         evidence = made = image
         box, occluded = (0, 0, image.shape[1], image.shape[0]), hidden
         with _timed(seconds, "elements"):
-            floors, layout = storeys(labels), tuple(elements(labels))
+            seen, classes = _at_most(made, labels, COUNTED)
+            floors, layout = storeys(classes), tuple(elements(classes))
     else:
         cut = cut_to_facade(image, hidden)
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
         facade = from_photo(cut.image, cut.hidden, outside=cut.outside, private=private, seed=seed)
         evidence, made, labels, occluded = facade.evidence, facade.image, facade.labels, facade.occluded
-        floors, layout = facade.floors, facade.elements
+        floors, layout, seen, classes = facade.floors, facade.elements, made, labels
         seconds |= facade.seconds
     if not floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with _timed(seconds, "scale"):
         scale = exemplar_scale(made, labels, storey=storey)
-    shaded = shaded_share(made, labels)
+    shaded = shaded_share(seen, classes)
     return Exemplar(evidence, made, labels, occluded, box, scale, floors, count_columns(layout), shaded, seconds)
+
+
+def _at_most(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
+    """An image (h, w, 3) and labels (h, w), so much smaller that no side has more pixels than `longest`."""
+    import cv2
+
+    share = longest / max(labels.shape)
+    if share >= 1:
+        return image, labels
+    height, width = (max(1, round(side * share)) for side in labels.shape)
+    return resized(image, (height, width)), cv2.resize(labels, (width, height), interpolation=cv2.INTER_NEAREST)
 
 
 def from_exemplar(

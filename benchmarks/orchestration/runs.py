@@ -125,22 +125,28 @@ def _watch(process: subprocess.Popen, looks: list[tuple[float, dict[str, float]]
     held: dict[int, tuple[str, float]] = {}
     root = psutil.Process(process.pid)
     while process.poll() is None:
-        try:
-            family = [root, *root.children(recursive=True)]
-        except psutil.NoSuchProcess:
-            return
-        for one in family:
-            try:
-                times = one.cpu_times()
-                role = held[one.pid][0] if one.pid in held else role_of(one, root)
-            except psutil.Error:
-                continue
-            held[one.pid] = (role, times.user + times.system)
+        add_used(root, held)
         total: dict[str, float] = dict.fromkeys(ROLES, 0.0)
         for role, seconds in held.values():
             total[role] += seconds
         looks.append((time.time(), total))
         time.sleep(LOOK_S)
+
+
+def add_used(root: psutil.Process, used: dict[int, tuple[str, float]]) -> None:
+    """What each of a process and its descendants does, and the processor seconds that it has used, by its number: what was
+    written of those that have ended stays."""
+    try:
+        family = [root, *root.children(recursive=True)]
+    except psutil.NoSuchProcess:
+        return
+    for one in family:
+        try:
+            times = one.cpu_times()
+            role = used[one.pid][0] if one.pid in used else role_of(one, root)
+        except psutil.Error:
+            continue
+        used[one.pid] = (role, times.user + times.system)
 
 
 def role_of(process: psutil.Process, root: psutil.Process) -> str:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import lru_cache
+
 import numpy as np
 
 
@@ -13,6 +15,12 @@ def basis(forward: np.ndarray) -> np.ndarray:
 
 def directions(forward: np.ndarray, width: int) -> np.ndarray:
     """World unit directions through the pixel centres: (width / 2, width, 3) float64."""
+    return _of_camera(width) @ basis(forward)
+
+
+@lru_cache(maxsize=1)
+def _of_camera(width: int) -> np.ndarray:
+    """The same in the camera's axes: every viewpoint of a block has them."""
     height = width // 2
     longitude = ((np.arange(width) + 0.5) / width - 0.5) * 2 * np.pi
     latitude = (0.5 - (np.arange(height) + 0.5) / height) * np.pi
@@ -21,7 +29,8 @@ def directions(forward: np.ndarray, width: int) -> np.ndarray:
     camera[..., 0] = cos_latitude * np.sin(longitude)
     camera[..., 1] = -np.sin(latitude)[:, None]
     camera[..., 2] = cos_latitude * np.cos(longitude)
-    return camera @ basis(forward)
+    camera.flags.writeable = False
+    return camera
 
 
 def project(points: np.ndarray, position: np.ndarray, forward: np.ndarray, width: int) -> tuple[np.ndarray, np.ndarray]:

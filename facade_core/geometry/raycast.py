@@ -34,7 +34,8 @@ class RayCaster:
         open3d = ray_library()
         # Embree works in float32: a local origin keeps millimetres for coordinates of millions of metres.
         self.centre = np.round(mesh.vertices.mean(axis=0) / ORIGIN_M) * ORIGIN_M
-        self._chart = mesh.chart
+        # behind the last triangle's, what a ray that hits none has met
+        self._met = np.append(mesh.chart, MISS).astype(np.int32)
         self._scene = open3d.t.geometry.RaycastingScene(nthreads=1)
         self._tensor = open3d.core.Tensor
         self._scene.add_triangles(
@@ -53,6 +54,4 @@ class RayCaster:
         rays[..., 3:] = directions
         hit = self._scene.cast_rays(self._tensor(rays))
         triangle = hit["primitive_ids"].numpy()
-        missed = triangle == np.uint32(0xFFFFFFFF)
-        chart = self._chart[np.where(missed, 0, triangle)]
-        return hit["t_hit"].numpy(), np.where(missed, MISS, chart).astype(np.int32)
+        return hit["t_hit"].numpy(), self._met[np.minimum(triangle, np.uint32(len(self._met) - 1))]

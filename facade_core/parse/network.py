@@ -51,17 +51,19 @@ class Network:
     def segment(self, image: np.ndarray) -> Segmented:
         """Of an image (H, W, 3) uint8, means over mirrored and scaled views."""
         height, width = image.shape[:2]
-        classes = np.zeros((height, width, len(CLASSES)), np.float32)
+        classes = np.zeros((len(CLASSES), height, width), np.float32)
         hidden, outside = np.zeros((2, height, width), np.float32)
         for scale, mirrored in self.views:
             logits = self._view(image, scale, mirrored)
-            classes += special.softmax(logits[..., : len(CLASSES)] - _LOG_WEIGHTS, axis=2)
-            hidden += special.expit(logits[..., IN_FRONT])
-            outside += special.expit(logits[..., OUTSIDE])
+            classes += _softmax(logits[: len(CLASSES)] - _LOG_WEIGHTS[:, None, None])
+            hidden += special.expit(logits[IN_FRONT])
+            outside += special.expit(logits[OUTSIDE])
         views = len(self.views)
-        return Segmented(classes / classes.sum(2, keepdims=True), hidden / views, outside / views)
+        return Segmented(_by_pixel(classes / classes.sum(0)), hidden / views, outside / views)
 
     def _view(self, image: np.ndarray, scale: float, mirrored: bool) -> np.ndarray:
+        """Logits of an image as a view of it shows them, (classes + 2, H, W) float32: planes are gone through much sooner than
+        the few numbers of each pixel."""
         import cv2
 
         height, width = image.shape[:2]
@@ -75,7 +77,18 @@ class Network:
         logits = self.session.run(None, feed)[0][0].transpose(1, 2, 0)
         if mirrored:
             logits = logits[:, ::-1]
-        return cv2.resize(np.ascontiguousarray(logits), (width, height), interpolation=cv2.INTER_LINEAR)
+        full = cv2.resize(np.ascontiguousarray(logits), (width, height), interpolation=cv2.INTER_LINEAR)
+        return np.ascontiguousarray(np.moveaxis(full, 2, 0))
+
+
+def _softmax(logits: np.ndarray) -> np.ndarray:
+    """Of planes (classes, H, W), over the classes."""
+    shares = np.exp(logits - logits.max(0))
+    return shares / shares.sum(0)
+
+
+def _by_pixel(planes: np.ndarray) -> np.ndarray:
+    return np.ascontiguousarray(np.moveaxis(planes, 0, 2))
 
 
 def place_planes(height: int, width: int, corners: np.ndarray) -> np.ndarray:

@@ -26,7 +26,8 @@ def no_data(image: np.ndarray) -> np.ndarray:
     """
     import cv2
 
-    black = (image.max(axis=2) <= BLACK).astype(np.uint8)
+    red, green, blue = np.moveaxis(image, 2, 0)
+    black = (np.maximum(np.maximum(red, green), blue) <= BLACK).astype(np.uint8)
     if black.all():
         return np.zeros(black.shape, bool)
     # a compressed edge is no straight line: single pixels do not tie a corner to a window

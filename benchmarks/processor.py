@@ -1,0 +1,142 @@
+"""Processor seconds of the demo's stages, one unit after the other in one process, without a server and a cluster."""
+
+from __future__ import annotations
+
+import argparse
+import cProfile
+import json
+import pstats
+import statistics
+import sys
+import tempfile
+import time
+from collections import defaultdict
+from collections.abc import Callable
+from contextlib import nullcontext
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from tasks.compute.workers import limit_threads
+
+# Functions that --profile tells of, by their own and by all time.
+TOLD = 45
+
+
+def main() -> None:
+    """Run the demo's stages, or those of a block, and print the processor seconds of each."""
+    parser = argparse.ArgumentParser(description=main.__doc__)
+    parser.add_argument("--block", type=Path, help="another block than the demo's")
+    parser.add_argument("--out", type=Path, help="where to; what is done there is not done again (a temporary folder)")
+    parser.add_argument("--until", help="the last stage to do, such as facades")
+    parser.add_argument(
+        "--profile", action="append", default=[], help="one of the names printed; its functions are told on stderr"
+    )
+    parser.add_argument("--every", type=int, default=1, help="of the units only each so many-th: for a look (1)")
+    options = parser.parse_args()
+    with nullcontext(options.out) if options.out else tempfile.TemporaryDirectory() as folder:
+        print(
+            json.dumps(measured(Path(folder), options.block, options.until, options.every, options.profile), indent=1)
+        )
+
+
+def measured(out: Path, block_file: Path | None, until: str | None, every: int, profiled: list[str]) -> dict[str, Any]:
+    """Processor seconds by stage, with the imports before and what the coordinator does; of units how many, and the median,
+    largest and sum."""
+    limit_threads()
+    begun = time.process_time()
+    clock = Clock(profiled)
+    from catalogs.block import read_block
+    from tasks.compute.compiling import compile_together
+    from tasks.compute.connect import Serial
+    from tasks.examples.demo import write_demo
+    from tasks.keys.runs import run_of
+    from tasks.kinds.order import KINDS
+    from tasks.stages.due import due_of
+    from tasks.stages.fan_out import process_batch
+    from tasks.stages.ingest import ingest_block
+    from tasks.stages.publish import publish_block
+    from tasks.stages.streets import texture_street
+
+    class Timed(Serial):
+        def submit(self, function: Callable[..., Any], *args: Any, **keys: Any) -> Any:
+            return super().submit(clock.timed(function), *args, **keys)
+
+    out.mkdir(parents=True, exist_ok=True)
+    clock.took("imports", time.process_time() - begun)
+    clock.run("compile", compile_together)
+    source = block_file or clock.run("paint", write_demo, out / "input")
+    block, compute = read_block(source), Timed()
+    run = run_of(block, out)
+    outline = clock.run("ingest", ingest_block.fn, run, block)
+    run = replace(run, ingested=outline.ingested)
+    for kind in KINDS:
+        clock.stage = kind.stage
+        if kind.units is not None and kind.function is not None:
+            due = clock.run("keys", due_of, run, block, kind)
+            for piece in due.pieces[::every]:
+                clock.run("commits", process_batch.fn, run, kind.stage, "1", kind.function, [piece], compute)
+        elif kind.part_of is None:
+            for street in list(street for wave in outline.waves for street in wave)[::every]:
+                clock.run("commits", texture_street.fn, run, street, outline.streets[street], 0, compute)
+        if kind.stage == until:
+            break
+    else:
+        clock.run("publish", publish_block.fn, run, source)
+    clock.tell_functions()
+    return {"benchmark": "processor"} | clock.told()
+
+
+class Clock:
+    """Processor seconds of what is called, by name, without those of what it calls that is timed itself."""
+
+    def __init__(self, profiled: list[str]) -> None:
+        self.stage = ""
+        self._profiles = {name: cProfile.Profile(time.process_time) for name in profiled}
+        self._seconds: dict[str, list[float]] = defaultdict(list)
+        self._inner = 0.0
+
+    def took(self, name: str, seconds: float) -> None:
+        self._seconds[name].append(seconds)
+
+    def run(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
+        outer, self._inner = self._inner, 0.0
+        profile = self._profiles.get(name)
+        begun = time.process_time()
+        if profile:
+            profile.enable()
+        try:
+            return function(*arguments)
+        finally:
+            seconds = time.process_time() - begun
+            if profile:
+                profile.disable()
+            self.took(name, seconds - self._inner)
+            self._inner = outer + seconds
+
+    def timed(self, function: Callable[..., Any]) -> Callable[..., Any]:
+        return lambda *arguments: self.run(f"{self.stage}: {function.__name__}", function, *arguments)
+
+    def told(self) -> dict[str, Any]:
+        """Seconds by name, and their sum."""
+        stages = {
+            name: {
+                "count": len(of),
+                "median": round(statistics.median(of), 3),
+                "max": round(max(of), 3),
+                "total": round(sum(of), 1),
+            }
+            for name, of in self._seconds.items()
+        }
+        return {"seconds": stages, "all": round(sum(map(sum, self._seconds.values())), 1)}
+
+    def tell_functions(self) -> None:
+        """Print what is profiled, function by function."""
+        for name, profile in self._profiles.items():
+            print(name, file=sys.stderr)
+            for order in ("tottime", "cumulative"):
+                pstats.Stats(profile, stream=sys.stderr).sort_stats(order).print_stats(TOLD)
+
+
+if __name__ == "__main__":
+    main()
