@@ -92,7 +92,8 @@ class Clock:
 
     def __init__(self, profiled: list[str]) -> None:
         self.stage = ""
-        self._profiles = {name: cProfile.Profile(time.process_time) for name in profiled}
+        self._profiled = profiled
+        self._profiles: dict[str, cProfile.Profile] = {}
         self._seconds: dict[str, list[float]] = defaultdict(list)
         self._inner = 0.0
 
@@ -101,7 +102,9 @@ class Clock:
 
     def run(self, name: str, function: Callable[..., Any], *arguments: Any) -> Any:
         outer, self._inner = self._inner, 0.0
-        profile = self._profiles.get(name)
+        profile = None
+        if name in self._profiled:
+            profile = self._profiles.setdefault(name, cProfile.Profile(time.process_time))
         begun = time.process_time()
         if profile:
             profile.enable()

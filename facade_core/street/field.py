@@ -50,6 +50,8 @@ GRAIN = {
     UNDERSIDE: (grain.PLASTER_FINE, 1.0),
 }
 ROUGH = 1 / 3
+# Texels of a chart that are painted in one call.
+AT_ONCE = 1 << 16
 # What faces down counts as if it saw this much of the sky in the open.
 LEAST_OPEN = 0.25
 
@@ -113,7 +115,8 @@ class Materials:
     def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Texels (k,) of a chart at their middles: (k, 3) uint8."""
         out = np.empty((len(rows), 3), np.uint8)
-        places = (rows.astype(np.int64, copy=False), columns.astype(np.int64, copy=False))
+        # whatever they are parts of: the kernel would be compiled once more for arrays that lie otherwise
+        places = (np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(columns, np.int64))
         kernels.texels(chart, *places, self._step, *self._near([chart]), out)
         return out
 
@@ -130,7 +133,11 @@ class Materials:
         """A whole chart: (h, w, 3) uint8."""
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
-        kernels.raster(chart, self._step, *self._near([chart]), out)
+        flat, near = out.reshape(-1, 3), self._near([chart])
+        for start in range(0, len(flat), AT_ONCE):
+            part = flat[start : start + AT_ONCE]
+            rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
+            kernels.texels(chart, rows, columns, self._step, *near, part)
         return out
 
     def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[Field, Lights]:

@@ -99,22 +99,6 @@ class Field(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def raster(chart: int, step: float, field: Field, lights: Lights, out: np.ndarray) -> None:
-    """All texels (h, w, 3) of a chart."""
-    width = out.shape[1]
-    flat, rows, columns = out.reshape(-1, 3), np.empty(PIECE, np.int64), np.empty(PIECE, np.int64)
-    row, column = 0, 0
-    for start in range(0, len(flat), PIECE):
-        count = min(PIECE, len(flat) - start)
-        for k in range(count):
-            rows[k], columns[k] = row, column
-            column += 1
-            if column == width:
-                row, column = row + 1, 0
-        texels(chart, rows[:count], columns[:count], step, field, lights, flat[start : start + count])
-
-
-@njit(cache=True, nogil=True)
 def texels(
     chart: int, rows: np.ndarray, columns: np.ndarray, step: float, field: Field, lights: Lights, out: np.ndarray
 ) -> None:

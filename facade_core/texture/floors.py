@@ -71,7 +71,7 @@ def _reduced(
     tall, wide = hidden.shape[0] // factor, hidden.shape[1] // factor
     small = cv2.resize(whole, (wide, tall), interpolation=cv2.INTER_AREA).astype(np.float32) / 255.0
     known = np.asarray(~hidden.reshape(tall, factor, wide, factor).any((1, 3)))
-    plan = np.pad(guide, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor]
+    plan = np.ascontiguousarray(np.pad(guide, pad, mode="edge")[factor // 2 :: factor, factor // 2 :: factor])
     return small, known, plan
 
 
