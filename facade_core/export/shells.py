@@ -24,6 +24,8 @@ CLOSED_M, COURTYARD_M2 = 0.01, 16.0
 ROOF_SHARE = 0.7
 # A building of which roofs leave the shell by more than this keeps its own surfaces.
 OFF_M = 4.0
+# Smaller triangles are chimneys' and the like: a shell leaves them out.
+SMALL_M2 = 0.5
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -77,10 +79,12 @@ def _body(source: Textured, triangles: np.ndarray) -> tuple[list[Polygon], float
     ]
     heights = corners[..., 2].mean(axis=1)
     order = np.argsort(heights)
-    area = np.cumsum(shown_area(mesh)[roof][order])
+    areas = shown_area(mesh)[roof]
+    area = np.cumsum(areas[order])
     top = float(heights[order][np.searchsorted(area, ROOF_SHARE * area[-1])])
     base = float(mesh.vertices[mesh.triangles[triangles], 2].min())
-    apart = max(float(np.abs(corners[..., 2] - top).max()), TOLERANCE_M)
+    off = np.abs(corners[..., 2] - top).max(axis=1)
+    apart = max(float(off[areas > SMALL_M2].max(initial=0.0)), TOLERANCE_M)
     if apart > OFF_M or top - base < TOLERANCE_M or not outlines or not all(o.is_valid for o in outlines):
         return None
     return outlines, base, top, apart

@@ -102,7 +102,7 @@ def overhang(roof: Facets, outline: Polygon, around: Around) -> tuple[Facets, Tr
     offsets, edges = _offsets(_free(_edges(roof, outline), around))
     if not edges:
         return roof, None
-    faces = _Faces()
+    faces = Faces()
     strips, facet, normals = [], [], list(roof.normal)
     level: dict[int, int] = {}
     # one for all, so that coves meet at corners
@@ -136,7 +136,7 @@ def parapet(outline: Polygon, top: float, around: Around) -> Trim | None:
     offsets, edges = _offsets(_free(edges, around._replace(eyes=OPEN.eyes)))
     if not edges:
         return None
-    faces = _Faces()
+    faces = Faces()
     high = np.array([0.0, 0.0, PARAPET_M])
     for edge, (left, right) in zip(edges, offsets, strict=True):
         faces.add(WALL, [edge.start, edge.end, edge.end + high, edge.start + high])
@@ -314,7 +314,7 @@ def _with_strips(roof: Facets, strips: np.ndarray, facet: np.ndarray, normals: n
     )
 
 
-class _Faces:
+class Faces:
     """Collects planar polygons, a facet each."""
 
     def __init__(self) -> None:

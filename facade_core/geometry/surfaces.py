@@ -12,6 +12,7 @@ from shapely.geometry.base import BaseGeometry
 
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces, frames
+from facade_core.geometry.chimneys import chimneys
 from facade_core.geometry.cutting import SHORTEST_WALL_M, cut_triangles, line_cuts
 from facade_core.geometry.eaves import (
     ASIDE_M,
@@ -19,6 +20,7 @@ from facade_core.geometry.eaves import (
     OPEN,
     OVERHANG_M,
     Around,
+    Trim,
     along_streets,
     overhang,
     parapet,
@@ -124,15 +126,20 @@ def add_building(
         base = terrain.lowest(outline) if building.base is None else building.base
         onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
         roofed = roof_shell(replace(building, footprint=onto_grid), base, beside) if onto_grid.is_valid else None
+        stacks: Trim | None = None
         if roofed is None:
             flat = building.roof is not None and building.roof.shape == "flat" and building.height > LOW_ROOF_M
             edge = parapet(outline, base + building.height, around) if flat else None
             _extruded(pieces, index, outline, base, building.height, terrain, largest, grid)
         else:
-            roof, edge = overhang(_above(facets(roofed, outline), base + building.height), onto_grid, around)
+            closed = _above(facets(roofed, outline), base + building.height)
+            roof, edge = overhang(closed, onto_grid, around)
             _extruded(pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof)
-        if edge is not None:
-            _facets(pieces, index, edge.facets, largest, grid, edge.along)
+            if building.roof is not None and building.roof.confidence < 1:
+                stacks = chimneys(building.id, closed, onto_grid)
+        for trim in (edge, stacks):
+            if trim is not None:
+                _facets(pieces, index, trim.facets, largest, grid, trim.along)
         return outline, None
     found = facets(shell, outline)
     if len(found) == 0:
