@@ -48,7 +48,7 @@ def scene_of_walls(corners: np.ndarray, texels_per_metre: float) -> Scene:
     charts = Charts(np.full(n, WALL, np.uint8), each, each, *frame, size)
     triangles = (np.array([[0, 3, 2], [0, 2, 1]]) + 4 * each[:, None, None]).reshape(-1, 3).astype(np.int32)
     mesh = Mesh(corners.reshape(-1, 3), triangles, np.repeat(each, 2), np.repeat(each, 4))
-    placement = pack(charts.texels(texels_per_metre), each, page=2048, chunk=128, gutter=2)
+    placement = pack(charts.size, texels_per_metre, each, page=2048, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
 
 

@@ -145,7 +145,7 @@ def _texels(output: Output) -> dict[str, Any]:
     near = (upright | (charts.building < 0)) & (away <= NEAR_M)
     density = np.select([passed, near], STEPS[:2], STEPS[2])
     chunks = sum(path.stat().st_size for path in (output.snapshot.out / "store" / "chunks").iterdir())
-    texels = float((area * output.density**2).sum())
+    texels = float((area * output.placement.texels_per_metre**2).sum())
     return {
         "charts": len(charts),
         **{f"at_{step:g}": round(float(area.sum() * step**2) / 1e6, 1) for step in DENSITIES},

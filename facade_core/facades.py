@@ -12,7 +12,7 @@ import shapely
 
 from facade_core.geometry.charts import WALL, Charts
 from facade_core.geometry.streets import Viewpoint
-from facade_core.geometry.walls import BACK, LEVEL_M, SIDE, STOREY_M, STREET, bends, free_part
+from facade_core.geometry.walls import BACK, LEVEL_M, NARROW_M, SIDE, STOREY_M, STREET, bends
 from facade_core.grouping import Grouped, grouped
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Street
@@ -23,8 +23,7 @@ FACADE_HEIGHT_M = 2.5
 FACADE_SEEN = 0.25
 # Nor is one that has fewer texels a side: there is nothing to parse in it.
 FACADE_TEXELS = 16
-# The others are facades where they are as wide as this, and as large a share of them stands free of neighbours.
-NARROW_M = 0.7
+# The others are facades where they are no ledges, and as large a share of them stands free of neighbours.
 FREE = 0.25
 # Points of a wall that are looked at, per axis.
 SAMPLES = (5, 4)
@@ -82,14 +81,15 @@ def find_facades(
     cameras: Sequence[Viewpoint],
     seen: Sequence[np.ndarray],
     storey: float,
+    free_share: np.ndarray,
     streets: Sequence[Street] = (),
 ) -> Facades:
     """Walls that a street sees; seen: the charts that each camera's panorama shows. With `streets` all others that stand free,
-    too."""
+    too, by the share (charts,) of each that stands against no neighbour."""
     charts = scene.charts
     upright = ~_gables(scene, buildings)
     large = _large_walls(scene) & upright
-    free = _free_walls(scene) & upright if streets else np.zeros(len(charts), bool)
+    free = _tall_walls(charts) & (free_share >= FREE) & upright if streets else np.zeros(len(charts), bool)
     runs = bends(charts, np.flatnonzero(large | free))
     run, wide, along = np.arange(len(charts)), charts.size[:, 0].copy(), np.zeros(len(charts))
     for one in runs:
@@ -134,17 +134,12 @@ def _large_walls(scene: Scene) -> np.ndarray:
     """The walls that are large enough to be parsed, (charts,) bool."""
     charts = scene.charts
     large = (charts.kind == WALL) & (charts.size[:, 0] >= FACADE_WIDTH_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
-    return large & (charts.texels(scene.spec.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
+    return large & (charts.texels(scene.placement.texels_per_metre).min(axis=1) >= FACADE_TEXELS)
 
 
-def _free_walls(scene: Scene) -> np.ndarray:
-    """The walls, narrow ones too, that stand free of neighbours, (charts,) bool."""
-    charts = scene.charts
-    free = (charts.kind == WALL) & (charts.size[:, 0] >= NARROW_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
-    for chart in np.flatnonzero(free).tolist():
-        whole, part = free_part(charts, scene.mesh, chart)
-        free[chart] = part.area >= FREE * whole.area
-    return free
+def _tall_walls(charts: Charts) -> np.ndarray:
+    """The walls, narrow ones too, that are as high as a storey, (charts,) bool."""
+    return (charts.kind == WALL) & (charts.size[:, 0] >= NARROW_M) & (charts.size[:, 1] >= FACADE_HEIGHT_M)
 
 
 def _nearest(

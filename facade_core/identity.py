@@ -68,13 +68,16 @@ class Things:
         return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
 
 
-def chart_ids(charts: Charts, names: Sequence[str], finishes: Sequence[Finish] = ()) -> np.ndarray:
-    """A number for each chart, (n,) uint64, of its kind, its place and the id of its building, by row in `names`, and of what
-    is stated of that one's colours and materials.
+def chart_ids(
+    charts: Charts, texels_per_metre: np.ndarray, names: Sequence[str], finishes: Sequence[Finish] = ()
+) -> np.ndarray:
+    """A number for each chart, (n,) uint64, of its kind, its place, its density (n,), the id of its building, by row in
+    `names`, and of what is stated of that one's colours and materials.
 
     Charts that are alike in all of that are told apart by their order.
     """
-    frames = np.column_stack([charts.kind, charts.origin, charts.axis_u, charts.axis_v, charts.size]) + 0.0  # no -0
+    columns = [charts.kind, charts.origin, charts.axis_u, charts.axis_v, charts.size, texels_per_metre]
+    frames = np.column_stack(columns) + 0.0  # no -0
     count: dict[bytes, int] = {}
     found = np.empty(len(charts), np.uint64)
     for chart, (row, building) in enumerate(zip(frames, charts.building.tolist(), strict=True)):

@@ -10,12 +10,13 @@ import shapely
 
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.facades import Facades, find_facades
+from facade_core.geometry.density import texel_density
 from facade_core.geometry.gaps import streets_between
 from facade_core.geometry.packing import Places, pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import Terrain, terrain_of
-from facade_core.geometry.walls import STREET
+from facade_core.geometry.walls import STREET, free_share
 from facade_core.geometry.ways import fitted
 from facade_core.grouping import Grouped
 from facade_core.identity import Each, chart_ids, here, look_around, things_of
@@ -48,10 +49,10 @@ def ingest(
 
     ground: what a map says of it; of streets only the lines are known without. Without streets they are derived from the gaps
     between the buildings. Without an elevation the ground follows the buildings' bases. poses and panorama_sizes (rows,
-    columns) are those of the panoramas. Lengths in metres; walls is "exemplar" (facades are seeded, the street stage writes
-    the rest) or "translate" (the street stage writes every chart). With the places of an earlier ingest, charts stay where
-    they are in the atlas. `each` says where rays are cast, most of the work. Raises GeometryError for a block without
-    geometry.
+    columns) are those of the panoramas. texels_per_metre is the density near streets. Lengths in metres; walls is "exemplar"
+    (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart). With the
+    places of an earlier ingest, charts stay where they are in the atlas. `each` says where rays are cast, most of the work.
+    Raises GeometryError for a block without geometry.
     """
     footprints = [building.footprint for building in buildings]
     streets = tuple(streets) or streets_between(footprints)
@@ -68,9 +69,14 @@ def ingest(
     )
     names = tuple(building.id for building in buildings)
     finishes = tuple(building.finish for building in buildings)
-    ids = chart_ids(charts, names, finishes)
+    cameras = _cameras(streets, footprints, terrain, spacing=spacing, height=height)
+    places = np.array([camera.position for camera in cameras]).reshape(-1, 3)
+    free = free_share(charts, mesh)
+    density = texel_density(charts, free, places, texels_per_metre)
+    ids = chart_ids(charts, density, names, finishes)
     placement = pack(
-        charts.texels(texels_per_metre),
+        charts.size,
+        density,
         charts.building,
         page=page,
         chunk=one_page.chunk,
@@ -90,20 +96,12 @@ def ingest(
         finishes=finishes,
     )
 
-    obstacles = shapely.STRtree(footprints)
-    cameras: list[Viewpoint] = []
-    for index, street in enumerate(streets):
-        positions, forward = viewpoints(
-            street.line, spacing=spacing, height=height, obstacles=obstacles, ground=terrain.height
-        )
-        for position, ahead in zip(positions, forward, strict=True):
-            cameras.append(Viewpoint(len(cameras), index, position, ahead))
-
     seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, ground, panorama_width, each)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
-    facades = find_facades(scene, buildings, cameras, seen, storey, streets if walls == "exemplar" else ())
+    around = streets if walls == "exemplar" else ()
+    facades = find_facades(scene, buildings, cameras, seen, storey, free, around)
     textured = np.zeros(len(charts), bool)
     textured[mesh.chart[mesh.texture >= 0]] = True
     writable = np.ones(len(charts), bool)
@@ -127,6 +125,21 @@ def ingest(
         looks=looks,
     )
     return with_panoramas(plan, on_ground(poses, terrain, height), panorama_sizes)
+
+
+def _cameras(
+    streets: Sequence[Street], footprints: Sequence[shapely.Polygon], terrain: Terrain, *, spacing: float, height: float
+) -> list[Viewpoint]:
+    """The viewpoints along all streets."""
+    obstacles = shapely.STRtree(footprints)
+    cameras: list[Viewpoint] = []
+    for index, street in enumerate(streets):
+        positions, forward = viewpoints(
+            street.line, spacing=spacing, height=height, obstacles=obstacles, ground=terrain.height
+        )
+        for position, ahead in zip(positions, forward, strict=True):
+            cameras.append(Viewpoint(len(cameras), index, position, ahead))
+    return cameras
 
 
 def on_ground(poses: Sequence[Pose], terrain: Terrain, height: float) -> tuple[Pose, ...]:

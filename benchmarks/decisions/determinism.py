@@ -86,7 +86,7 @@ def _threads(rows: int) -> dict[str, Any]:
 def _digests(page: int, repeats: int) -> dict[str, Any]:
     """Digesting every chunk of one page of colour and provenance, next to writing it (plain zarr)."""
     texels = np.array([[page - 4, page - 4]])
-    placement = pack(texels, np.array([0]), page=page, chunk=128, gutter=2)
+    placement = pack(texels, 1.0, np.array([0]), page=page, chunk=128, gutter=2)
     rng = np.random.default_rng(0)
     values = [rng.integers(0, 256, (1, page, page, *last), dtype=np.uint8) for last in ((3,), ())]
     with tempfile.TemporaryDirectory() as folder:

@@ -102,8 +102,8 @@ def _packing(rectangles: int, repeats: int) -> dict[str, Any]:
     rng = np.random.default_rng(0)
     texels = np.column_stack([rng.integers(60, 500, rectangles), rng.integers(100, 480, rectangles)])
     owner = np.repeat(np.arange(-(-rectangles // 4)), 4)[:rectangles]
-    placement = pack(texels, owner, page=2048, chunk=128, gutter=2)
-    planar = seconds(lambda: pack(texels, owner, page=2048, chunk=128, gutter=2), repeats)
+    placement = pack(texels, 1.0, owner, page=2048, chunk=128, gutter=2)
+    planar = seconds(lambda: pack(texels, 1.0, owner, page=2048, chunk=128, gutter=2), repeats)
     result: dict[str, Any] = {
         "charts": rectangles,
         "planar_ms": figures(1000 * planar),

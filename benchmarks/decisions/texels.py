@@ -70,7 +70,7 @@ def street_scene(houses: int) -> tuple[Scene, Viewpoint]:
     ]
     street = Street("s", None, shapely.LineString([(0, 17), (16 * houses, 17)]))
     charts, mesh, _ = block_surfaces(buildings, [street], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    placement = pack(charts.texels(DENSITY), charts.building, page=SIZE, chunk=128, gutter=2)
+    placement = pack(charts.size, DENSITY, charts.building, page=SIZE, chunk=128, gutter=2)
     viewpoint = Viewpoint(0, 0, np.array([8.0 * houses, 17.0, 2.5]), np.array([1.0, 0.0]))
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY)), viewpoint
 

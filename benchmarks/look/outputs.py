@@ -36,17 +36,13 @@ class Facade:
 
 @dataclass(frozen=True)
 class Output:
-    """What a run published: geometry, places of charts on pages, pages, and the items of the catalogue.
-
-    density (charts,): texels per metre.
-    """
+    """What a run published: geometry, places of charts on pages, pages, and the items of the catalogue."""
 
     snapshot: Snapshot[Path]
     group: StoreGroup
     charts: Charts
     mesh: Mesh
     placement: Placement
-    density: np.ndarray
     streets: tuple[shapely.LineString, ...]
 
     @property
@@ -94,7 +90,8 @@ class Output:
                     label: np.array([e[1:5] for e in records[row].get("elements", []) if e[0] == label], float)
                     for label in ("window", "door")
                 }
-                windows, doors = (boxes[label].reshape(-1, 4) / self.density[chart] for label in ("window", "door"))
+                density = self.placement.texels_per_metre[chart]
+                windows, doors = (boxes[label].reshape(-1, 4) / density for label in ("window", "door"))
                 found.append(Facade(id, chart, int(buildings[row]), windows, doors))
         return tuple(found)
 
@@ -144,8 +141,9 @@ def read_output(out: Path) -> Output:
         group,
         Charts(kind, surface, building, *frame),
         Mesh(vertices, triangles, chart, vertex_chart),
-        Placement(page, x, y, width, height, int(page.max()) + 1),
-        column.get("texels_per_metre", np.full(len(page), whole)),
+        Placement(
+            page, x, y, width, height, column.get("texels_per_metre", np.full(len(page), whole)), int(page.max()) + 1
+        ),
         tuple(shapely.LineString(points[of == street]) for street in np.unique(of)),
     )
 

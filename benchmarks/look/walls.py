@@ -68,8 +68,12 @@ def _places(output: Output, chart: int) -> tuple[np.ndarray, np.ndarray, np.ndar
     for triangle in corners:
         inside |= _in_triangle(flat, triangle)
     flat = flat[inside]
-    row = np.clip(flat[:, 1] * output.density[chart], 0, output.placement.height[chart] - 1).astype(int)
-    column = np.clip(flat[:, 0] * output.density[chart], 0, output.placement.width[chart] - 1).astype(int)
+    row = np.clip(flat[:, 1] * output.placement.texels_per_metre[chart], 0, output.placement.height[chart] - 1).astype(
+        int
+    )
+    column = np.clip(
+        flat[:, 0] * output.placement.texels_per_metre[chart], 0, output.placement.width[chart] - 1
+    ).astype(int)
     points = output.charts.points(np.full(len(flat), chart), flat[:, 0], flat[:, 1])
     return points, row, column, width * height / (nx * ny)
 
@@ -120,7 +124,7 @@ def fronts(output: Output) -> dict[str, Any]:
         if street is not None:
             doors[facade.building, street] += int(row.doors or 0)
         width = output.charts.size[facade.chart, 0]
-        edge = 1.5 / output.density[facade.chart]
+        edge = 1.5 / output.placement.texels_per_metre[facade.chart]
         boxes = facade.windows
         windows += len(boxes)
         cut += int(((boxes[:, 0] < edge) | (boxes[:, 2] > width - edge) | (boxes[:, 1] < edge)).sum())
@@ -148,7 +152,9 @@ def twins(output: Output) -> dict[str, Any]:
         pixels = output.pixels(page)
         for number, facade in enumerate(facades):
             if output.placement.page[facade.chart] == page:
-                pictures[number] = _detail(output.raster(pixels, facade.chart), output.density[facade.chart])
+                pictures[number] = _detail(
+                    output.raster(pixels, facade.chart), output.placement.texels_per_metre[facade.chart]
+                )
     pairs, same, alike, scores = 0, 0, 0, []
     for a in range(len(facades)):
         for b in range(a + 1, len(facades)):

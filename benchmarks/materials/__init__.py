@@ -76,8 +76,7 @@ def scene_of(density: float, size: float = SIDE_M) -> tuple[Scene, list[Street]]
     halves = np.array([[0, 3, 2], [0, 2, 1]], np.int32)
     triangles = (4 * own[None, :, None] + halves[:, None]).reshape(-1, 3)
     mesh = Mesh(corners, triangles, np.tile(own, 2), np.repeat(own, 4))
-    side = np.full((count, 2), round(size * density))
-    placement: Placement = pack(side, own, page=2048, chunk=128, gutter=2)
+    placement: Placement = pack(charts.size, density, own, page=2048, chunk=128, gutter=2)
     streets = []
     for row, (_, _, name, aside) in enumerate(names):
         if kind[row] == GROUND and name != "paving":

@@ -133,7 +133,7 @@ def _scene(
     owner = charts.building.copy()
     owner[chart] = building
     charts = replace(charts, building=owner)
-    placement = pack(charts.texels(TEXELS_PER_METRE), owner, page=2048, chunk=128, gutter=2)
+    placement = pack(charts.size, TEXELS_PER_METRE, owner, page=2048, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE))
 
 

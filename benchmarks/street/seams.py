@@ -114,7 +114,7 @@ def _scene() -> tuple[Scene, Street]:
     charts, mesh, _ = block_surfaces(
         houses, [street], terrain=terrain_of([], None), ground_margin=30, largest=PIECE_M + 0.1, grid=PIECE_M
     )
-    placement = pack(charts.texels(TEXELS_PER_METRE), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, TEXELS_PER_METRE, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE, page=1024)), street
 
 

@@ -46,7 +46,7 @@ def ingolstadt(folder: Path, texels_per_metre: float) -> tuple[Scene, Street, li
         ground_margin=REACH_M,
         largest=AtlasSpec(1, texels_per_metre).largest,
     )
-    placement = pack(charts.texels(texels_per_metre), charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
     return scene, street, cameras(street, terrain.height)
 

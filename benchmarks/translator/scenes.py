@@ -53,7 +53,7 @@ def ingolstadt(data: Path) -> tuple[Scene, list[list[Viewpoint]], list[Street]]:
         ground_margin=40.0,
         largest=AtlasSpec(1, TEXELS_PER_METRE).largest,
     )
-    placement = pack(charts.texels(TEXELS_PER_METRE), charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack(charts.size, TEXELS_PER_METRE, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, TEXELS_PER_METRE))
     own = []
     for number, street in enumerate(streets):

@@ -89,7 +89,8 @@ def _facade(snapshot: Snapshot, id: str) -> xr.Dataset:
     chart = charts.isel(chart=int(facades.chart.values[index])).load()
     y, x, height, width = (int(chart[name]) for name in ("y", "x", "height", "width"))
     place = int(chart.page), slice(y, y + height), slice(x, x + width)
-    density = float(group["atlas"].attrs["texels_per_metre"])
+    whole = group["atlas"].attrs["texels_per_metre"]
+    density = float(chart.texels_per_metre if "texels_per_metre" in chart else whole)
     variables: dict[str, Any] = {}
     for name, path in RASTERS.items():
         array = group[path]

@@ -132,7 +132,7 @@ class Atlas:
             path.rpartition("/")[2]: self.tree[path].isel(window).assign_attrs(grid_mapping="crs") for path in on_pages
         }
         frame = self.tree["atlas"].attrs
-        density = float(frame["texels_per_metre"])
+        density = float(chart.get("texels_per_metre", frame["texels_per_metre"]))
         down, right = ((np.arange(size) + 0.5) / density for size in (height, width))
         v, u = xr.DataArray(down, dims="y"), xr.DataArray(right, dims="x")
         if chunks := rasters["colour"].chunksizes:

@@ -49,6 +49,12 @@ def read_table(session: icechunk.Session, name: str) -> Values:
     return TABLES[name].read(open_table(session, name).load())
 
 
+def placement_of(charts: Values, texels_per_metre: float) -> Placement:
+    """Where charts lie, by their table; those of an older store are all of the atlas' density."""
+    density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
+    return _of(Placement, charts, pages=int(charts["page"].max(initial=-1)) + 1, texels_per_metre=density)
+
+
 def _of(kind: type[T], values: Values, **others: Any) -> T:
     """A value whose fields are columns of their names; others are those that are not."""
     return kind(**{field.name: values[field.name] for field in fields(kind) if field.name not in others}, **others)
@@ -147,7 +153,7 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
     """The plan of some tables."""
     charts, mesh, cameras, poses = (tables[name] for name in ("charts", "mesh", "viewpoints", "poses"))
     streets, buildings = tables["streets"], tables["buildings"]
-    placement = _of(Placement, charts, pages=int(charts["page"].max()) + 1)
+    placement = placement_of(charts, texels_per_metre)
     spec = AtlasSpec(placement.pages, texels_per_metre, charts["page_size"], charts["chunk"], charts["gutter"])
     scene = Scene(
         _mesh(mesh),

@@ -17,7 +17,8 @@ TEXT = "string"
 
 @dataclass(frozen=True)
 class AtlasSpec:
-    """Pages of page x page texels in chunks of chunk x chunk; a gutter of replicated texels around every chart."""
+    """Pages of page x page texels in chunks of chunk x chunk; a gutter of replicated texels around every chart; the texels per
+    metre of charts near streets, the most that any has."""
 
     pages: int
     texels_per_metre: float

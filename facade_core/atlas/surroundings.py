@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from facade_core.geometry.charts import CORNERS, Charts
+from facade_core.geometry.charts import CORNERS, Charts, raster_sizes
 
 # Pieces of one surface are in one plane where their normals are closer than this (cosine), and they are no further apart.
 ALIKE, APART_M = 0.98, 0.5
@@ -34,19 +34,21 @@ def pieces_around(charts: Charts, chart: int, margin: float) -> np.ndarray:
 
 
 def surrounded(
-    charts: Charts, density: float, chart: int, size: tuple[int, int], margin: int, read: Reader
+    charts: Charts, density: np.ndarray, chart: int, size: tuple[int, int], margin: int, read: Reader
 ) -> tuple[np.ndarray, np.ndarray]:
     """Colour (h + 2 m, w + 2 m, 3) and provenance (h + 2 m, w + 2 m) of a chart of size (h, w) texels and of what lies within
-    m = `margin` texels of it on pieces of its surface; 0 where there is none. density: texels per metre."""
+    m = `margin` texels of it on pieces of its surface; 0 where there is none. density (n,): texels per metre of all charts."""
     height, width = size
     rows, columns = height + 2 * margin, width + 2 * margin
     colour, provenance = np.zeros((rows, columns, 3), np.uint8), np.zeros((rows, columns), np.uint8)
-    for other in pieces_around(charts, chart, margin / density).tolist():
+    for other in pieces_around(charts, chart, margin / density[chart]).tolist():
         # texel (x, y) of the chart with its margin is texel turn @ (x, y) + move of the other piece
         axes = np.stack([charts.axis_u[other], charts.axis_v[other]])
-        turn = axes @ np.stack([charts.axis_u[chart], charts.axis_v[chart]], axis=1)
-        move = axes @ (charts.origin[chart] - charts.origin[other]) * density + turn @ np.full(2, 0.5 - margin) - 0.5
-        extent = np.ceil(charts.size[other] * density - 1e-6).astype(np.int64).clip(1)
+        finer = density[other] / density[chart]
+        turn = finer * (axes @ np.stack([charts.axis_u[chart], charts.axis_v[chart]], axis=1))
+        apart = axes @ (charts.origin[chart] - charts.origin[other])
+        move = apart * density[other] + turn @ np.full(2, 0.5 - margin) - 0.5
+        extent = raster_sizes(charts.size[other : other + 1], density[other])[0]
         ends = CORNERS * (extent - 1)
         back = (ends - move) @ np.linalg.inv(turn).T
         x0, y0 = np.maximum(np.floor(back.min(axis=0)) - 1, 0).astype(int)
@@ -56,7 +58,8 @@ def surrounded(
         grid = np.stack(np.meshgrid(np.arange(x0, x1), np.arange(y0, y1)), axis=-1)
         at = np.floor(grid @ turn.T + move + 0.5).astype(np.int64)
         # grids of pieces are not one grid: a texel may fall between the two, into the gutter
-        inside = ((at >= -1) & (at <= extent)).all(axis=2)
+        gap = int(np.ceil(finer))
+        inside = ((at >= -gap) & (at <= extent + gap - 1)).all(axis=2)
         if not inside.any():
             continue
         at = np.clip(at, 0, extent - 1)

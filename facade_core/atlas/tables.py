@@ -110,6 +110,7 @@ TABLES = {
                 _column("y", "chart", "int32", "first row on the page", "texel"),
                 _column("width", "chart", "int32", "columns", "texel"),
                 _column("height", "chart", "int32", "rows", "texel"),
+                _column("texels_per_metre", "chart", "float64", "texels per metre", "m-1", optional=True),
                 _column("writable", "chart", "bool", "written by the street stage"),
                 _column("textured", "chart", "bool", "with a texture of the source's own, or from above"),
                 _column("id", "chart", "uint64", "digest of the chart's kind, place and building"),

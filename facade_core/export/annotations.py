@@ -12,12 +12,14 @@ from facade_core.types import Element
 
 @dataclass(frozen=True)
 class Annotated:
-    """A rectified facade: its id, its picture's file, width and height in pixels, and its elements in pixels, y down."""
+    """A rectified facade: its id, its picture's file, width and height in pixels, the side of one in metres, and its elements
+    in pixels, y down."""
 
     facade: str
     file: str
     width: int
     height: int
+    metres_per_pixel: float
     elements: Sequence[Element]
 
     def clipped(self) -> list[Element]:
@@ -29,7 +31,7 @@ class Annotated:
         return [e for e in found if e.width > 0 and e.height > 0]
 
 
-def coco(facades: Sequence[Annotated], description: str, metres_per_pixel: float) -> dict[str, Any]:
+def coco(facades: Sequence[Annotated], description: str) -> dict[str, Any]:
     """A COCO object detection document. Categories have the class ids of facade_core.labels; `score` is the parser's
     confidence."""
     annotations: list[dict[str, Any]] = []
@@ -49,10 +51,17 @@ def coco(facades: Sequence[Annotated], description: str, metres_per_pixel: float
                 }
             )
     return {
-        "info": {"description": description, "metres_per_pixel": metres_per_pixel},
+        "info": {"description": description},
         "licenses": [],
         "images": [
-            {"id": i, "file_name": f.file, "width": f.width, "height": f.height, "facade": f.facade}
+            {
+                "id": i,
+                "file_name": f.file,
+                "width": f.width,
+                "height": f.height,
+                "facade": f.facade,
+                "metres_per_pixel": f.metres_per_pixel,
+            }
             for i, f in enumerate(facades, start=1)
         ],
         "annotations": annotations,

@@ -108,7 +108,7 @@ def textured_scene(scene: Scene, read_page: Callable[[int], np.ndarray]) -> Text
     return Textured(
         scene.charts,
         part_of(mesh, shown_area(mesh) > SMALLEST_M2),
-        texels / scene.spec.texels_per_metre,
+        texels / placement.texels_per_metre[:, None],
         texels,
         raster,
     )

@@ -60,7 +60,7 @@ class Picture:
                 continue
             depth = self.depth[here]
             share = np.array(raster.shape[1::-1]) / (place.width[chart], place.height[chart])
-            density = self.scene.spec.texels_per_metre * share
+            density = place.texels_per_metre[chart] * share
             levels = filtering.levels_of(raster, float(depth.max() / focal * density.max()) * filtering.LONGEST)
             flat = self.rgb.reshape(-1, 3)
             filtering.paint(flat, self.pixel[here], depth, pinhole, charts.origin[chart], axes[chart], density, levels)

@@ -84,12 +84,17 @@ class Charts:
         return self.at_shares(np.arange(len(self)), CORNERS)[..., :2].max(axis=1)
 
     @cached_property
-    def _boxes(self) -> shapely.STRtree:
-        return shapely.STRtree(shapely.box(*self._low.T, *self._high.T))
+    def boxes(self) -> np.ndarray:
+        """The charts as boxes seen from above, (n,) polygons."""
+        return shapely.box(*self._low.T, *self._high.T)
 
-    def texels(self, texels_per_metre: float) -> np.ndarray:
-        """Raster sizes (n, 2) int64, width and height: the last texel may reach past the edge."""
-        return np.maximum(1, np.ceil(self.size * texels_per_metre - 1e-6)).astype(np.int64)
+    @cached_property
+    def _boxes(self) -> shapely.STRtree:
+        return shapely.STRtree(self.boxes)
+
+    def texels(self, texels_per_metre: float | np.ndarray) -> np.ndarray:
+        """Raster sizes (n, 2) int64, width and height, of all at one density or of each at its own (n,)."""
+        return raster_sizes(self.size, texels_per_metre)
 
 
 @dataclass(frozen=True)
@@ -130,6 +135,11 @@ class Mesh:
     def chart_coordinates(self, charts: Charts) -> np.ndarray:
         """Each vertex in its chart's frame: (v, 2) metres, x right and y down."""
         return charts.coordinates(self.vertex_chart, self.vertices)
+
+
+def raster_sizes(size: np.ndarray, texels_per_metre: float | np.ndarray) -> np.ndarray:
+    """Widths and heights (n, 2) int64 in texels of sizes (n, 2) in metres: the last texel may reach past the edge."""
+    return np.maximum(1, np.ceil((size.T * texels_per_metre).T - 1e-6)).astype(np.int64)
 
 
 def frames(normal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -8,6 +8,7 @@ import numpy as np
 from numba import njit
 
 from facade_core.errors import GeometryError
+from facade_core.geometry.charts import raster_sizes
 
 # Pages still open for first fit: more would fill pages better, but scatter a building over the atlas.
 OPEN_PAGES = 4
@@ -17,7 +18,8 @@ THIN = 4
 
 @dataclass(frozen=True)
 class Placement:
-    """Where each chart's texels lie: page, x, y (n,) int32 of the first texel inside the gutter; width, height (n,) int32.
+    """Where each chart's texels lie: page, x, y (n,) int32 of the first texel inside the gutter; width, height (n,) int32; how
+    many texels a metre of it has, (n,) float64.
 
     pages is how many pages there are. Rows (y, y + height) and columns (x, x + width) are half-open.
     """
@@ -27,6 +29,7 @@ class Placement:
     y: np.ndarray
     width: np.ndarray
     height: np.ndarray
+    texels_per_metre: np.ndarray
     pages: int
 
     def chunks(self, chart: int, chunk: int, gutter: int) -> np.ndarray:
@@ -50,7 +53,8 @@ class Places:
 
 
 def pack(
-    texels: np.ndarray,
+    size: np.ndarray,
+    texels_per_metre: float | np.ndarray,
     owner: np.ndarray,
     *,
     page: int,
@@ -59,7 +63,8 @@ def pack(
     ids: np.ndarray | None = None,
     last: Places | None = None,
 ) -> Placement:
-    """Pack rasters of `texels` (n, 2) width and height into square pages of `page` texels.
+    """Pack charts of `size` (n, 2), width and height in metres, at one density or each at its own (n,), into square pages of
+    `page` texels.
 
     Charts up to half a chunk share chunks, but only with charts of the same `owner` (n,), the building, and so do long ones up
     to a THINth of a chunk high; charts without one (-1) never share. Charts keep their order, first fit over the last few
@@ -67,27 +72,31 @@ def pack(
     stay, and the others take the first free places.
     Raises GeometryError for a chart larger than a page less its gutters.
     """
-    outer = texels.astype(np.int64) + 2 * gutter
+    texels = raster_sizes(size, texels_per_metre)
+    outer = texels + 2 * gutter
     if len(outer) and outer.max() > page:
         largest = int(np.argmax(outer.max(axis=1)))
         raise GeometryError(
             f"chart {largest} needs {outer[largest].max()} texels and a page has {page}; cut it or lower texels_per_metre"
         )
     block, inner_x, inner_y, blocks = _share_chunks(outer, np.asarray(owner, np.int64), chunk)
-    size = np.ones((blocks, 2), np.int64)
+    cells = np.ones((blocks, 2), np.int64)
     large = (outer > chunk // 2).any(axis=1)
-    np.maximum.at(size, block[large], -(-outer[large] // chunk))
+    np.maximum.at(cells, block[large], -(-outer[large] // chunk))
     place = np.full((blocks, 3), -1, np.int64)
     if last is not None and ids is not None:
         corner = np.column_stack([inner_x, inner_y]) + gutter
         place = _stayed(place, block, corner, texels, ids, last, chunk)
-    _first_fit(place, size, page // chunk, OPEN_PAGES if last is None else blocks + int(place[:, 0].max(initial=0)) + 1)
+    _first_fit(
+        place, cells, page // chunk, OPEN_PAGES if last is None else blocks + int(place[:, 0].max(initial=0)) + 1
+    )
     return Placement(
         page=place[block, 0].astype(np.int32),
         x=(place[block, 1] * chunk + inner_x + gutter).astype(np.int32),
         y=(place[block, 2] * chunk + inner_y + gutter).astype(np.int32),
         width=texels[:, 0].astype(np.int32),
         height=texels[:, 1].astype(np.int32),
+        texels_per_metre=np.broadcast_to(np.asarray(texels_per_metre, np.float64), len(texels)).copy(),
         pages=int(place[:, 0].max(initial=-1)) + 1,
     )
 

@@ -23,6 +23,8 @@ SNAP_M, MEETING_M = 0.001, 0.05
 FACET_M, BEND = 3.0, 0.86
 # Feet and tops of walls that are one differ by no more.
 LEVEL_M = 0.1
+# A wall narrower than this, or lower, is a ledge.
+NARROW_M = 0.7
 # Storeys of a building are from so low to so high where its height allows it.
 STOREY_M = (2.6, 4.5)
 
@@ -40,6 +42,16 @@ def free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, Bas
     # a sliver beside a neighbour whose corners lie elsewhere is none
     open_ = free.buffer(-MEETING_M, join_style="mitre").buffer(MEETING_M, join_style="mitre").intersection(own)
     return own, open_
+
+
+def free_share(charts: Charts, mesh: Mesh) -> np.ndarray:
+    """The share of each chart's area that stands against no wall of a neighbour, (n,): 1 of what is no wall, or narrower or
+    lower than NARROW_M."""
+    share = np.ones(len(charts))
+    for chart in np.flatnonzero((charts.kind == WALL) & (charts.size >= NARROW_M).all(axis=1)).tolist():
+        whole, part = free_part(charts, mesh, chart)
+        share[chart] = part.area / max(whole.area, SNAP_M**2)
+    return share
 
 
 def _outline(charts: Charts, mesh: Mesh, chart: int, frame: int) -> BaseGeometry:

@@ -30,7 +30,11 @@ def own_texture(scene: Scene, chart: int, images: Mapping[int, np.ndarray]) -> t
     rgb, covered = np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.bool_)
     triangles = mesh.triangles_of(chart)
     corners = mesh.vertices[mesh.triangles[triangles]] - charts.origin[chart]
-    flat = corners @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]]) * scene.spec.texels_per_metre
+    flat = (
+        corners
+        @ np.column_stack([charts.axis_u[chart], charts.axis_v[chart]])
+        * scene.placement.texels_per_metre[chart]
+    )
     texture = np.where(np.isfinite(mesh.uv[triangles]).all(axis=(1, 2)), mesh.texture[triangles], -1)
     for index in np.unique(texture[texture >= 0]).tolist():
         if index not in images:

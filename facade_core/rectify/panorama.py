@@ -79,7 +79,7 @@ def sightings(
         pixels_per_radian = width / pose.view[2] / (2 * np.pi)
         resolution = float((pixels_per_radian / distance[usable] * np.sqrt(sine[usable])).mean())
         facing = float(sine[usable].mean())
-        score = seen * min(1.0, resolution / scene.spec.texels_per_metre) * facing
+        score = seen * min(1.0, resolution / scene.placement.texels_per_metre[chart]) * facing
         found.append(Sighting(index, seen, resolution, float(np.degrees(np.arcsin(facing))), score))
     return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
 
@@ -99,8 +99,8 @@ def rectify_view(
     charts, placement = scene.charts, scene.placement
     rows, columns = size
     place = position(pose)
-    right = charts.axis_u[chart] * (placement.width[chart] / scene.spec.texels_per_metre / columns)
-    down = charts.axis_v[chart] * (placement.height[chart] / scene.spec.texels_per_metre / rows)
+    right = charts.axis_u[chart] * (placement.width[chart] / placement.texels_per_metre[chart] / columns)
+    down = charts.axis_v[chart] * (placement.height[chart] / placement.texels_per_metre[chart] / rows)
     corner = charts.origin[chart] - place
     left, top, width, height = pose.view
     turn, half = image.shape[1] / width, image.shape[0] / height

@@ -89,7 +89,7 @@ def _lines_on(
     import cv2
 
     charts, placement = scene.charts, scene.placement
-    extent = np.array([placement.height[chart], placement.width[chart]]) / scene.spec.texels_per_metre
+    extent = np.array([placement.height[chart], placement.width[chart]]) / placement.texels_per_metre[chart]
     density = min(FINEST, 1.2 * image.shape[1] / pose.view[2] / (2 * np.pi) / distance, LONGEST / extent.max())
     size = tuple(max(8, round(float(side) * density)) for side in extent)
     view = rectify_view(scene, chart, image, pose, size)

@@ -28,7 +28,7 @@ def contact(scene: Scene, chart: int) -> np.ndarray | None:
 def _on_ground(scene: Scene, chart: int) -> np.ndarray | None:
     import cv2
 
-    charts, density = scene.charts, scene.spec.texels_per_metre
+    charts, density = scene.charts, scene.placement.texels_per_metre[chart]
     near = charts.near(chart, REACH_M)
     walls = near[charts.kind[near] == WALL]
     ends = charts.at_shares(walls, np.array([[0.0, 1.0], [1.0, 1.0]]))
@@ -55,7 +55,7 @@ def _on_wall(scene: Scene, chart: int) -> np.ndarray | None:
     if not _stands(scene, chart):
         return None
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
-    over = charts.size[chart, 1] - (np.arange(height) + 0.5) / scene.spec.texels_per_metre
+    over = charts.size[chart, 1] - (np.arange(height) + 0.5) / scene.placement.texels_per_metre[chart]
     return np.broadcast_to(_left(np.maximum(over, 0), WALL_LOST)[:, None], (height, width))
 
 

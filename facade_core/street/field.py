@@ -75,7 +75,7 @@ class Materials:
     ) -> None:
         self._scene = scene
         self._ground = Squares(ground or Ground(ways_of(streets)), scene.charts)
-        self._step = 1 / scene.spec.texels_per_metre
+        self._step = 1 / scene.placement.texels_per_metre
         grey = Material(np.full((1, 1, 3), 128, np.float32), (1.0, 1.0))
         self.field = Field(
             _surfaces(scene, seed, laid=roof_material is not None),
@@ -117,7 +117,7 @@ class Materials:
         out = np.empty((len(rows), 3), np.uint8)
         # whatever they are parts of: the kernel would be compiled once more for arrays that lie otherwise
         places = (np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(columns, np.int64))
-        kernels.texels(chart, *places, self._step, *self._near([chart]), out)
+        kernels.texels(chart, *places, float(self._step[chart]), *self._near([chart]), out)
         return out
 
     def detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
@@ -125,19 +125,20 @@ class Materials:
 
         Added to the tone of a picture whose pixels cover so much there, it gives back what they cannot show.
         """
-        points = self._scene.charts.points(chart, self._step * (columns + 0.5), self._step * (rows + 0.5))
-        mean = self.colour(np.full(len(rows), chart), points, np.maximum(footprint, self._step))
+        step = self._step[chart]
+        points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+        mean = self.colour(np.full(len(rows), chart), points, np.maximum(footprint, step))
         return self.texels(chart, rows, columns).astype(np.int16) - mean
 
     def raster(self, chart: int) -> np.ndarray:
         """A whole chart: (h, w, 3) uint8."""
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
-        flat, near = out.reshape(-1, 3), self._near([chart])
+        flat, near, step = out.reshape(-1, 3), self._near([chart]), float(self._step[chart])
         for start in range(0, len(flat), AT_ONCE):
             part = flat[start : start + AT_ONCE]
             rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
-            kernels.texels(chart, rows, columns, self._step, *near, part)
+            kernels.texels(chart, rows, columns, step, *near, part)
         return out
 
     def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[Field, Lights]:

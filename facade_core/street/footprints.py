@@ -19,7 +19,7 @@ class Facing(NamedTuple):
     origin (k, 3): from the camera;
     axis_u, axis_v, normal (k, 3);
     farthest (k,): metres at which a texel counts;
-    step: metres from texel to texel;
+    step (k,): metres from texel to texel;
     width, height (k,): texels;
     surface (k,): what each is a piece of;
     offset (k,): where its texels begin in the window.
@@ -30,7 +30,7 @@ class Facing(NamedTuple):
     axis_v: np.ndarray
     normal: np.ndarray
     farthest: np.ndarray
-    step: float
+    step: np.ndarray
     width: np.ndarray
     height: np.ndarray
     surface: np.ndarray
@@ -51,7 +51,7 @@ def mark_tiles(
     """
     rows, columns = seen.shape
     origin, axis_u, axis_v, normal = charts.origin, charts.axis_u, charts.axis_v, charts.normal
-    farthest, step = charts.farthest, charts.step
+    farthest = charts.farthest
     tiles_wide, tiles_high = (charts.width + (TILE - 1)) // TILE, (charts.height + (TILE - 1)) // TILE
     first = np.zeros(len(origin) + 1, np.int64)
     for k in range(len(origin)):
@@ -110,6 +110,7 @@ def mark_tiles(
                 for axis in range(3):
                     left += origin[k, axis] * axis_u[k, axis]
                     top += origin[k, axis] * axis_v[k, axis]
+                step = charts.step[k]
                 x0 = max(0, int(np.floor(((low_x - left) / step - MARGIN) / TILE)))
                 y0 = max(0, int(np.floor(((low_y - top) / step - MARGIN) / TILE)))
                 x1 = min(tiles_wide[k] - 1, int(np.floor(((high_x - left) / step + MARGIN) / TILE)))

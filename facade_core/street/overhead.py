@@ -17,8 +17,9 @@ LEAST_UP = 0.26
 # Texels that are looked at together: what each takes is many times its colour.
 AT_ONCE = 1 << 17
 
-# World places (n, 2) -> colour (n, 3) uint8 and whether it is known (n,).
-Aerial = Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]]
+# World places (n, 2), and the side of the square that each stands for, metres -> colour (n, 3) uint8 and whether it is known
+# (n,).
+Aerial = Callable[[np.ndarray, float], tuple[np.ndarray, np.ndarray]]
 
 
 def shown_from_above(scene: Scene) -> np.ndarray:
@@ -31,11 +32,11 @@ def from_above(scene: Scene, chart: int, aerial: Aerial) -> tuple[np.ndarray, np
     known and nothing of the block is above."""
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     rgb, known = np.zeros((height, width, 3), np.uint8), np.zeros((height, width), bool)
-    rows = max(1, AT_ONCE // width)
+    rows, side = max(1, AT_ONCE // width), 1 / float(scene.placement.texels_per_metre[chart])
     for top in range(0, height, rows):
         points = raster_points(scene, chart, np.arange(top, min(top + rows, height)) + 0.5, np.arange(width) + 0.5)
         flat = points.reshape(-1, 3)
-        colour, seen = aerial(flat[:, :2])
+        colour, seen = aerial(flat[:, :2], side)
         seen[seen] = free_above(scene.caster, flat[seen])
         rgb[top : top + rows] = np.where(seen[:, None], colour, 0).reshape(-1, width, 3)
         known[top : top + rows] = seen.reshape(-1, width)
@@ -44,7 +45,7 @@ def from_above(scene: Scene, chart: int, aerial: Aerial) -> tuple[np.ndarray, np
 
 def raster_points(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
     """World points (h, w, 3) of rows (h,) and columns (w,) of a chart's raster, in texels from its upper left corner."""
-    step = 1 / scene.spec.texels_per_metre
+    step = 1 / scene.placement.texels_per_metre[chart]
     return scene.charts.points(chart, step * columns[None], step * rows[:, None])
 
 

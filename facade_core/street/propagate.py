@@ -110,7 +110,7 @@ def _before(
         charts.axis_v[held],
         normal,
         farthest,
-        1.0 / scene.spec.texels_per_metre,
+        1.0 / placement.texels_per_metre[held],
         placement.width[held].astype(np.int64),
         placement.height[held].astype(np.int64),
         charts.surface[held],
@@ -177,7 +177,7 @@ def _propagate(
     """Every parts-th marked tile, from the part-th on: no texel belongs to two of them."""
     rgb, surface, gate, camera = view.rgb, view.surface, view.gate, view.camera
     rows, columns = surface.shape
-    origin, axis_u, axis_v, farthest, step = charts.origin, charts.axis_u, charts.axis_v, charts.farthest, charts.step
+    origin, axis_u, axis_v, farthest = charts.origin, charts.axis_u, charts.axis_v, charts.farthest
     width, height, own, offset = charts.width, charts.height, charts.surface, charts.offset
     colour = np.zeros(3, np.int64)
     columns_at, rows_at, depths, levels = np.empty(TILE), np.empty(TILE), np.empty(TILE), np.empty(TILE)
@@ -186,6 +186,7 @@ def _propagate(
     for c in range(len(origin)):
         # the chart's frame in the camera's: right, down, ahead
         o, u, v = camera @ origin[c], camera @ axis_u[c], camera @ axis_v[c]
+        step = charts.step[c]
         along = step * u
         for top in range(0, height[c], TILE):
             for left in range(0, width[c], TILE):
@@ -257,7 +258,8 @@ def _see(
     tile = -1
     for c in range(len(charts.origin)):
         o, u, v = camera @ charts.origin[c], camera @ charts.axis_u[c], camera @ charts.axis_v[c]
-        along = charts.step * u
+        step = charts.step[c]
+        along = step * u
         for top in range(0, height[c], TILE):
             for left in range(0, width[c], TILE):
                 tile += 1
@@ -271,7 +273,7 @@ def _see(
                         bare |= provenance[t + k] == UNSEEN and views[t + k] == 0
                     if not bare:
                         continue
-                    x, y = (left + 0.5) * charts.step, (j + 0.5) * charts.step
+                    x, y = (left + 0.5) * step, (j + 0.5) * step
                     for axis in range(3):
                         first[axis] = o[axis] + x * u[axis] + y * v[axis]
                     _aim(first, along, columns, rows, columns_at, rows_at, depths, levels)

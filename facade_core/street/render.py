@@ -72,7 +72,7 @@ def render(scene: Scene, atlas: Window, viewpoint: Viewpoint, size: tuple[int, i
         charts.axis_u,
         charts.axis_v,
         normal,
-        scene.spec.texels_per_metre,
+        placement.texels_per_metre,
         rasters.offset,
         placement.width,
         placement.height,

@@ -30,7 +30,7 @@ class Sheets(NamedTuple):
     """All charts, n of them, and where the window has their texels.
 
     origin, axis_u, axis_v, normal (n, 3);
-    density: texels per metre;
+    density (n,): texels per metre;
     offset (n,): of a chart's first texel, negative where it is not held;
     width, height (n,): texels;
     grey (n,): 0..255, of what has no texture.
@@ -40,7 +40,7 @@ class Sheets(NamedTuple):
     axis_u: np.ndarray
     axis_v: np.ndarray
     normal: np.ndarray
-    density: float
+    density: np.ndarray
     offset: np.ndarray
     width: np.ndarray
     height: np.ndarray
@@ -106,7 +106,7 @@ def shade_pixels(
     rays, depth, chart = pixels
     rows, columns = chart.shape
     origin, axis_u, axis_v, normal = charts.origin, charts.axis_u, charts.axis_v, charts.normal
-    density, offset, width, height, grey = charts.density, charts.offset, charts.width, charts.height, charts.grey
+    offset, width, height, grey = charts.offset, charts.width, charts.height, charts.grey
     place, cells_wide, cells_high, light = lights
     for r in range(rows):
         for c in range(columns):
@@ -137,6 +137,7 @@ def shade_pixels(
                 ay += right * axis_v[k, i]
                 bx += down * axis_u[k, i]
                 by += down * axis_v[k, i]
+            density = charts.density[k]
             x, y, ax, ay, bx, by = x * density, y * density, ax * density, ay * density, bx * density, by * density
             onward = t * (rays[r, c, 0] * gate.forward[0] + rays[r, c, 1] * gate.forward[1])
             near = abs(onward) <= gate.metres

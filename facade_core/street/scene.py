@@ -66,9 +66,8 @@ class Scene:
         """The texel that holds each world point (k, 3) on its chart (k,): row and column (k,) int32, clipped to the chart."""
         charts, placement = self.charts, self.placement
         row, column = np.empty(len(chart), np.int32), np.empty(len(chart), np.int32)
-        density = self.spec.texels_per_metre
         frame = (charts.origin, charts.axis_u, charts.axis_v, placement.width, placement.height)
-        _locate(points, chart, *frame, density, row, column)
+        _locate(points, chart, *frame, placement.texels_per_metre, row, column)
         return row, column
 
     def seen(self, viewpoint: Viewpoint, width: int) -> np.ndarray:
@@ -86,7 +85,7 @@ def _locate(
     axis_v: np.ndarray,
     width: np.ndarray,
     height: np.ndarray,
-    density: float,
+    density: np.ndarray,
     row: np.ndarray,
     column: np.ndarray,
 ) -> None:
@@ -97,5 +96,5 @@ def _locate(
             offset = points[k, i] - origin[c, i]
             x += offset * axis_u[c, i]
             y += offset * axis_v[c, i]
-        column[k] = min(max(int(x * density), 0), width[c] - 1)
-        row[k] = min(max(int(y * density), 0), height[c] - 1)
+        column[k] = min(max(int(x * density[c]), 0), width[c] - 1)
+        row[k] = min(max(int(y * density[c]), 0), height[c] - 1)

@@ -41,7 +41,7 @@ def sunlight(scene: Scene, chart: int, sun: Sun) -> np.ndarray:
     between, 0 in full shade."""
     import cv2
 
-    charts, density = scene.charts, scene.spec.texels_per_metre
+    charts, density = scene.charts, scene.placement.texels_per_metre[chart]
     width, height = int(scene.placement.width[chart]), int(scene.placement.height[chart])
     normal = charts.normal()[chart]
     cosine = float(normal @ direction(sun))

@@ -144,7 +144,7 @@ def _plain(scene: Scene, materials: Materials, chart: int) -> np.ndarray:
 
 def _finest(scene: Scene, chart: int, rows: np.ndarray, columns: np.ndarray, pixels: Pixels) -> np.ndarray:
     """What the finest of the pixels covers of texels (k,) of a chart: the side of a square as large, metres, (k,)."""
-    step = 1 / scene.spec.texels_per_metre
+    step = 1 / scene.placement.texels_per_metre[chart]
     points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
     normal, finest = scene.charts.normal()[chart], np.full(len(points), np.inf)
     for position in pixels.positions:
@@ -164,7 +164,7 @@ def _levelled(
 ) -> np.ndarray:
     """A chart's colour (h, w, 3) with its texels `free` (h, w) levelled to those `fixed`, and to what is known of the charts
     `beside` it in a rank over `above`."""
-    density, size = scene.spec.texels_per_metre, (fixed.shape[0], fixed.shape[1])
+    density, size = float(scene.placement.texels_per_metre[chart]), (fixed.shape[0], fixed.shape[1])
     reach = LEVELLED_M * density
     if not free.any():
         return colour
@@ -177,7 +177,7 @@ def _levelled(
     def with_own(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
         return (colour[rows, columns], unranked[rows, columns]) if one == chart else read(one, rows, columns)
 
-    wide, rank = surrounded(scene.charts, density, chart, size, margin, with_own)
+    wide, rank = surrounded(scene.charts, scene.placement.texels_per_metre, chart, size, margin, with_own)
     pinned, loose = rank > above, np.zeros(rank.shape, bool)
     pinned[own], loose[own] = fixed, free
     return level(wide, pinned, loose, reach=reach)[own]

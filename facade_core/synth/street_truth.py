@@ -79,7 +79,7 @@ def synthetic_street(
     charts, mesh, _ = block_surfaces(
         houses, [Street("street", None, line)], terrain=terrain_of(houses, None), ground_margin=40.0, largest=80.0
     )
-    placement = pack(charts.texels(texels_per_metre), charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack(charts.size, texels_per_metre, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, texels_per_metre))
     walls, normal = charts.kind == WALL, charts.normal()
     fronts = []

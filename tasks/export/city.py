@@ -142,13 +142,15 @@ def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
 
 def _layouts(found: Published) -> dict[int, list[Element]]:
     """The elements of every finished facade by its chart, in metres."""
-    metres = 1 / found.plan.scene.spec.texels_per_metre
+    density = found.plan.scene.placement.texels_per_metre
+    chosen = found.rectified(found.choose(()))
+    chart = {i: int(found.plan.facades.chart[i]) for i in chosen}
     return {
-        int(found.plan.facades.chart[i]): [
-            replace(e, x0=e.x0 * metres, y0=e.y0 * metres, x1=e.x1 * metres, y1=e.y1 * metres)
+        chart[i]: [
+            replace(e, **{side: getattr(e, side) / float(density[chart[i]]) for side in ("x0", "y0", "x1", "y1")})
             for e in found.elements(i)
         ]
-        for i in found.rectified(found.choose(()))
+        for i in chosen
     }
 
 

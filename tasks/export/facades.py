@@ -23,8 +23,7 @@ def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
 
     (folder / "images").mkdir()
     facades = list(_annotated(found, buildings, folder, "images/"))
-    density = found.plan.scene.spec.texels_per_metre
-    value = coco(facades, f"Facades of {found.block}, elements of the completed facades", 1 / density)
+    value = coco(facades, f"Facades of {found.block}, elements of the completed facades")
     (folder / "annotations.json").write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     return ["annotations.json"], _left_out(found, buildings, len(facades))
 
@@ -55,7 +54,8 @@ def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: st
         texture = chart_raster(found.group, found.plan.scene.placement, chart, "atlas/seed")
         file = f"{within}{file_stem(name)}.png"
         Image.fromarray(texture).save(folder / file)
-        yield Annotated(name, file, texture.shape[1], texture.shape[0], found.elements(index))
+        metres = 1 / float(found.plan.scene.placement.texels_per_metre[chart])
+        yield Annotated(name, file, texture.shape[1], texture.shape[0], metres, found.elements(index))
         advance("export", 1)
 
 

@@ -85,7 +85,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
             root = new_root(session)
         set_aside = [(fault.kind, fault.id, fault.reason) for fault in block.faults]
         set_aside += [("building", unit, reason) for unit, reason in plan.refused]
-        set_aside += [("building", "all buildings", reason) for reason in no_facade(plan, run.texture.texels_per_metre)]
+        set_aside += [("building", "all buildings", reason) for reason in no_facade(plan)]
         set_aside += [("photo", unit, reason) for unit, reason in stray_photos(block.photos, plan.facades.id)]
         root.attrs.update(
             block=run.block,
@@ -119,14 +119,14 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
     return replace(_outline(plan, root, skipped), anew=anew)
 
 
-def no_facade(plan: Plan, texels_per_metre: float) -> list[str]:
+def no_facade(plan: Plan) -> list[str]:
     """Why a block has no facade on a street at all, in one line, with the remedy; nothing where it has one."""
     if (plan.facades.role == STREET).any():
         return []
     charts = plan.scene.charts
     wall = charts.kind == WALL
     small = wall & ((charts.size[:, 0] < FACADE_WIDTH_M) | (charts.size[:, 1] < FACADE_HEIGHT_M))
-    coarse = wall & ~small & (charts.texels(texels_per_metre).min(axis=1) < FACADE_TEXELS)
+    coarse = wall & ~small & (charts.texels(plan.scene.placement.texels_per_metre).min(axis=1) < FACADE_TEXELS)
     unseen = int(wall.sum() - small.sum() - coarse.sum())
     return [
         f"none of the {wall.sum()} walls is a facade: {small.sum()} are under {FACADE_WIDTH_M:g} x {FACADE_HEIGHT_M:g} m, "

@@ -15,12 +15,11 @@ from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.check import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
 from facade_core.atlas.encoded import ENCODING, FOLDERS, encoded_of
 from facade_core.atlas.journal import Record, forget_record, read_journal, unit_key
-from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.plan_tables import placement_of, read_plan, read_table
 from facade_core.atlas.rasters import picture_digest
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root, open_table, root_of_any_format
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FormatError
-from facade_core.geometry.packing import Placement
 from facade_core.grouping import Grouped
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
@@ -230,9 +229,9 @@ def _without_texels(session: icechunk.Session, records: Records) -> list[int]:
 
 def _charts_without(session: icechunk.Session, array: str, charts: Iterable[int]) -> set[int]:
     """Those of some charts of which a chunk of an array over the pages is not listed."""
-    table, there = open_table(session, "charts").load(), chunks_of(session, array)
-    placement = Placement(**{name: table[name].values for name in ("page", "x", "y", "width", "height")}, pages=0)
-    chunk, gutter = table.attrs["chunk"], table.attrs["gutter"]
+    table, there = read_table(session, "charts"), chunks_of(session, array)
+    placement = placement_of(table, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
+    chunk, gutter = table["chunk"], table["gutter"]
     return {c for c in charts if not there.issuperset(map(tuple, placement.chunks(c, chunk, gutter).tolist()))}
 
 

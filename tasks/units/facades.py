@@ -23,6 +23,7 @@ from facade_core.labels import SHOP, WINDOW
 from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
+from facade_core.resizing import resized
 from facade_core.texture import Style, style_of, without_shops
 from facade_core.variation import Hierarchy
 from facade_core.walls import wall_of
@@ -41,8 +42,8 @@ if TYPE_CHECKING:
 _COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 _TOLD = ("window_to_wall", "windows", "floors")
 
-# Exemplars taken apart, by number and whether with shops, and their metres per texel.
-Styles = dict[tuple[int, bool], tuple[Style, float]]
+# Exemplars taken apart, by number, whether with shops and the density wanted, and their metres per texel.
+Styles = dict[tuple[int, bool, float], tuple[Style, float]]
 
 
 class _Made(NamedTuple):
@@ -90,7 +91,8 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
         if result is not None:
             begun = time.time()
-            evidence = shielded(result.evidence, result.occluded, run.privacy, run.texture.texels_per_metre)
+            density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
+            evidence = shielded(result.evidence, result.occluded, run.privacy, density)
             digests = _write(group, plan, facade, result, evidence, made.confidence)
             seconds["write"] = time.time() - begun
             about |= _summary(result) | {"digests": digests}
@@ -132,7 +134,10 @@ def _make(
     apart to `styles`, with their metres per pixel."""
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
-    size = (int(placement.height[chart]), int(placement.width[chart]))
+    size, density = (
+        (int(placement.height[chart]), int(placement.width[chart])),
+        float(placement.texels_per_metre[chart]),
+    )
     seed = unit_seed(run, facades.id[facade], "facade")
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
@@ -156,7 +161,7 @@ def _make(
                     masked=evidence.masked + result.masked,
                     masked_share=evidence.masked_share + result.masked_share,
                 )
-                names = _names_on(result, evidence, source, run.texture.texels_per_metre)
+                names = _names_on(result, evidence, source, density)
                 return _Made(depth, result, evidence.source, confidence, evidence.captured, names)
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
     if run.texture.walls == "translate":
@@ -166,8 +171,8 @@ def _make(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
     index, name = imagery.exemplar
-    given = _style(group, index, True, styles)
-    style, metres_per_texel = given if imagery.shops else _style(group, index, False, styles)
+    given = _style(group, index, True, density, styles)
+    style, metres_per_texel = given if imagery.shops else _style(group, index, False, density, styles)
     first, along = facades.id[int(facades.run[facade])], float(facades.along[facade])
     result = from_exemplar(
         style,
@@ -182,14 +187,30 @@ def _make(
     return _Made(depth, result, name, nothing)
 
 
-def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[Style, float]:
-    """An exemplar taken apart, with or without its shops, and its metres per texel."""
-    if (index, shops) not in styles:
+def _style(group: StoreGroup, index: int, shops: bool, density: float, styles: Styles) -> tuple[Style, float]:
+    """An exemplar taken apart, with or without its shops, and its metres per texel: those of a density, texels per metre, or
+    more where it is coarser itself."""
+    if (index, shops, density) not in styles:
         image, labels, metres_per_texel = read_exemplar(group, index)
         if not shops:
             image, labels = without_shops(image, labels)
-        styles[index, shops] = style_of(image, labels), metres_per_texel
-    return styles[index, shops]
+        image, labels, metres_per_texel = _no_finer(image, labels, metres_per_texel, density)
+        styles[index, shops, density] = style_of(image, labels), metres_per_texel
+    return styles[index, shops, density]
+
+
+def _no_finer(
+    image: np.ndarray, labels: np.ndarray, metres_per_texel: float, density: float
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """An exemplar, and its metres per texel, where it is finer than a density brought down to that."""
+    import cv2
+
+    share = 1 / (metres_per_texel * density)
+    if share > 1 - 1e-6:
+        return image, labels, metres_per_texel
+    height, width = (max(8, round(side * share)) for side in labels.shape)
+    smaller = cv2.resize(labels, (width, height), interpolation=cv2.INTER_NEAREST)
+    return resized(image, (height, width)), smaller, 1 / density
 
 
 def _names_on(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:

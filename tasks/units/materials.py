@@ -38,9 +38,8 @@ def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
 
 
 def sampler(run: Run) -> Sampler | None:
-    """Colours of the block from above at the atlas' density, None where there is no picture."""
-    aerial = run.aerial
-    return None if aerial is None else lambda places: aerial.sample(places, 1 / run.texture.texels_per_metre)
+    """Colours of the block from above, None where there is no picture."""
+    return None if run.aerial is None else run.aerial.sample
 
 
 def materials(plan: Plan, seed: int, roofs: tuple[Path, float] | None) -> Materials:

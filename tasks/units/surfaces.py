@@ -96,7 +96,7 @@ def _with_own_wall(
         slice(x, x + int(placement.width[chart])),
     )
     image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
-    wall = wall_material(image, labels, plan.scene.spec.texels_per_metre)
+    wall = wall_material(image, labels, float(placement.texels_per_metre[chart]))
     if wall is None:
         return field, set()
     changed, own = field.with_wall(charts, wall, chart)

@@ -15,7 +15,7 @@ from catalogs.published.items import BBOX, COLUMNS
 from catalogs.published.report import to_look_at
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import Record
-from facade_core.atlas.plan_tables import read_facades, read_table
+from facade_core.atlas.plan_tables import placement_of, read_facades, read_table
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError, StoreError
@@ -221,10 +221,7 @@ def _read_tables(session: icechunk.Session) -> _Tables:
         read_table(session, name) for name in ("charts", "viewpoints", "streets", "buildings")
     )
     facades = read_facades(session)
-    placement = Placement(
-        **{name: charts[name] for name in ("page", "x", "y", "width", "height")},
-        pages=int(charts["page"].max(initial=0)) + 1,
-    )
+    placement = placement_of(charts, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
     start = charts["origin"][facades.chart, :2]
     along = charts["axis_u"][facades.chart]
     normal = np.cross(charts["axis_v"][facades.chart], along)  # v runs down: v x u is outward

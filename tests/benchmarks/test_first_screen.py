@@ -16,7 +16,7 @@ def test_bare_geometry_is_grey_and_darker_at_its_foot() -> None:
     street = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
     box = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
     charts, mesh, _ = block_surfaces([box], [street], terrain=terrain_of([], None), ground_margin=10, largest=90)
-    placement = pack(charts.texels(8), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 8, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 8.0, page=1024))
     roof, wall = (bare(scene, int(np.flatnonzero(charts.kind == kind)[0])) for kind in (ROOF, WALL))
     assert (np.ptp(wall, axis=2) == 0).all()

@@ -46,7 +46,7 @@ OWNER = np.array([0, 0, 0, 1, 1])
 
 @pytest.fixture
 def placement():
-    return pack(TEXELS, OWNER, page=512, chunk=128, gutter=2)
+    return pack(TEXELS, 1.0, OWNER, page=512, chunk=128, gutter=2)
 
 
 @pytest.fixture

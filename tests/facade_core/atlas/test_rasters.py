@@ -26,7 +26,7 @@ def test_rasters_come_back_and_leave_the_others(
 ) -> None:
     rng = np.random.default_rng(seed)
     texels, owner = np.array([chart[:2] for chart in charts]), np.array([chart[2] for chart in charts])
-    placement = pack(texels, owner, page=PAGE, chunk=CHUNK, gutter=GUTTER)
+    placement = pack(texels, 1.0, owner, page=PAGE, chunk=CHUNK, gutter=GUTTER)
     spec = AtlasSpec(placement.pages, 20.0, page=PAGE, chunk=CHUNK, gutter=GUTTER)
     shape, chunks = (placement.pages, PAGE, PAGE, *bands), (1, CHUNK, CHUNK, *bands)
     array = zarr.create_array({}, shape=shape, chunks=chunks, dtype=np.uint8)

@@ -47,7 +47,9 @@ def test_what_is_around_lies_where_it_is(charts: Charts, kind: int) -> None:
     checked = 0
     for chart in np.flatnonzero((charts.kind == kind) & (charts.building == 0)).tolist():
         width, height = charts.texels(DENSITY)[chart]
-        colour, provenance = surrounded(charts, DENSITY, chart, (height, width), margin, reader(charts))
+        colour, provenance = surrounded(
+            charts, np.full(len(charts), DENSITY), chart, (height, width), margin, reader(charts)
+        )
         x = (np.arange(width + 2 * margin) + 0.5 - margin) / DENSITY
         y = (np.arange(height + 2 * margin) + 0.5 - margin) / DENSITY
         points = charts.origin[chart] + x[None, :, None] * charts.axis_u[chart]
@@ -83,7 +85,7 @@ def test_a_seam_at_the_border_of_two_charts_goes(charts: Charts) -> None:
 
     width, height = charts.texels(DENSITY)[chart]
     margin = 40
-    colour, provenance = surrounded(charts, DENSITY, chart, (height, width), margin, read)
+    colour, provenance = surrounded(charts, np.full(len(charts), DENSITY), chart, (height, width), margin, read)
     levelled = level(colour, provenance == 4, provenance == 1, reach=20)[margin:-margin, margin:-margin].astype(int)
     edge, far = (levelled[:, -1], levelled[:, 0]) if along > 0 else (levelled[:, 0], levelled[:, -1])
     assert abs(edge.mean() - 130) < 4

@@ -41,7 +41,7 @@ def houses() -> Scene:
         Building("b", shapely.box(x + 20, y, x + 32, y + 10), 9.0, "height"),
     ]
     charts, mesh, _ = block_surfaces(buildings, [STREET], terrain=terrain_of([], None), ground_margin=10, largest=90)
-    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 

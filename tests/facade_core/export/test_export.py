@@ -22,7 +22,7 @@ STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
 def scene() -> Scene:
     box = Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")
     charts, mesh, _ = block_surfaces([box], [STREET], terrain=terrain_of([], None), ground_margin=10, largest=90)
-    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 

@@ -74,7 +74,7 @@ def test_packing_keeps_charts_apart_and_chunks_to_one_owner() -> None:
     texels = rng.integers(5, 500, (len(owner), 2))
     texels[rng.random(len(owner)) < 0.4] //= 12
     texels = np.maximum(texels, 1)
-    placed = pack(texels, owner, page=1024, chunk=128, gutter=2)
+    placed = pack(texels, 1.0, owner, page=1024, chunk=128, gutter=2)
     taken = np.zeros((placed.pages, 1024, 1024), bool)
     owners: dict[tuple, int] = {}
     for chart in range(len(owner)):
@@ -89,14 +89,14 @@ def test_packing_keeps_charts_apart_and_chunks_to_one_owner() -> None:
 
 
 def test_ownerless_charts_never_share_a_chunk() -> None:
-    placed = pack(np.full((9, 2), 10), np.full(9, -1), page=512, chunk=128, gutter=2)
+    placed = pack(np.full((9, 2), 10), 1.0, np.full(9, -1), page=512, chunk=128, gutter=2)
     cells = [tuple(placed.chunks(c, 128, 2)[0]) for c in range(9)]
     assert len(set(cells)) == 9
 
 
 def test_a_chart_larger_than_a_page_is_refused() -> None:
     with pytest.raises(GeometryError, match="chart 1"):
-        pack(np.array([[10, 10], [600, 10]]), np.zeros(2), page=512, chunk=128, gutter=2)
+        pack(np.array([[10, 10], [600, 10]]), 1.0, np.zeros(2), page=512, chunk=128, gutter=2)
 
 
 def test_projection_undoes_directions() -> None:

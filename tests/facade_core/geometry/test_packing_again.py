@@ -13,7 +13,7 @@ PAGE, CHUNK, GUTTER = 512, 128, 2
 def place(texels: list[tuple[int, int]], owner: list[int], ids: list[int], last: Places | None = None) -> Places:
     numbers = np.array(ids, np.uint64)
     sizes = np.array(texels, np.int64).reshape(-1, 2)
-    found = pack(sizes, np.array(owner), page=PAGE, chunk=CHUNK, gutter=GUTTER, ids=numbers, last=last)
+    found = pack(sizes, 1.0, np.array(owner), page=PAGE, chunk=CHUNK, gutter=GUTTER, ids=numbers, last=last)
     return Places(numbers, found)
 
 

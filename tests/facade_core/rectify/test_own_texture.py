@@ -34,7 +34,7 @@ def scene_of(uv: np.ndarray, texture: list[int]) -> Scene:
         texture=np.array(texture, np.int32),
         uv=uv[triangles].astype(np.float32),
     )
-    placement = pack(charts.texels(DENSITY), np.zeros(1, int), page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, DENSITY, np.zeros(1, int), page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 

@@ -51,7 +51,7 @@ def scene_of(*walls) -> Scene:
     )
     triangles = (np.array([[0, 1, 2], [0, 2, 3]]) + 4 * each[:, None, None]).reshape(-1, 3).astype(np.int32)
     mesh = Mesh(np.array(vertices), triangles, np.repeat(each, 2), np.repeat(each, 4))
-    placement = pack(charts.texels(DENSITY), each, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, DENSITY, each, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 

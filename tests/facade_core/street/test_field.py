@@ -27,7 +27,7 @@ def scene() -> Scene:
         Building("gabled", shapely.box(0, 14, 20, 20), 6.0, "height", roof=Roof("gabled", 4.0)),
     ]
     charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=32)
-    placement = pack(charts.texels(DENSITY), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 
@@ -111,7 +111,7 @@ def test_ground_does_not_step_at_its_edges(density: float) -> None:
     charts, mesh, _ = block_surfaces(
         [], [Street("s", None, line)], terrain=terrain_of([], None), ground_margin=9, largest=8
     )
-    placement = pack(charts.texels(density), charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack(charts.size, density, charts.building, page=2048, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=2048))
     middle = charts.points(np.arange(len(charts)), charts.size[:, 0] / 2, charts.size[:, 1] / 2)
     chart = int(np.argmin(shapely.distance(line, shapely.points(middle[:, :2]))))
@@ -135,7 +135,7 @@ def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:
     court = shapely.box(0, 0, 30, 30).difference(shapely.box(9, 9, 21, 21))
     house = Building("court", court, 15.0, "height")
     charts, mesh, _ = block_surfaces([house], [STREET], terrain=terrain_of([], None), ground_margin=20, largest=32)
-    placement = pack(charts.texels(DENSITY), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     materials = Materials(
         Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024)), [STREET], seed=1
     )
@@ -182,7 +182,7 @@ def test_there_is_a_material_for_every_kind_of_surface_and_dirt_starts_at_the_fo
     charts, mesh, _ = block_surfaces(
         [house], [STREET], terrain=terrain_of([house], None), ground_margin=20, largest=100
     )
-    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
 
     def materials(charts: Charts) -> Materials:
         return Materials(Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024)), [STREET], seed=1)

@@ -26,7 +26,7 @@ def scene() -> Scene:
         Building("b", shapely.box(-45, 0, -25, 10), 10.0, "height"),
     ]
     charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=45, largest=35)
-    placement = pack(charts.texels(DENSITY), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024), names=("a", "b"))
 
 

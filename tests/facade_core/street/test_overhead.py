@@ -28,7 +28,7 @@ def scene() -> Scene:
         Building("tower", shapely.box(8, 2, 12, 8), 15.0, "height"),
     ]
     charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=12, largest=60.0)
-    placement = pack(charts.texels(DENSITY), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, DENSITY, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 

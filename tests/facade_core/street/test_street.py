@@ -27,7 +27,7 @@ BUILDINGS = [
 @pytest.fixture(scope="module")
 def scene() -> Scene:
     charts, mesh, _ = block_surfaces(BUILDINGS, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 

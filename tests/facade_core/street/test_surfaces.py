@@ -22,7 +22,7 @@ STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
 def scene() -> Scene:
     houses = [Building("a", shapely.box(0, 0, 20, 10), 12.0, "height")]
     charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024))
 
 
@@ -92,7 +92,7 @@ def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
     charts, mesh, _ = block_surfaces(
         houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=20.1, grid=20
     )
-    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("a",))
     materials = Materials(scene, [STREET], seed=1)
     front = np.flatnonzero((charts.kind == WALL) & (charts.normal()[:, 1] < -0.9))
@@ -149,7 +149,7 @@ def test_a_party_wall_takes_one_colour_where_its_neighbour_covers_it() -> None:
         Building("apart", shapely.box(25.5, 0, 30, 10), 9.0, "height"),
     ]
     charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=20, largest=100)
-    placement = pack(charts.texels(10), charts.building, page=1024, chunk=128, gutter=2)
+    placement = pack(charts.size, 10, charts.building, page=1024, chunk=128, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, 10.0, page=1024), names=("tall", "low", "apart"))
     materials = Materials(scene, [STREET], seed=1)
     shut = np.array([enclosed(scene, chart).mean() for chart in range(len(charts))])

@@ -64,7 +64,7 @@ def street(height, width):
     houses = [Building(str(i), shapely.box(22 * i, 0, 22 * i + 20, 10), 12.0, "height") for i in range(3)]
     charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
     density = float(height)  # texels per metre
-    placement = pack(charts.texels(density), charts.building, page=4096, chunk=256, gutter=2)
+    placement = pack(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
     translator = Swatches(scene, [line], seed=1)
     scene.look(Viewpoint(0, 0, np.array([0.0, -8.0, 2.5]), np.array([1.0, 0.0])), width)
@@ -92,7 +92,7 @@ def surface(height, width):
     houses = [Building("a", shapely.box(0, 0, 40, 10), 40.0, "height")]
     charts, mesh, _ = block_surfaces(houses, [line], terrain=terrain_of([], None), ground_margin=20, largest=100)
     density = float(height)  # texels per metre
-    placement = pack(charts.texels(density), charts.building, page=4096, chunk=256, gutter=2)
+    placement = pack(charts.size, density, charts.building, page=4096, chunk=256, gutter=2)
     scene = Scene(mesh, charts, placement, AtlasSpec(placement.pages, density, page=4096))
     field = Materials(scene, [line], seed=1)
     chart = int(np.argmax(charts.size.prod(axis=1)))
@@ -115,7 +115,7 @@ def walls(height, width):
     import shapely
     houses = [Building(str(i), shapely.box(40 * i, 0, 40 * i + 39, 30), 30.0, "height") for i in range(width)]
     charts, mesh, _ = block_surfaces(houses, [], terrain=terrain_of([], None), ground_margin=5, largest=60)
-    placement = pack(charts.texels(height), charts.building, page=2048, chunk=128, gutter=2)
+    placement = pack(charts.size, height, charts.building, page=2048, chunk=128, gutter=2)
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, float(height)))
 
 def page(height, width):
