@@ -1,12 +1,12 @@
 """How varied a published block is, and what sharper texels would cost: `python -m benchmarks.variety --out DIR` prints JSON.
 
-With --block FILE it prints `exemplars` for a block file alone, as its exemplars would be chosen now; seconds of the processor,
-to prepare one (median).
+With --block FILE it prints `exemplars` and `texels` for a block file alone, as its exemplars would be chosen now; seconds of
+the processor, to prepare one (median).
 
 exemplars: of the facades without imagery, how many exemplars they show, how many facades the most frequent one is on, pairs of
 buildings with walls within 60 m that share one, and the share that shows shops. fronts and twins, compared by their pictures:
-benchmarks/look. texels: millions of all charts at a density for all, and by steps: of what a street shows from near, of other
-walls, of roofs and what lies behind; store_bytes, of a texel, are what chunks of this store take now.
+benchmarks/look. texels: millions of all charts were they at one density, and now, by density; store_bytes, of a texel, are what
+chunks of this store take.
 """
 
 from __future__ import annotations
@@ -24,20 +24,19 @@ import shapely
 
 from benchmarks.look import walls
 from benchmarks.look.outputs import Output, read_output
-from catalogs.block import read_block
+from catalogs.block import Block, read_block
 from facade_core.atlas.journal import Record
 from facade_core.facade import prepare_exemplar
-from facade_core.geometry.charts import CORNERS, WALL, Charts
+from facade_core.geometry.charts import Charts
+from facade_core.geometry.packing import Placement
 from facade_core.labels import SHOP
+from facade_core.plan import Plan
 from facade_core.style import NEIGHBOURS_M, look_of
 from tasks.kinds.facades import exemplars_of, shops_of
 from tasks.stages.planning import plan_of
 from tasks.units.images import read_exemplar_picture, read_labels
 
 DENSITIES = (16.0, 20.0, 32.0)
-# Texels a metre: of walls that a street passes and ground beside it, of other walls and ground near it, and of the rest.
-STEPS = (32.0, 16.0, 8.0)
-PASSED_M, NEAR_M = 15.0, 40.0
 
 
 def main() -> None:
@@ -48,7 +47,10 @@ def main() -> None:
     asked.add_argument("--block", type=Path, help="a block file")
     options = parser.parse_args()
     if options.block:
-        print(json.dumps({"benchmark": "variety", "exemplars": _chosen(options.block)}, indent=1))
+        block = read_block(options.block)
+        plan = plan_of(block)
+        texels = _texels(plan.scene.charts, plan.scene.placement)
+        print(json.dumps({"benchmark": "variety", "exemplars": _chosen(block, plan), "texels": texels}, indent=1))
         return
     output = read_output(options.out)
     figures = {
@@ -56,7 +58,7 @@ def main() -> None:
         "exemplars": _exemplars(output),
         "fronts": walls.fronts(output),
         "twins": walls.twins(output),
-        "texels": _texels(output),
+        "texels": _texels(output.charts, output.placement) | {"store_bytes": _store_bytes(output)},
     }
     print(json.dumps(figures, indent=1))
 
@@ -67,10 +69,8 @@ def _exemplars(output: Output) -> dict[str, Any]:
     return _counted(rows[rows.id.isin(list(lines))], lines)
 
 
-def _chosen(path: Path) -> dict[str, Any]:
+def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
     """The same of what is chosen for every facade, photos aside."""
-    block = read_block(path)
-    plan = plan_of(block)
     records: list[Record | None] = []
     seconds = []
     for picture in block.exemplars:
@@ -133,26 +133,27 @@ def _counted(rows: pd.DataFrame, lines: Mapping[str, shapely.LineString]) -> dic
     }
 
 
-def _texels(output: Output) -> dict[str, Any]:
-    charts, area = output.charts, output.charts.size.prod(axis=1)
-    low_and_high = charts.at_shares(np.arange(len(charts)), CORNERS)[..., :2]
-    boxes = shapely.box(*low_and_high.min(axis=1).T, *low_and_high.max(axis=1).T)
-    away = shapely.distance(boxes, shapely.union_all(list(output.streets)))
-    fronts = np.zeros(len(charts), bool)
-    fronts[[facade.chart for facade in output.facades]] = True
-    upright = charts.kind == WALL
-    passed = (fronts & (away <= PASSED_M)) | (~upright & (charts.building < 0) & (away <= PASSED_M))
-    near = (upright | (charts.building < 0)) & (away <= NEAR_M)
-    density = np.select([passed, near], STEPS[:2], STEPS[2])
-    chunks = sum(path.stat().st_size for path in (output.snapshot.out / "store" / "chunks").iterdir())
-    texels = float((area * output.placement.texels_per_metre**2).sum())
+def _texels(charts: Charts, placement: Placement) -> dict[str, Any]:
+    area, density = charts.size.prod(axis=1), placement.texels_per_metre
+    held = placement.width.astype(np.int64) * placement.height
     return {
         "charts": len(charts),
         **{f"at_{step:g}": round(float(area.sum() * step**2) / 1e6, 1) for step in DENSITIES},
-        "by_steps": round(float((area * density**2).sum()) / 1e6, 1),
-        "share_of_area_at_each_step": [round(float(area[density == step].sum() / area.sum()), 3) for step in STEPS],
-        "store_bytes": round(chunks / texels, 2),
+        "now": {
+            f"{step:g}": {
+                "share_of_area": round(float(area[density == step].sum() / area.sum()), 3),
+                "millions": round(float(held[density == step].sum()) / 1e6, 1),
+            }
+            for step in np.unique(density).tolist()
+        },
+        "millions": round(float(held.sum()) / 1e6, 1),
     }
+
+
+def _store_bytes(output: Output) -> float:
+    """Of a texel."""
+    chunks = sum(path.stat().st_size for path in (output.snapshot.out / "store" / "chunks").iterdir())
+    return round(chunks / float((output.placement.width.astype(np.int64) * output.placement.height).sum()), 2)
 
 
 def _foot(charts: Charts, chart: int) -> shapely.LineString:

@@ -61,7 +61,7 @@ class TextureSettings:
 
     __pydantic_config__ = ConfigDict(extra="forbid")
 
-    texels_per_metre: Annotated[float, _between(1, 100)] = 20.0
+    texels_per_metre: Annotated[float, _between(1, 100)] = 32.0
     viewpoint_spacing: Annotated[float, _between(0.5, 50)] = 5.0
     viewpoint_height: Annotated[float, _between(0.5, 20)] = 2.5
     visibility_range: Annotated[float, _between(5, 200)] = 40.0

@@ -20,7 +20,7 @@ NAME = "helsinki"
 AREA = [24.94575, 60.1651, 24.95025, 60.1673]
 STREETS = ["Kasarmikatu", "Fabianinkatu", "Rikhardinkatu"]
 SEED = 7
-TEXELS_PER_METRE = 16
+TEXELS_PER_METRE = 32
 # Painted walls of eight northern families: finer than the block, so that they serve blocks of any density.
 EXEMPLARS, EXEMPLAR_PIXELS_PER_METRE = 40, 64
 # Of the facades wide enough to be photographed, this many (from the first, every third) get a painted photo with a hole.
