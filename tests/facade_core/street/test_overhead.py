@@ -32,7 +32,7 @@ def scene() -> Scene:
     return Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=1024))
 
 
-def picture(places: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+def picture(places: np.ndarray, _side: float) -> tuple[np.ndarray, np.ndarray]:
     """Red tells the metre east, green the metre north; nothing is known west of 4 m."""
     x, y = places.T
     colour = np.column_stack([100 + 4 * np.floor(x), 100 + 4 * np.floor(y), np.full(len(x), 7.0)])
