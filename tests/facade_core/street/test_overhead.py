@@ -47,7 +47,7 @@ def test_every_texel_takes_the_colour_of_its_place(scene: Scene) -> None:
     chart = roof(scene, 0)
     rgb, known = from_above(scene, chart, picture)
     points = raster_points(scene, chart, np.arange(known.shape[0]) + 0.5, np.arange(known.shape[1]) + 0.5)
-    expected = picture(points.reshape(-1, 3)[:, :2])[0].reshape(rgb.shape)
+    expected = picture(points.reshape(-1, 3)[:, :2], 0.1)[0].reshape(rgb.shape)
     np.testing.assert_array_equal(rgb[known], expected[known])
     x, y = points[..., 0], points[..., 1]
     under = (x > 8) & (x < 12) & (y > 2) & (y < 8)
