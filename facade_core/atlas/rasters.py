@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.zarr_types import StoreArray
 from facade_core.errors import StoreError
-from facade_core.geometry.packing import Placement
+from facade_core.geometry.packing import THIN, Placement
 
 
 @dataclass(frozen=True)
@@ -61,8 +61,8 @@ def read_rasters(array: StoreArray, placement: Placement, rasters: Rasters) -> n
 def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rasters: Rasters, flat: np.ndarray) -> None:
     """Write the held charts' texels (total, ...) and their gutters into a (page, y, x, ...) array.
 
-    A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones share theirs, each of which
-    is read and rewritten once: only the unit that owns the building may do that.
+    A chart larger than half a chunk owns its chunks and is written as whole chunks; smaller ones, and thin ones, share theirs,
+    each of which is read and rewritten once: only the unit that owns the building may do that.
     """
     shared: dict[tuple[int, int, int], list[tuple[int, int, np.ndarray]]] = {}
     for c in rasters.charts:
@@ -71,13 +71,17 @@ def write_rasters(array: StoreArray, spec: AtlasSpec, placement: Placement, rast
         page, y, x = int(placement.page[c]), int(placement.y[c]) - spec.gutter, int(placement.x[c]) - spec.gutter
         colour = [(0, 0)] * (raster.ndim - 2)
         block = np.pad(raster, [(spec.gutter,) * 2, (spec.gutter,) * 2, *colour], mode="edge")
-        if max(block.shape[:2]) > spec.chunk // 2:
+        high, wide = block.shape[:2]
+        if max(high, wide) > spec.chunk // 2 and high > spec.chunk // THIN:
             rows, columns = (-size % spec.chunk for size in block.shape[:2])
             block = np.pad(block, [(0, rows), (0, columns), *colour])
             write_chunks(array, (page, slice(y, y + block.shape[0]), slice(x, x + block.shape[1])), block)
-        else:
-            place = (y % spec.chunk, x % spec.chunk, block)
-            shared.setdefault((page, y // spec.chunk, x // spec.chunk), []).append(place)
+            continue
+        row = y // spec.chunk
+        for column in range(x // spec.chunk, (x + wide - 1) // spec.chunk + 1):
+            left, right = max(x, column * spec.chunk), min(x + wide, (column + 1) * spec.chunk)
+            part = (y % spec.chunk, left % spec.chunk, block[:, left - x : right - x])
+            shared.setdefault((page, row, column), []).append(part)
     for cell, members in shared.items():
         region = _region(cell, spec.chunk)
         whole = np.array(array[region])
