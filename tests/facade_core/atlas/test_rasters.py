@@ -16,7 +16,11 @@ PAGE, CHUNK, GUTTER = 256, 32, 2
 
 @settings(max_examples=12)
 @given(
-    st.lists(st.tuples(st.integers(1, 100), st.integers(1, 4) | st.integers(1, 100), st.integers(-1, 3)), min_size=1, max_size=12),
+    st.lists(
+        st.tuples(st.integers(1, 100), st.integers(1, 4) | st.integers(1, 100), st.integers(-1, 3)),
+        min_size=1,
+        max_size=12,
+    ),
     st.sampled_from([(), (3,)]),
     st.integers(0, 2**32 - 1),
     st.data(),
