@@ -42,9 +42,8 @@ def door_tile(
                 tile.box(x0, y0, x1, y1, colour * 0.72, -0.28)
                 tile.box(x0 + 0.06, y0 + 0.06, x1 - 0.06, y1 - 0.06, colour * 1.12, -0.23)
     tile.box(w / 2 - 0.02, light, w / 2 + 0.02, h, colour * 0.45, -0.27)
-    tile.box(
-        w / 2 + 0.06, light + 0.50 * (h - light), w / 2 + 0.11, light + 0.62 * (h - light), linear("#d9b75e"), -0.18
-    )
+    grip = light + 0.55 * (h - light)
+    tile.box(w / 2 + 0.06, grip, w / 2 + 0.095, grip + 0.22, linear("#9a8658"), -0.18)
     tile.box(0, 0, 0.06, h, colour * 1.15, -0.18)
     tile.box(w - 0.06, 0, w, h, colour * 1.15, -0.18)
     tile.moulding(0, h - step, w, h, linear("#9a958d"), (0.02, 0.02, 0.0))

@@ -93,7 +93,7 @@ def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rn
     room = _ROOM * depth[..., None]
     if state.startswith("curtains"):
         # Cloth hangs behind glass and a reveal: it is never as light as the wall.
-        light = float(rng.uniform(0.30, 0.55))
+        light = float(rng.uniform(0.5, 0.75))
         folds = 0.72 + 0.28 * np.sin(2 * np.pi * x * columns / (rng.uniform(0.10, 0.2) * scale) + 0.9 * np.sin(3 * y))
         cloth = light * fabrics.curtain * (folds * (1.05 - 0.35 * y))[..., None]
         if state == "curtains-drawn":
@@ -104,7 +104,7 @@ def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rn
             # Tall windows have tied drapes, broad ones hang straight; no two sides alike.
             tie = 0.12 if rows > 1.35 * columns else 0.0
             drape = (0.26 if tie else 0.18) - tie * np.exp(-(((y - 0.68) / 0.24) ** 2)) + 0.02 * y
-            sides = rng.uniform(0.3, 1.2, 2).astype(np.float32)
+            sides = rng.uniform(0.7, 1.25, 2).astype(np.float32)
             wide = drape * np.where(x < 0.5, sides[0], sides[1])
             cover = np.clip((np.abs(x - 0.5) - (0.5 - wide)) * columns / 2, 0, 1)
         return room + cover[..., None] * (cloth - room)
@@ -113,7 +113,7 @@ def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rn
         slats = 0.80 + 0.20 * np.sin(2 * np.pi * y * rows / max(4.0, 0.07 * scale))
         cover = np.clip((reach - y) * rows / 2, 0, 1) + np.zeros_like(x)
         edge = np.exp(-(((reach - y) * rows / (0.03 * scale)) ** 2)) * (reach < 1)
-        cloth = 0.5 * fabrics.blind * (slats * (0.9 + 0.1 * x) * (1 - 0.45 * edge))[..., None]
+        cloth = 0.7 * fabrics.blind * (slats * (0.9 + 0.1 * x) * (1 - 0.45 * edge))[..., None]
         return room + cover[..., None] * (cloth - room)
     return room
 
@@ -165,5 +165,5 @@ def _posts(glazing: str, w: float) -> list[float]:
 
 def panes_differ(tile: Canvas, rng: np.random.Generator) -> Canvas:
     """The same window once more: no two rooms are equally dark."""
-    strength = np.float32(np.exp(0.18 * rng.standard_normal()) - 1)
+    strength = np.float32(np.exp(0.10 * rng.standard_normal()) - 1)
     return Canvas(tile.albedo * (1 + tile.gloss * strength)[..., None], tile.relief, tile.gloss, tile.scale)
