@@ -26,6 +26,8 @@ PARAPET_M, COPING_M, LOW_ROOF_M = 0.4, 0.3, 4.0
 SHORTEST_M, MOST = 0.6, 48
 # Edges meet in a mitre up to this many times as long as they are wide.
 MITRE = 2.5
+# And where their heights there differ by less than this.
+LEVEL_M = 5e-3
 # Nearer than this a neighbour is in the way; what touches the end of an edge by less is not.
 ASIDE_M, TOUCH_M = 0.1, 0.05
 # An edge is in sight from places on streets up to this far away, a few metres apart; the nearest of these are looked from.
@@ -104,14 +106,15 @@ def overhang(roof: Facets, outline: Polygon, around: Around) -> tuple[Facets, Tr
         return roof, None
     faces = Faces()
     strips, facet, normals = [], [], list(roof.normal)
-    level: dict[int, int] = {}
+    level: dict[tuple[int, float], int] = {}
     # one for all, so that coves meet at corners
     below = np.array([0.0, 0.0, max(edge.wide * edge.lower for edge in edges) + THICK_M])
     for edge, (left, right) in zip(edges, offsets, strict=True):
         strips.append([edge.start, left, right, edge.end])
         if edge.fall > STEEP:
             # a kink: the strip lies in a plane of its own
-            facet.append(level.setdefault(edge.facet, len(normals)))
+            way = (edge.facet, round(float(np.arctan2(*edge.out)), 3))
+            facet.append(level.setdefault(way, len(normals)))
             if facet[-1] == len(normals):
                 normals.append(_normal(*strips[-1][:3]))
         else:
@@ -245,7 +248,7 @@ def _offsets(edges: list[Edge]) -> tuple[list[tuple[np.ndarray, np.ndarray]], li
         ends = []
         for i, edge in enumerate(edges):
             ahead = edge.after
-            if ahead >= 0 and _mitre(edge, edges[ahead]) is None:
+            if ahead >= 0 and not _meet(edge, edges[ahead]):
                 edges[i], edges[ahead] = edge._replace(after=-1), edges[ahead]._replace(before=-1)
         for edge in edges:
             left = _outer(edge, edges[edge.before] if edge.before >= 0 else None, edge.start)
@@ -264,6 +267,14 @@ def _offsets(edges: list[Edge]) -> tuple[list[tuple[np.ndarray, np.ndarray]], li
             for edge, out in zip(edges, short, strict=True)
             if not out
         ]
+
+
+def _meet(one: Edge, other: Edge) -> bool:
+    """Whether overhangs of two edges meet in a mitre: near enough, and at one height."""
+    step = _mitre(one, other)
+    if step is None:
+        return False
+    return bool(abs(_lowered(one, one.end, step)[2] - _lowered(other, other.start, step)[2]) < LEVEL_M)
 
 
 def _mitre(one: Edge, other: Edge) -> np.ndarray | None:

@@ -1,0 +1,68 @@
+"""What stands out of roofs costs in charts, triangles and texels: `python -m benchmarks.massing BLOCK.yaml` prints JSON.
+
+The geometry of a block with eaves, parapets and chimneys and without, each packed into an atlas of DENSITY texels a metre
+everywhere; nothing is textured.
+"""
+
+from __future__ import annotations
+
+import argparse
+import json
+from pathlib import Path
+from typing import Any
+from unittest.mock import patch
+
+import numpy as np
+
+from catalogs.block import Block, read_block
+from facade_core.atlas.spec import AtlasSpec
+from facade_core.geometry import block_surfaces, pack, surfaces, terrain_of
+from facade_core.geometry.charts import ROOF
+from facade_core.geometry.ways import fitted
+from facade_core.types import Ground
+
+DENSITY = 16.0
+
+
+def measure(block: Block) -> dict[str, Any]:
+    """Counts of charts, triangles, texels and chunks; and how far roofs leave the planes of their charts at most, metres."""
+    spec = AtlasSpec(1, DENSITY)
+    ground = fitted(block.ground or Ground(), block.streets, [building.footprint for building in block.buildings])
+    charts, mesh, _ = block_surfaces(
+        block.buildings,
+        block.streets,
+        terrain=terrain_of(block.buildings, block.terrain),
+        ground_margin=block.texture.visibility_range,
+        largest=spec.largest,
+        within=ground.outline,
+    )
+    texels = charts.texels(DENSITY)
+    placement = pack(charts.size, DENSITY, charts.building, page=spec.page, chunk=spec.chunk, gutter=spec.gutter)
+    chunks = [placement.chunks(chart, spec.chunk, spec.gutter) for chart in range(len(charts))]
+    own = mesh.vertex_chart
+    off = np.abs(np.einsum("ij,ij->i", mesh.vertices - charts.origin[own], charts.normal()[own]))
+    return {
+        "charts": len(charts),
+        "triangles": len(mesh.triangles),
+        "megatexels": round(float(texels.prod(axis=1).sum()) / 1e6, 2),
+        "chunks": len(np.unique(np.concatenate(chunks), axis=0)),
+        "roofs_off_plane": round(float(off[charts.kind[own] == ROOF].max(initial=0.0)), 3),
+    }
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("block", type=Path, help="a block file, such as out/demo/input/helsinki.yaml")
+    block = read_block(parser.parse_args().block)
+    bare: dict[str, Any] = {
+        "overhang": lambda roof, *_: (roof, None),
+        "parapet": lambda *_: None,
+        "chimneys": lambda *_: None,
+    }
+    with patch.multiple(surfaces, **bare):
+        without = measure(block)
+    print(json.dumps({"without": without, "with": measure(block)}, indent=1))
+
+
+if __name__ == "__main__":
+    main()
