@@ -1,4 +1,7 @@
-"""Processor seconds of the demo's stages, one unit after the other in one process, without a server and a cluster."""
+"""Processor seconds of the demo's stages, one unit after the other in one process, without a server and a cluster.
+
+NUMBA_CACHE_DIR=EMPTY_FOLDER shows what compiling takes on a first run.
+"""
 
 from __future__ import annotations
 
@@ -47,7 +50,7 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
     begun = time.process_time()
     clock = Clock(profiled)
     from catalogs.block import read_block
-    from tasks.compute.compiling import compile_together
+    from facade_core.compiled import PARTS
     from tasks.compute.connect import Serial
     from tasks.examples.demo import write_demo
     from tasks.keys.runs import run_of
@@ -64,7 +67,8 @@ def measured(out: Path, block_file: Path | None, until: str | None, every: int, 
 
     out.mkdir(parents=True, exist_ok=True)
     clock.took("imports", time.process_time() - begun)
-    clock.run("compile", compile_together)
+    for part in PARTS:
+        clock.run(f"compile {part.__name__}", part)
     source = block_file or clock.run("paint", write_demo, out / "input")
     block, compute = read_block(source), Timed()
     run = run_of(block, out)

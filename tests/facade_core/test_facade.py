@@ -111,6 +111,17 @@ def test_an_exemplar_is_measured_and_measured() -> None:
     assert (prepared.labels == WALL).any()
 
 
+def test_a_fine_exemplar_with_labels_is_counted_like_a_coarse_one_and_kept_as_fine() -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
+    image, labels = (np.repeat(np.repeat(part, 4, axis=0), 4, axis=1) for part in (clean.image, clean.labels))
+    coarse = prepare_exemplar(clean.image, np.zeros(clean.labels.shape, bool), storey=3.2, labels=clean.labels)
+    fine = prepare_exemplar(image, np.zeros(labels.shape, bool), storey=3.2, labels=labels)
+    assert (fine.floors, fine.columns) == (coarse.floors, coarse.columns)
+    assert fine.metres_per_pixel == pytest.approx(coarse.metres_per_pixel / 4, rel=0.02)
+    assert fine.shaded == pytest.approx(coarse.shaded, abs=0.05)
+    np.testing.assert_array_equal(fine.image, image)
+
+
 def test_labels_that_come_with_an_exemplar_are_believed() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
     nothing = np.zeros(clean.labels.shape, bool)
