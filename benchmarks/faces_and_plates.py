@@ -2,7 +2,8 @@
 
 Faces are those of some people of occluders/, most in profile, marked by eye in faces.json. Plates are painted with Pillow's own
 letters on the cars of occluders/, turned, blurred and noisy.
-Both stand at the foot of held-out facades, which no threshold was chosen on.
+Both stand at the foot of held-out facades, which no threshold was chosen on. Real ones, in photos of streets, are marked by eye
+in faces_and_plates.json; how far what is hidden reaches beyond a face was chosen with these in view.
 
 found: the box found and the true one share at least half of what they cover together. hidden: nine tenths of the true box are
 hidden. Of each picture the part around is looked at. What the parser does is not counted here.
@@ -22,6 +23,8 @@ from catalogs.learning.datasets import LabelledFacade
 from facade_core.detect import Seen, look
 from facade_core.detect.faces import find_faces, ious
 from facade_core.detect.seen import find_plates
+from facade_core.facade import things_in_front
+from facade_core.parse import parse
 from facade_core.types import Box
 from tasks.units.evidence import LOWERMOST, UPPERMOST
 
@@ -72,6 +75,32 @@ def measure_panoramas(folder: Path) -> dict[str, int]:
     return counts
 
 
+def measure_photos(folder: Path) -> dict[str, Any]:
+    """The faces and plates in real photos of streets, marked by eye in faces_and_plates.json, without those under some seven
+    pixels of width or whose letters nobody reads; by_parser are those that are hidden by what the parser takes for in front."""
+    from PIL import Image
+
+    marked = json.loads(Path(__file__).with_suffix(".json").read_text(encoding="utf-8"))
+    result = {
+        kind: dict.fromkeys(("there", "found", "hidden", "by_parser", "by_either"), 0) for kind in (FACES, PLATES)
+    }
+    for name, kinds in marked.items():
+        with Image.open(folder / name) as picture:
+            image = np.asarray(picture.convert("RGB"))
+        in_front = things_in_front(parse(image).occluded)[0]
+        for kind, boxes in kinds.items():
+            for box in boxes:
+                (part, place), counts = _around(image, [box]), result[kind]
+                seen = _looked(kind, part)
+                _count(counts, place, seen, part.shape[:2])
+                behind = in_front[box[1] : box[3], box[0] : box[2]]
+                counts["by_parser"] += bool(behind.mean() >= COVERED)
+                x0, y0, x1, y1 = place[0]
+                counts["by_either"] += bool((behind | seen.hidden(part.shape[:2])[y0:y1, x0:x1]).mean() >= COVERED)
+        print(name, result, file=sys.stderr, flush=True)
+    return result
+
+
 def measure_clean(pictures: Sequence[np.ndarray]) -> dict[str, Any]:
     """What is found on pictures on which there is nothing: how many faces and plates, and the share of pixels they hide."""
     seen = [look(picture) for picture in pictures]
@@ -88,9 +117,12 @@ def _told(kind: str, pictures: Iterator[tuple[np.ndarray, list[Box]]]) -> dict[s
     counts = dict.fromkeys(("there", "found", "hidden"), 0)
     for whole, places in pictures:
         image, boxes = _around(whole, places)
-        seen = Seen(faces=find_faces(image)[0]) if kind == FACES else Seen(plates=find_plates(image, low=0.0)[0])
-        _count(counts, boxes, seen, image.shape[:2])
+        _count(counts, boxes, _looked(kind, image), image.shape[:2])
     return counts
+
+
+def _looked(kind: str, image: np.ndarray) -> Seen:
+    return Seen(faces=find_faces(image)[0]) if kind == FACES else Seen(plates=find_plates(image, low=0.0)[0])
 
 
 def _count(counts: dict[str, int], boxes: Sequence[Box], seen: Seen, shape: tuple[int, int]) -> None:

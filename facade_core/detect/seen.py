@@ -7,18 +7,21 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from facade_core.detect.faces import ENLARGED, SMALL, find_faces
+from facade_core.detect.faces import SMALL, find_faces
 from facade_core.detect.models import models_digest
 from facade_core.detect.plates import is_plate
-from facade_core.detect.text import Line, find_lines
+from facade_core.detect.text import Line, find_lines, joined
 from facade_core.types import Box
 
 # What is hidden is larger than what is found by this share of its longer side, to every side: hair and chin, a plate's rim.
-RIM = 0.25
+RIM = 0.4
 # A panorama is looked at so many pixels on across its border: no face or plate there is wider.
 SEAM = 256
 # Plates stand in the lower part of a picture, below this share of its height.
 LOW = 0.5
+# Of a picture of ordinary size they are looked for so many times enlarged: of 24 marked by eye four were found at twice, eight
+# at three times their size, and of those left few can be read.
+CLOSER = 3.0
 
 
 def _none() -> np.ndarray:
@@ -98,12 +101,13 @@ def _around(boxes: np.ndarray, width: int) -> np.ndarray:
 def find_plates(image: np.ndarray, low: float = LOW) -> tuple[np.ndarray, list[Line]]:
     """Boxes (n, 4) of the number plates below the share `low` of an image's height, and all its lines of text.
 
-    Of a picture of ordinary size the lower part is looked at enlarged as well: a plate is smaller than any sign.
+    Of a picture of ordinary size the lower part is looked at enlarged as well: plates and many signs of shops are small.
     """
     lines, first = find_lines(image), round(low * len(image))
-    plates = [line.box for line in lines if is_plate(line, first)]
+    closer: list[Line] = []
     if image.size <= 3 * SMALL and first < len(image):
-        closer = find_lines(image[first:], ENLARGED)
-        plates += [line.box + np.array([0, first, 0, first]) for line in closer if is_plate(line, 0)]
+        down = np.array([0, first])
+        closer = [replace(line, corners=line.corners + down) for line in find_lines(image[first:], CLOSER)]
     # of a plate that is found twice both boxes are hidden
-    return np.array(plates).reshape(-1, 4), lines
+    plates = [line.box for line in (*lines, *closer) if is_plate(line, first)]
+    return np.array(plates).reshape(-1, 4), joined(lines, closer)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,6 +19,8 @@ SIDE, OVERLAPPING, WORKED_AT, MOST = 960, 160, 736, 2.0
 LEAST_PIXEL, LEAST_LINE, THINNEST = 0.3, 0.5, 3
 # What is found is the core of a line: it grows by this times its area over its circumference.
 GROWN = 1.6
+# What is darker than this in the middle of its values is lit by this power: signs in the shade are missed otherwise.
+_DARK, _LIT = 64, 0.5
 # Of two lines that share more than this share of the smaller one's box the larger one stays.
 SAME = 0.5
 # A line is read at this height in pixels and at least this width; one as much higher than wide stands upright.
@@ -49,9 +51,22 @@ class Line:
 def find_lines(image: np.ndarray, scale: float = 1.0) -> list[Line]:
     """The lines of text in an image (H, W, 3) uint8, from its upper left on; found in the image enlarged so many times."""
     found: list[np.ndarray] = []
-    for part, x, y in tiles(image, round(SIDE / scale), OVERLAPPING):
-        found += [corners + np.array([x, y]) for corners in _in_tile(part, scale)]
-    return [Line(corners, *_read(image, corners)) for corners in _once(found)]
+    for part, x, y in tiles(image, round(SIDE / scale), round(OVERLAPPING / scale)):
+        found += [corners + np.array([x, y]) for corners in _in_tile(_lit(part), scale)]
+    return [Line(found[index], *_read(image, found[index])) for index in _once(found)]
+
+
+def joined(lines: Sequence[Line], closer: Sequence[Line]) -> list[Line]:
+    """The lines of two looks at an image: of one that both found what is read with more certainty."""
+    every = [*lines, *closer]
+    return [every[index] for index in _once([line.corners for line in every], lambda i: every[i].score)]
+
+
+def _lit(image: np.ndarray) -> np.ndarray:
+    """A part of an image (h, w, 3) uint8, brighter where it is dark."""
+    if np.median(image) >= _DARK:
+        return image
+    return np.rint(255 * (np.arange(256) / 255) ** _LIT).astype(np.uint8)[image]
 
 
 def _in_tile(image: np.ndarray, scale: float) -> Iterator[np.ndarray]:
@@ -94,17 +109,19 @@ def _from_upper_left(corners: np.ndarray) -> np.ndarray:
     return np.stack([left[0], right[0], right[1], left[1]])
 
 
-def _once(found: list[np.ndarray]) -> list[np.ndarray]:
-    """The lines without those that a neighbouring tile has seen, whole or in part; in their order on the image."""
+def _once(found: Sequence[np.ndarray], worth: Callable[[int], float] | None = None) -> list[int]:
+    """Which lines, by their corners (4, 2), to keep: of those that are the same, whole or in part, the largest, or that of most
+    worth; in their order on the image."""
     kept: list[int] = []
     boxes = [np.concatenate([c.min(axis=0), c.max(axis=0)]) for c in found]
     areas = [float(np.prod(box[2:] - box[:2])) for box in boxes]
-    for index in sorted(range(len(found)), key=lambda i: -areas[i]):
+    for index in sorted(range(len(found)), key=lambda i: -(areas[i] if worth is None else worth(i))):
         low = np.array([np.maximum(boxes[index][:2], boxes[other][:2]) for other in kept]).reshape(-1, 2)
         high = np.array([np.minimum(boxes[index][2:], boxes[other][2:]) for other in kept]).reshape(-1, 2)
-        if not (np.prod(np.maximum(high - low, 0), axis=1) > SAME * areas[index]).any():
+        least = np.minimum(areas[index], [areas[other] for other in kept])
+        if not (np.prod(np.maximum(high - low, 0), axis=1) > SAME * least).any():
             kept.append(index)
-    return [found[index] for index in sorted(kept, key=lambda i: (boxes[i][1], boxes[i][0]))]
+    return sorted(kept, key=lambda i: (boxes[i][1], boxes[i][0]))
 
 
 def _read(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
@@ -121,7 +138,7 @@ def _read(image: np.ndarray, corners: np.ndarray) -> tuple[str, float]:
     if height >= _UPRIGHT * width:
         line = np.ascontiguousarray(np.rot90(line))
     wide = max(1, math.ceil(_READ_HEIGHT * line.shape[1] / line.shape[0]))
-    line = cv2.resize(line, (wide, _READ_HEIGHT))
+    line = _lit(cv2.resize(line, (wide, _READ_HEIGHT)))
     feed = np.zeros((1, 3, _READ_HEIGHT, max(_READ_WIDTH, wide)), np.float32)
     feed[0, :, :, :wide] = (line[..., ::-1] / 127.5 - 1).transpose(2, 0, 1)
     net = session(LETTERS)

@@ -53,7 +53,7 @@ def test_a_face_across_the_border_of_a_panorama_is_whole_and_at_both_sides(monke
     hidden = look_around(strip).hidden((40, 800))
     assert hidden[15, :30].all()
     assert hidden[15, 780:].all()
-    assert hidden[15].sum() < 30 + 20 + 40 + 4 * 0.25 * 60
+    assert hidden[15].sum() < 30 + 20 + 40 + 4 * 0.4 * 60
 
 
 def test_what_takes_pictures_in_stands_on_the_models(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -113,8 +113,8 @@ def test_names_are_read_over_shops_without_numbers_addresses_and_titles() -> Non
 def test_what_is_hidden_is_larger_than_what_is_found_and_moves_with_the_picture() -> None:
     seen = Seen(np.array([[10.0, 20, 20, 32]]), np.array([[90.0, 90, 120, 99]]), [line("x", 4, 6)])
     assert seen.any()
-    assert seen.boxes((100, 110)) == ((7, 17, 24, 36), (82, 82, 110, 100))
-    assert seen.hidden((100, 110)).sum() == 17 * 19 + 28 * 18
+    assert seen.boxes((100, 110)) == ((5, 15, 25, 37), (78, 78, 110, 100))
+    assert seen.hidden((100, 110)).sum() == 20 * 22 + 32 * 22
     moved = seen.moved(5, 7).scaled(2, 1)
     assert (moved.faces == [[30, 27, 50, 39]]).all()
     assert (moved.lines[0].box == [18, 13, 138, 26]).all()
