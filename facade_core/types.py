@@ -227,6 +227,11 @@ class Way:
     rank: int = 0
 
 
+# What has grain; a block may bring pictures of it.
+MATERIALS = (
+    "asphalt", "gravel", "grass", "slabs", "setts", "plaster-fine", "plaster-rough", "bricks", "metal", "roof-tiles",
+    "slate", "boards",
+)  # fmt: skip
 # What ground is made of.
 SURFACES = ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
 

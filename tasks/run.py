@@ -11,6 +11,7 @@ from facade_core.types import Privacy
 if TYPE_CHECKING:
     from catalogs.block import Material, TextureSettings
     from catalogs.readers.pictures.aerial import Aerial
+    from catalogs.readers.pictures.materials import MaterialPicture
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,7 @@ class Run:
 
     block: the block's name.
     key: of its ingest, a digest of the block's inputs and settings and of the code that ingests them.
-    texture: the block's settings; what they name as files is read: roof_material.
+    texture: the block's settings; what they name as files is read: roof_material, materials.
     privacy: what is kept of things in front of facades.
     failed_limit: the share of units that may fail for what is published to become current.
     ingested: when the store's plan was written, 0 before: a process that serves many runs keeps what it read of one plan from
@@ -36,6 +37,7 @@ class Run:
     privacy: Privacy = "blur"
     aerial: Aerial | None = None
     roof_material: Material | None = None
+    materials: tuple[MaterialPicture, ...] = ()
     failed_limit: float = 0.2
     ingested: float = 0.0
 

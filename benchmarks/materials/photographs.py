@@ -8,8 +8,8 @@ import cv2
 import numpy as np
 
 from benchmarks.materials import _gradients
-from facade_core.street.grain import NAMES, add_grain
-from facade_core.street.grain_file import shipped
+from facade_core.street.grain import NAMES, Grain, Grains, add_grain, grains
+from facade_core.street.grain_file import load
 from tasks.training.materials import SOURCES, picture
 
 DENSITIES = (8, 16, 32, 64)
@@ -21,6 +21,8 @@ SEED = 3
 def against_photographs(data: Path) -> dict[str, dict[str, float]]:
     """By example: the energy over the photograph's at each density; the largest correlation where a tile would begin again."""
     found: dict[str, dict[str, float]] = {}
+    examples = load()
+    drawn = grains([Grain(examples[name]) for name in NAMES])
     for which, name in enumerate(NAMES):
         file, width, _ = SOURCES[name]
         photo = picture(data / "materials" / file)[0].mean(axis=2)
@@ -28,9 +30,12 @@ def against_photographs(data: Path) -> dict[str, dict[str, float]]:
         own = {}
         for density in DENSITIES:
             side = max(2, round(width * density))
-            seen = cv2.resize(photo, (side, side), interpolation=cv2.INTER_AREA)
-            own[f"energy at {density}"] = round(_gradients(_patch(which, density, PATCH_M)) / _gradients(seen), 2)
-        tone = _patch(which, WIDE_DENSITY, WIDE_M)
+            high = max(2, round(side * photo.shape[0] / photo.shape[1]))
+            seen = cv2.resize(photo, (side, high), interpolation=cv2.INTER_AREA)
+            own[f"energy at {density}"] = round(
+                _gradients(_patch(drawn, which, density, PATCH_M)) / _gradients(seen), 2
+            )
+        tone = _patch(drawn, which, WIDE_DENSITY, WIDE_M)
         tone -= tone.mean()
         correlation = np.fft.irfft2(np.abs(np.fft.rfft2(tone)) ** 2, tone.shape)
         period = round(width * WIDE_DENSITY)
@@ -39,9 +44,9 @@ def against_photographs(data: Path) -> dict[str, dict[str, float]]:
     return found
 
 
-def _patch(which: int, density: float, metres: float) -> np.ndarray:
+def _patch(drawn: Grains, which: int, density: float, metres: float) -> np.ndarray:
     count = round(metres * density)
     x, y = (a.ravel() for a in np.meshgrid(*[(np.arange(count) + 0.5) / density] * 2))
     out = np.ones(len(x))
-    add_grain(x, y, np.full(len(x), 1 / density), shipped(), which, 1.0, SEED, out)
+    add_grain(x, y, np.full(len(x), 1 / density), drawn, which, 1.0, SEED, out)
     return out.reshape(count, count)

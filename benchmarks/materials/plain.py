@@ -81,7 +81,7 @@ def wood(x: np.ndarray, y: np.ndarray, other: np.ndarray, seed: int) -> np.ndarr
     board = x / 0.12
     plank = _chance(np.floor(board), np.zeros(len(x)), seed + 43) - 0.5
     joint = np.abs(board - np.round(board)) < 0.06
-    return 1 + 0.08 * noise(x / 0.02, y / 0.6, seed + 41) + 0.10 * plank - 0.35 * joint
+    return 1 + 0.08 * noise(x / 0.02, y / 0.6, seed + 41) + 0.24 * plank - 0.35 * joint
 
 
 def soffit(x: np.ndarray, y: np.ndarray, other: np.ndarray, seed: int) -> np.ndarray:

@@ -31,13 +31,14 @@ def block_digest(block: Block) -> str:
         "digest": None,
         "failed_limit": None,  # decides what becomes of a result, not what it is
         "crs": block.crs.to_string(),
-        "texture": replace(block.texture, roof_material=None),
+        "texture": replace(block.texture, roof_material=None, materials=None),
         "exemplars": [(path.stem, *map(file_digest, with_labels(path))) for path in block.exemplars],
         "photos": [(facade, path.name, file_digest(path)) for facade, path in sorted(block.photos.items())],
         "panoramas": [(one.id, one.path.name, one.pose, file_digest(one.path)) for one in block.panoramas],
         "textures": list(map(file_digest, block.textures)),
         "aerial": aerial and (aerial.content, aerial.crs, aerial.frame),
         "roof_material": material and (file_digest(material[0]), material[1]),
+        "materials": [(one.name, one.metres, file_digest(one.path)) for one in block.materials],
     }
     digest = hashlib.sha256()
     _say(values, digest.update)

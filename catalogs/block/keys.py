@@ -70,6 +70,7 @@ class TextureSettings:
     panorama_width: Annotated[int, _whole(64, 8192), AfterValidator(_even)] = 1024
     levelling: Annotated[bool, Field(strict=True)] = True
     roof_material: MaterialSettings | None = None
+    materials: Annotated[str, Field(min_length=1)] | None = None
     sun: SunSettings | None = None
 
 

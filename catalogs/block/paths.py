@@ -12,7 +12,7 @@ from pathlib import Path
 from catalogs.block.keys import BlockKeys
 
 # Keys that name a folder of pictures; the others name a file.
-FOLDERS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path")
+FOLDERS = ("imagery.exemplars.path", "imagery.photos.path", "imagery.panoramas.path", "texture.materials")
 
 
 def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
@@ -34,6 +34,8 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
     ):
         if holder:
             named[key] = [holder.path]
+    if keys.texture.materials:
+        named["texture.materials"] = [keys.texture.materials]
     if imagery.panoramas and imagery.panoramas.poses:
         named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
     return {key: tuple(_existing(key, text, block) for text in texts) for key, texts in named.items()}

@@ -18,6 +18,7 @@ from catalogs.block.yaml_files import read_yaml
 from catalogs.features import Fault, by_reason, notes_by_reason
 from catalogs.frames import known_frame
 from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
+from catalogs.readers.pictures.materials import MaterialPicture, material_pictures
 from facade_core.errors import BlockFileError
 from facade_core.types import Building, Elevation, Ground, Privacy, Street
 
@@ -41,9 +42,10 @@ class Block:
     streets they are derived from the gaps between the buildings when the block is ingested. ground: what a map says of it;
     shops: where it has some, (x, y), None where none tells. photos: facade id -> file, as taken from the street unless
     photos_rectified; privacy: what is kept of things in front; textures: the pictures that the buildings' own texture
-    indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres per pixel. notes
-    says what was left out or assumed, one line each; faults are the units that are broken. digest is the sha256 of all of
-    that: of what was read, not of files, their names or dates.
+    indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres per pixel;
+    materials: pictures whose grain takes the place of what is shipped. notes says what was left out or assumed, one line each;
+    faults are the units that are broken. digest is the sha256 of all of that: of what was read, not of files, their names or
+    dates.
     """
 
     name: str
@@ -61,6 +63,7 @@ class Block:
     textures: tuple[Path, ...]
     aerial: Aerial | None
     roof_material: Material | None
+    materials: tuple[MaterialPicture, ...]
     texture: TextureSettings
     storey: float
     geoid_separation: float | None
@@ -122,6 +125,9 @@ def read_block(path: Path | str) -> Block:
         textures=built.textures,
         aerial=_aerial(keys, files, frame, built.items, file),
         roof_material=_roof_material(keys, files, file),
+        materials=file.read("texture.materials", material_pictures, *files["texture.materials"])
+        if "texture.materials" in files
+        else (),
         texture=keys.texture,
         storey=keys.storey,
         geoid_separation=keys.geoid_separation,

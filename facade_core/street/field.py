@@ -14,11 +14,13 @@ from facade_core.street import grain
 from facade_core.street.field_kernels import (
     BOARDS,
     BRICK,
+    FELT,
     LAID,
     NONE,
     PANE,
     PLASTER,
     SHEET,
+    SLATE,
     SOIL,
     TILE,
     UNDERSIDE,
@@ -26,28 +28,50 @@ from facade_core.street.field_kernels import (
     Own,
     Surfaces,
 )
+from facade_core.street.grain import Grains
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import Squares
-from facade_core.street.materials import BRICKS, PLASTERS, ROOFS, SOFFIT, TILES, WOODS
+from facade_core.street.materials import BRICKS, FELTS, PLASTERS, ROOFS, SLATES, SOFFIT, TILES, WOODS
 from facade_core.street.own_walls import WallMaterial
 from facade_core.street.render import shade
 from facade_core.street.sampling import Lights
 from facade_core.street.scene import Scene
 from facade_core.street.tiled import Material
-from facade_core.types import Ground, Street
+from facade_core.types import Finish, Ground, Street
 
-# A roof whose normal leans more than this from the vertical (cosine) carries tiles.
-TILED = 0.985
+# A roof whose normal leans more than this from the vertical (cosine), by 15 degrees, carries tiles: on flatter ones they leak.
+TILED = 0.966
+# What roofs are of by OpenStreetMap's roof:material; others are as where nothing is stated.
+ROOFING = {
+    SHEET: ("metal", "metal_sheet", "sheet_metal", "copper", "zinc", "tin", "steel", "aluminium", "iron", "lead"),
+    TILE: ("roof_tiles", "tile", "tiles", "clay", "eternit", "concrete_tiles"),
+    SLATE: ("slate", "stone"),
+    FELT: (
+        "tar_paper",
+        "bitumen",
+        "asphalt",
+        "asphalt_shingle",
+        "concrete",
+        "gravel",
+        "roofing_felt",
+        "plastic",
+        "rubber",
+    ),
+}
+# A roof in which green or blue is so much over red is of no tiles.
+UNLIKE_TILES = 12
 # A roof whose normal has this much of north in it is under moss, at its worst place.
 NORTHERN, MOSSY = 0.25, 0.55
-# The grain of a material, and how much of it; every third building is of rough plaster.
+# The grain of a material; every third building is of rough plaster.
 GRAIN = {
-    SHEET: (grain.METAL, 0.7),
-    TILE: (grain.CONCRETE, 2.5),
-    PLASTER: (grain.PLASTER_FINE, 1.0),
-    BRICK: (grain.CONCRETE, 2.5),
-    BOARDS: (grain.CONCRETE, 1.0),
-    UNDERSIDE: (grain.PLASTER_FINE, 1.0),
+    SHEET: grain.METAL,
+    TILE: grain.ROOF_TILES,
+    SLATE: grain.SLATE,
+    FELT: grain.ASPHALT,
+    PLASTER: grain.PLASTER_FINE,
+    BRICK: grain.BRICKS,
+    BOARDS: grain.BOARDS,
+    UNDERSIDE: grain.PLASTER_FINE,
 }
 ROUGH = 1 / 3
 # Texels of a chart that are painted in one call.
@@ -60,8 +84,8 @@ class Materials:
     """What charts are made of: a function of the world point, the same wherever it is seen from.
 
     Ground is what `ground` says, or carriageways along the streets; walls take their building's plaster, tilted roofs
-    tiles along the slope; with a material for roofs, all of these take that. A footprint is the side of the square, in
-    metres, over which a colour is meant; a texel's is one texel.
+    tiles along the slope; with a material for roofs, all of these take that. grains: of what has grain, that which is
+    shipped without. A footprint is the side of the square, in metres, over which a colour is meant; a texel's is one texel.
     """
 
     def __init__(
@@ -72,6 +96,7 @@ class Materials:
         seed: int,
         roof_material: Material | None = None,
         ground: Ground | None = None,
+        grains: Grains | None = None,
     ) -> None:
         self._scene = scene
         self._ground = Squares(ground or Ground(ways_of(streets)), scene.charts)
@@ -82,7 +107,7 @@ class Materials:
             NONE,
             self._ground.of([]),
             (roof_material or grey).mips,
-            shipped(),
+            grains or shipped(),
             seed,
         )
 
@@ -97,12 +122,12 @@ class Materials:
             own = own[[one.wall_colour is None and one.wall_material is None for one in finish]]
         if not len(own):
             return self, own
-        made, example, rough = PLASTER, int(surfaces.grain[own[0]]), float(surfaces.rough[own[0]])
+        made, example = PLASTER, int(surfaces.grain[own[0]])
         if wall.brick:
-            made, (example, rough) = BRICK, GRAIN[BRICK]
+            made, example = BRICK, GRAIN[BRICK]
         found = copy(self)
         colour = wall.colour / surfaces.grey[facade]
-        found.field = self.field._replace(own=Own(np.sort(own).astype(np.int64), made, example, rough, colour))
+        found.field = self.field._replace(own=Own(np.sort(own).astype(np.int64), made, example, colour))
         return found, own
 
     def colour(self, chart: np.ndarray, points: np.ndarray, footprint: np.ndarray) -> np.ndarray:
@@ -165,10 +190,21 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     if scene.finishes:
         bricks = np.array([one.wall_material == "brick" for one in scene.finishes])
         made[(made == PLASTER) & bricks[charts.building]] = BRICK
+        of = np.array([_roofing(one) for one in scene.finishes])[charts.building]
+        known = roof & (made != LAID) & (charts.building >= 0) & (of >= 0)
+        made[known] = of[known]
     number = scene.building_numbers[charts.building]
     grey = shade(normal)
     tint = np.ones((len(charts), 3))
-    palettes = ((SHEET, ROOFS, 5), (TILE, TILES, 19), (PLASTER, PLASTERS, 9), (BRICK, BRICKS, 9), (BOARDS, WOODS, 37))
+    palettes = (
+        (SHEET, ROOFS, 5),
+        (TILE, TILES, 19),
+        (SLATE, SLATES, 19),
+        (FELT, FELTS, 5),
+        (PLASTER, PLASTERS, 9),
+        (BRICK, BRICKS, 9),
+        (BOARDS, WOODS, 37),
+    )
     for material, palette, turn in palettes:
         chosen = made == material
         tint[chosen] = kernels.picked(palette, number[chosen], seed + turn)
@@ -176,7 +212,7 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     if scene.finishes:
         unknown = (np.nan, np.nan, np.nan)
         stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
-        for part, materials in ((0, (PLASTER, BRICK)), (1, (SHEET, TILE))):
+        for part, materials in ((0, (PLASTER, BRICK)), (1, (SHEET, TILE, SLATE, FELT))):
             colour = np.where(charts.building[:, None] >= 0, stated[charts.building, part], np.nan)
             known = np.isin(made, materials) & np.isfinite(colour[:, 0])
             tint[known] = colour[known]
@@ -185,12 +221,22 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     frames = (charts.origin, charts.axis_u, charts.axis_v, charts.size)
     # a surface sees the sky above the horizon
     sky = np.maximum(0.5 + 0.5 * normal[:, 2], LEAST_OPEN)
-    examples, rough = np.zeros(len(charts), np.int64), np.zeros(len(charts))
-    for material, (example, weight) in GRAIN.items():
-        examples[made == material], rough[made == material] = example, weight
+    examples = np.zeros(len(charts), np.int64)
+    for material, example in GRAIN.items():
+        examples[made == material] = example
     rendered = (made == PLASTER) & (kernels.drawn(number, seed + 73) < ROUGH)
-    examples[rendered], rough[rendered] = grain.PLASTER_ROUGH, 2.0
+    examples[rendered] = grain.PLASTER_ROUGH
     mossy = np.where(normal[:, 1] > NORTHERN, MOSSY * kernels.drawn(number, seed + 79), 0.0)
-    return Surfaces(
-        *frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, rough, mossy
-    )
+    return Surfaces(*frames, start, made, tint * grey[:, None], grey, foot[charts.building], sky, examples, mossy)
+
+
+def _roofing(finish: Finish) -> int:
+    """What a roof is of by what is stated of it, -1 where that says nothing; in a colour that no tile has it is sheet metal."""
+    for made, names in ROOFING.items():
+        if finish.roof_material in names:
+            return made
+    if finish.roof_material is None and finish.roof_colour is not None:
+        red, green, blue = finish.roof_colour
+        if green > red + UNLIKE_TILES or blue > red + UNLIKE_TILES:
+            return SHEET
+    return -1

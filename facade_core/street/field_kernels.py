@@ -20,11 +20,14 @@ from facade_core.street.materials import (
     MORTAR,
     MOSS,
     SKY,
+    add_weather,
     brick,
+    felt,
     glass,
     moss,
     plaster,
     roofing,
+    slates,
     soffit,
     tiling,
     wood,
@@ -33,9 +36,11 @@ from facade_core.street.sampling import Lights, lit
 from facade_core.street.tiled import Mips, laid_at
 
 # What a chart is made of.
-SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK = range(9)
+SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT = range(11)
 # Of a colour, this much goes where no sky is seen.
 SHADOW = 0.65
+# Seams of sheets run down a roof that falls by more than this a metre, and northwards on others.
+FLAT = 0.05
 # Places that are worked out together.
 PIECE = 256
 
@@ -50,7 +55,7 @@ class Surfaces(NamedTuple):
     grey (n,): how bright in the soft daylight, of white;
     foot (n,): where its building's walls begin, metres above zero;
     open (n,): the light where nothing else stands, 0..1;
-    grain (n,): the example whose grain it has; rough (n,): how much of that; mossy (n,): the share of moss at the worst place.
+    grain (n,): whose grain it has; mossy (n,): the share of moss at the worst place.
     """
 
     origin: np.ndarray
@@ -64,23 +69,21 @@ class Surfaces(NamedTuple):
     foot: np.ndarray
     open: np.ndarray
     grain: np.ndarray
-    rough: np.ndarray
     mossy: np.ndarray
 
 
 class Own(NamedTuple):
-    """A material that some charts have in place of theirs: charts (k,) int64, ascending; made, grain, rough as of `Surfaces`;
-    colour (3,) in a light of 1."""
+    """A material that some charts have in place of theirs: charts (k,) int64, ascending; made and grain as of
+    `Surfaces`; colour (3,) in a light of 1."""
 
     charts: np.ndarray
     made: int
     grain: int
-    rough: float
     colour: np.ndarray
 
 
 # No chart has another.
-NONE = Own(np.zeros(0, np.int64), 0, 0, 0.0, np.zeros(3))
+NONE = Own(np.zeros(0, np.int64), 0, 0, np.zeros(3))
 
 
 class Field(NamedTuple):
@@ -162,10 +165,10 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
     for k in range(n):
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
         east[k], north[k] = points[0, k], points[1, k]
-    made, grey, example, rough = int(charts.made[c]), charts.grey[c], charts.grain[c], charts.rough[c]
+    made, grey, example = int(charts.made[c]), charts.grey[c], charts.grain[c]
     tint, own = charts.tint[c], np.searchsorted(field.own.charts, c)
     if own < len(field.own.charts) and field.own.charts[own] == c:
-        made, example, rough, tint = field.own.made, field.own.grain, field.own.rough, field.own.colour * grey
+        made, example, tint = field.own.made, field.own.grain, field.own.colour * grey
     if made == SOIL:
         soil(field.ground.square[c], east, north, side, field.ground, field.grains, seed, light, grey, out)
         return
@@ -182,11 +185,18 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
                 out[k, band] = level((GLASS[band] + tone[k] * (SKY[band] - GLASS[band])) * grey * light[k])
         return
     mixed, share = MORTAR, 0.0
-    if made == SHEET:
-        x, y = east, north
-        roofing(x, y, side, seed, tone)
-    elif made == TILE:
-        tiling(x, y, side, seed, tone)
+    if made in (SHEET, FELT):
+        if abs(axis_v[2]) < FLAT:
+            x, y = east, north
+        if made == SHEET:
+            roofing(x, y, side, seed, tone)
+        else:
+            felt(x, y, side, seed, tone)
+    elif made in (TILE, SLATE):
+        if made == TILE:
+            tiling(x, y, side, seed, tone)
+        else:
+            slates(x, y, side, seed, tone)
         if charts.mossy[c] > 0:
             mixed, share = MOSS, charts.mossy[c]
             moss(x, y, side, share, seed, other)
@@ -198,11 +208,15 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         else:
             share = 1.0
             brick(x, y, north, side, seed, other, tone)
+        for k in range(n):
+            east[k] = y[k] - start[1]
+        add_weather(x, y, north, east, side, seed, tone)
     elif made == BOARDS:
         wood(x, y, side, seed, tone)
+        x, y = y, x  # the example's boards lie
     else:
         soffit(x, y, side, seed, tone)
-    add_grain(x, y, side, field.grains, example, rough, seed + 71, tone)
+    add_grain(x, y, side, field.grains, example, 1.0, seed + 71, tone)
     if share > 0:
         for k in range(n):
             for band in range(3):

@@ -8,7 +8,7 @@ footprints stay true. All arrays are (n,); lengths are metres.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +16,30 @@ from numba import njit
 from scipy import ndimage, special
 
 from facade_core.street.chance import ACROSS, SEED, mixed_bits, row_of
+from facade_core.types import MATERIALS
 
-# The examples, in the order of all arrays.
+# The examples that are shipped, in the order of the file.
 NAMES = ("asphalt", "gravel", "grass", "earth", "concrete", "plaster-fine", "plaster-rough", "metal", "boards")
-ASPHALT, GRAVEL, GRASS, EARTH, CONCRETE, PLASTER_FINE, PLASTER_ROUGH, METAL, BOARDS = range(len(NAMES))
+# Of what has grain the shipped example that it takes where a block has no picture of its own, and how much of that. Pictures of
+# what is laid show joints askew to those that are laid by rule, so tiles and stones take concrete's, coarser.
+TAKEN = {
+    "asphalt": ("asphalt", 1.0),
+    "gravel": ("gravel", 1.0),
+    "grass": ("grass", 1.0),
+    "slabs": ("concrete", 1.5),
+    "setts": ("concrete", 2.5),
+    "plaster-fine": ("plaster-fine", 1.0),
+    "plaster-rough": ("plaster-rough", 2.0),
+    "bricks": ("concrete", 2.5),
+    "metal": ("metal", 0.7),
+    "roof-tiles": ("concrete", 2.5),
+    "slate": ("concrete", 3.0),
+    "boards": ("boards", 1.6),
+}
+assert tuple(TAKEN) == MATERIALS
+ASPHALT, GRAVEL, GRASS, SLABS, SETTS, PLASTER_FINE, PLASTER_ROUGH, BRICKS, METAL, ROOF_TILES, SLATE, BOARDS = range(
+    len(TAKEN)
+)
 # Pixels along a tile's sides; values of a byte to a standard deviation, about 128; levels, of which a box is wider than the one
 # before by the fourth root of 2.
 PIXELS, PER_SD, LEVELS = 256, 42, 29
@@ -42,10 +62,11 @@ class Example(NamedTuple):
 
 
 class Grains(NamedTuple):
-    """All examples as kernels read them: k of them, each with its levels.
+    """Examples as kernels read them: k of them, each with its levels.
 
     values (p,) uint8, one level after the other; first, bits (k, LEVELS): where each begins, and the power of 2 of its side;
-    tables (k, LEVELS, 256) float32; width (k,): of a tile, metres; colour, slope (k, 3): as of an `Example`.
+    tables (k, LEVELS, 256) float32; width (k,): of a tile, metres; weight (k,): how much of its tone; colour (k, 3): that of a
+    block's own picture, 0..255, NaN where it has none.
     """
 
     values: np.ndarray
@@ -53,18 +74,28 @@ class Grains(NamedTuple):
     bits: np.ndarray
     tables: np.ndarray
     width: np.ndarray
+    weight: np.ndarray
     colour: np.ndarray
-    slope: np.ndarray
+
+
+class Grain(NamedTuple):
+    """What has grain: of an example so much, and whether its colour too."""
+
+    example: Example
+    weight: float = 1.0
+    coloured: bool = False
 
 
 def learn(picture: np.ndarray, width: float, *, structure: float | None = None) -> Example:
-    """An example from a picture (h, w, 3) uint8 that goes on into itself and is `width` metres wide, as high as wide.
+    """An example from a picture (h, w, 3) uint8 that goes on into itself and is `width` metres wide, and as high as that or a
+    half, a third, ... of it.
 
     structure: what is larger than this, metres, is taken out, where joints are laid by a rule and only grain is wanted.
     """
     import cv2
 
-    small = cv2.resize(picture, (PIXELS, PIXELS), interpolation=cv2.INTER_AREA).astype(np.float64)
+    square = np.tile(picture, (max(1, picture.shape[1] // picture.shape[0]), 1, 1))
+    small = cv2.resize(square, (PIXELS, PIXELS), interpolation=cv2.INTER_AREA).astype(np.float64)
     colour = small.mean(axis=(0, 1))
     tone = small.mean(axis=2) / colour.mean() - 1
     if structure is not None:
@@ -84,11 +115,11 @@ def learn(picture: np.ndarray, width: float, *, structure: float | None = None) 
     return Example(tile, table, width, colour, slope)
 
 
-def grains(examples: Mapping[str, Example]) -> Grains:
-    """Examples of all NAMES, with the levels of each."""
+def grains(kinds: Sequence[Grain]) -> Grains:
+    """What has grain as kernels read it, with the levels of each example; one that several take is there once."""
+    examples = {id(one.example): one.example for one in kinds}
     values, first, bits, tables, start = [], [], [], [], 0
-    for name in NAMES:
-        example = examples[name]
+    for example in examples.values():
         gaussian = (example.tile.astype(np.float64) - 128) / PER_SD
         transformed = np.fft.rfft2(gaussian - gaussian.mean())
         for level in range(LEVELS):
@@ -106,16 +137,17 @@ def grains(examples: Mapping[str, Example]) -> Grains:
             bits.append(side.bit_length() - 1)
             start += side * side
             tables.append(_meant_table(example.table.astype(np.float64), min(sd, 1.0)))
-    shape = (len(NAMES), LEVELS)
-    own = [examples[name] for name in NAMES]
+    row = [list(examples).index(id(one.example)) for one in kinds]
+    shape = (len(examples), LEVELS)
+    unknown = np.full(3, np.nan)
     return Grains(
         np.concatenate(values),
-        np.array(first).reshape(shape),
-        np.array(bits).reshape(shape),
-        np.array(tables, np.float32).reshape(*shape, 256),
-        np.array([example.width for example in own]),
-        np.array([example.colour for example in own]),
-        np.array([example.slope for example in own]),
+        np.array(first).reshape(shape)[row],
+        np.array(bits).reshape(shape)[row],
+        np.array(tables, np.float32).reshape(*shape, 256)[row],
+        np.array([one.example.width for one in kinds]),
+        np.array([one.weight for one in kinds]),
+        np.array([one.example.colour if one.coloured else unknown for one in kinds]),
     )
 
 
@@ -138,7 +170,8 @@ def add_grain(
     seed: int,
     out: np.ndarray,
 ) -> None:
-    """Add weight times the tone of an example, around 0, a share of its mean."""
+    """Add weight times the tone of what has this grain, around 0, a share of its mean."""
+    weight *= grains.weight[which]
     across, own = 1 / grains.width[which], np.uint64(seed) * SEED
     level, box, known, left = 0, 0.0, -1.0, weight
     first, bits, table = grains.first[which, 0], np.int64(0), grains.tables[which, 0]

@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.errors import ModelError
-from facade_core.street.grain import NAMES, PIXELS, Example, Grains, grains
+from facade_core.street.grain import NAMES, PIXELS, TAKEN, Example, Grain, Grains, grains
 
 SHIPPED = Path(__file__).parent / "models" / "materials.npz"
 FORMAT = 1
@@ -58,5 +58,12 @@ def load(path: Path = SHIPPED) -> dict[str, Example]:
 
 @lru_cache(maxsize=1)
 def shipped() -> Grains:
-    """The examples that come with the package, for kernels."""
-    return grains(load())
+    """All that has grain by the examples that come with the package, for kernels."""
+    return with_own({})
+
+
+def with_own(own: Mapping[str, Example]) -> Grains:
+    """The same with a block's own examples, by name, in their places."""
+    examples = load()
+    taken = {name: Grain(examples[example], weight) for name, (example, weight) in TAKEN.items()}
+    return grains([Grain(own[name], coloured=True) if name in own else one for name, one in taken.items()])

@@ -5,15 +5,32 @@ from __future__ import annotations
 import numpy as np
 from numba import njit
 
+from facade_core.street.chance import ACROSS, SEED, mixed, row_of
 from facade_core.street.grain import Grains
 from facade_core.street.ground import CELL_M, CELLS, PATHS, PAVEMENT, REACH_M, ROAD, Drawn
-from facade_core.street.materials import COLOURS, GRASS, GRAVEL, SETTS, SLABS, TAR, WATER, ground
+from facade_core.street.materials import (
+    COLOURS,
+    GRAINS,
+    GRASS,
+    GRAVEL,
+    LEAVES,
+    MEANS,
+    SETTS,
+    SLABS,
+    TAR,
+    TRACK,
+    WATER,
+    ground,
+)
 
 # A kerb's width and grey, the gutter's width and what it takes of its tone.
 KERB_M, KERB, GUTTER_M, GUTTER = 0.18, 164.0, 0.3, 0.12
 # The tones of marks, and how much of what is under them they hide.
 MARKS = np.array([70.0, 62.0, 58.0, 168.0, 214.0])
 HIDES = np.array([0.45, 0.7, 0.9, 0.9, 0.85])
+# Leaves lie within this of a kerb, one in a cell at most, in such a share of cells where they have gathered, which chance says
+# in squares of so many cells; a leaf's longest side.
+LITTER_M, LEAF_CELL_M, LITTERED, GATHERED, LEAF_M = 0.5, 0.1, 0.22, 24, 0.07
 # Where a wheel runs from its lane's middle.
 WHEEL_M = 0.85
 
@@ -81,7 +98,7 @@ def soil(
         if plain:
             weight[k, made] = 1.0
         else:
-            _layers(cell, x[k], y[k], min(side[k], 2 * REACH_M), nearest, drawn, k, weight[k], over, hidden)
+            _layers(cell, x[k], y[k], min(side[k], 2 * REACH_M), nearest, drawn, seed, k, weight[k], over, hidden)
     total = np.zeros((3, n))
     member, px, py, ps, pa, tone = (
         np.empty(n, np.int64),
@@ -101,11 +118,15 @@ def soil(
                 count += 1
         if count == 0:
             continue
+        which, own = GRAINS[made], COLOURS[made].copy()
+        if which >= 0 and made != TRACK and not np.isnan(grains.colour[which, 0]):
+            for band in range(3):
+                own[band] = grains.colour[which, band] / MEANS[made]
         ground(made, px[:count], py[:count], pa[:count], ps[:count], grains, seed, tone[:count])
         for i in range(count):
             k = member[i]
             for band in range(3):
-                total[band, k] += weight[k, made] * tone[i] * COLOURS[made, band]
+                total[band, k] += weight[k, made] * tone[i] * own[band]
     for k in range(n):
         for band in range(3):
             out[k, band] = level((total[band, k] * (1 - hidden[k]) + over[k]) * grey * light[k])
@@ -183,6 +204,7 @@ def _layers(
     wide: float,
     nearest: int,
     drawn: Drawn,
+    seed: int,
     k: int,
     weight: np.ndarray,
     over: np.ndarray,
@@ -204,6 +226,11 @@ def _layers(
                 weight[made] *= 1 - share
         if layer == ROAD:
             _carriageway(cell, px, py, wide, share, outside, drawn, nearest, k, weight, over, hidden)
+            fallen = _leaves(px, py, wide, outside, seed)
+            if fallen > 0:
+                for made in range(len(weight)):
+                    weight[made] *= 1 - fallen
+                weight[LEAVES] += fallen
         elif share > 0:
             weight[layer if layer < PAVEMENT else SLABS if layer == PAVEMENT else layer - PATHS] += share
     for m in range(drawn.start_mark[cell], drawn.start_mark[cell + 1]):
@@ -255,6 +282,29 @@ def _carriageway(
     if stone > 0:
         over[k] = over[k] * (1 - stone) + stone * KERB
         hidden[k] = hidden[k] * (1 - stone) + stone
+
+
+@njit(cache=True, inline="always", error_model="numpy")
+def _leaves(px: float, py: float, wide: float, outside: float, seed: int) -> float:
+    """The share of a footprint under fallen leaves, most of them by the kerb; outside: how far it is from there, metres."""
+    near = 1 - abs(outside) / LITTER_M
+    if near <= 0 or wide > 2 * LEAF_CELL_M:  # what covers many of them would show none
+        return 0.0
+    own, share = np.uint64(seed + 89) * SEED, 0.0
+    left, right = int(np.floor((px - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((px + 0.5 * wide) / LEAF_CELL_M))
+    first, last = int(np.floor((py - 0.5 * wide) / LEAF_CELL_M)), int(np.floor((py + 0.5 * wide) / LEAF_CELL_M))
+    for row in range(first, last + 1):
+        for column in range(left, right + 1):
+            gathered = mixed(np.uint64(column // GATHERED) * ACROSS + row_of(row // GATHERED, own + np.uint64(1)))
+            h = np.uint64(column) * ACROSS + row_of(row, own)
+            if mixed(h) > LITTERED * near * gathered * gathered:
+                continue
+            u, v, turn = mixed(h + np.uint64(1)), mixed(h + np.uint64(2)), mixed(h + np.uint64(3))
+            across, down = LEAF_M * (0.45 + 0.55 * turn), LEAF_M * (1.0 - 0.55 * turn)
+            x0 = (column + u * (1 - across / LEAF_CELL_M)) * LEAF_CELL_M - px
+            y0 = (row + v * (1 - down / LEAF_CELL_M)) * LEAF_CELL_M - py
+            share += _within(x0, x0 + across, 0.0, wide) * _within(y0, y0 + down, 0.0, wide)
+    return min(share, 1.0)
 
 
 @njit(cache=True, inline="always", error_model="numpy")

@@ -30,13 +30,18 @@ PLASTERS = np.array(
 )
 ROOFS = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
 TILES = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [88, 84, 84]], np.float64)
+SLATES = np.array([[84, 88, 94], [74, 78, 82], [92, 92, 98], [70, 76, 74]], np.float64)
+FELTS = np.array([[72, 72, 74], [88, 88, 88], [62, 64, 66]], np.float64)
 WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
 # The colours of a tone of 1.
 SOFFIT = np.array([172.0, 170.28, 166.84])
 ASPHALT, PAVING = np.array([1.0, 1.0, 1.02]), np.array([1.0, 0.985, 0.955])
-# What ground is made of, and the colours of a tone of 1.
-GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK = range(7)
+# What ground is made of: surfaces, and leaves over them. The mean tone of each, whose grain it has, -1 for none, and the colour
+# of a tone of 1 where no picture gives it.
+GRAVEL, TAR, SLABS, SETTS, GRASS, WATER, TRACK, LEAVES = range(8)
 assert SURFACES == ("gravel", "asphalt", "slabs", "setts", "grass", "water", "track")
+MEANS = np.array([138.0, 98.0, 148.0, 140.0, 112.0, 96.0, 98.0, 96.0])
+GRAINS = np.array([grain.GRAVEL, grain.ASPHALT, grain.SLABS, grain.SETTS, grain.GRASS, -1, grain.ASPHALT, -1])
 COLOURS = np.array(
     [
         [1.0, 0.955, 0.88],
@@ -46,6 +51,7 @@ COLOURS = np.array(
         [0.74, 0.92, 0.5],
         [0.62, 0.78, 0.86],
         [1.3, 0.86, 0.76],
+        [1.12, 0.84, 0.5],
     ]
 )
 # Fired clay and sand-lime of walls, and the mortar between; moss, of a tone of 1.
@@ -55,6 +61,10 @@ MORTAR, MOSS = np.array([168.0, 162.0, 150.0]), np.array([82.0, 88.0, 54.0])
 GLASS, SKY = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
 # Width and visible length of a roof tile, of a slab; widths of a board and of a sheet of metal.
 TILE_M, SLAB_M, BOARD_M, SHEET_M = (0.24, 0.34), (0.6, 0.4), (0.12, 1e9), 0.6
+# Width and visible length of a slate, and the gap.
+SLATE_M, GAP_M = (0.25, 0.2), 0.008
+# How far streaks run down from a wall's upper edge, and how far up its foot is splashed.
+STREAKS_M, SPLASHES_M = 5.0, 1.2
 # The width of a sett across a street and its length.
 SETT_M = (0.21, 0.15)
 # A brick with its joint, a course high, and the joint.
@@ -208,6 +218,53 @@ def tiling(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
+def slates(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Tilted roof of slates, no two of one grey; the lower edge of each casts a thin shadow."""
+    out[:] = 1.0
+    add_noise(x, y, side, (1.6, 1.1), 0.06, seed + 91, out)
+    add_noise(x, y, side, (6.0, 6.0), 0.06, seed + 92, out)
+    add_tones(x, y, side, SLATE_M, 0.34, seed + 93, out)
+    across, down = 1 / SLATE_M[0], 1 / SLATE_M[1]
+    for k in range(len(x)):
+        column, row, wide, high = x[k] * across, y[k] * down, side[k] * across, side[k] * down
+        clear = _bonded(column, row, wide, high, GAP_M, across, down)
+        out[k] *= (0.62 + 0.38 * clear) * (1 - 0.2 * _covered(row, high, 0.9, 0.1))
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def felt(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Roof of bitumen felt or the like: strips a metre wide, and where water stood."""
+    for k in range(len(x)):
+        out[k] = 1 - 0.1 * _covered(x[k], side[k], -0.015, 0.03)
+    add_noise(x, y, side, (1.7, 1.7), 0.06, seed + 95, out)
+    add_noise(x, y, side, (6.0, 6.0), 0.08, seed + 96, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_weather(
+    x: np.ndarray, y: np.ndarray, above: np.ndarray, below: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray
+) -> None:
+    """Take from a wall's tones what rain leaves: streaks below its upper edge, and splashes at its foot.
+
+    above: its building's foot; below: its upper edge, both metres.
+    """
+    near = np.zeros(len(x))
+    if below.min() < STREAKS_M:
+        add_noise(x, y, side, (0.16, 5.0), 0.5, seed + 97, near)
+        add_noise(x, y, side, (0.5, 9.0), 0.5, seed + 98, near)
+        for k in range(len(x)):
+            run = max(1 - max(below[k], 0.0) / STREAKS_M, 0.0)
+            out[k] -= 0.3 * max(near[k] - 0.12, 0.0) * run * run * run
+    if above.min() < SPLASHES_M:
+        near[:] = 0.25
+        add_noise(x, y, side, (0.45, 0.3), 0.5, seed + 99, near)
+        add_noise(x, y, side, (2.2, 4.0), 0.5, seed + 100, near)
+        for k in range(len(x)):
+            wet = max(1 - max(above[k], 0.0) / SPLASHES_M, 0.0)
+            out[k] -= 0.26 * max(near[k], 0.0) * wet * wet
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
 def plaster(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
     """Bare rendered wall, dirtier near the ground; above: its building's foot."""
     for k in range(len(x)):
@@ -260,7 +317,7 @@ def wood(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndar
     for k in range(len(x)):
         out[k] = 1 - 0.35 * _covered(x[k] / BOARD_M[0], side[k] / BOARD_M[0], -0.06, 0.12)
     add_noise(x, y, side, (0.02, 0.6), 0.08, seed + 41, out)
-    add_tones(x, y, side, BOARD_M, 0.10, seed + 43, out)
+    add_tones(x, y, side, BOARD_M, 0.24, seed + 43, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -296,29 +353,24 @@ def ground(
     out: np.ndarray,
 ) -> None:
     """What a surface is like, 0..255."""
-    which, rough = grain.CONCRETE, 0.0
     if made in (TAR, TRACK):
-        which, rough = grain.ASPHALT, 98.0
         asphalt(x, y, aside, side, seed, out)
     elif made == SLABS:
-        rough = 220.0
         paving(x, y, side, seed, out)
     elif made == SETTS:
-        rough = 350.0
         setts(x, y, side, seed, out)
-    elif made == GRAVEL:
-        which, rough = grain.GRAVEL, 138.0
-        out[:] = 138
+    else:
+        out[:] = MEANS[made]
+    if made == GRAVEL:
         for number, cell in enumerate((0.9, 5.0)):
             add_noise(x, y, side, (cell, cell), (5.0, 7.0)[number], seed + 53 + number, out)
     elif made == GRASS:
-        which, rough = grain.GRASS, 112.0
-        out[:] = 112
         for number, cell in enumerate((1.5, 7.0)):
             add_noise(x, y, side, (cell, cell), (7.0, 8.0)[number], seed + 57 + number, out)
-    else:
-        out[:] = 96
+    elif made == WATER:
         add_noise(x, y, side, (1.6, 0.5), 7.0, seed + 59, out)
         add_noise(x, y, side, (9.0, 9.0), 6.0, seed + 60, out)
-    if rough > 0:
-        grain.add_grain(x, y, side, grains, which, rough, seed + 71, out)
+    elif made == LEAVES:
+        add_noise(x, y, side, (0.12, 0.12), 30.0, seed + 83, out)
+    if GRAINS[made] >= 0:
+        grain.add_grain(x, y, side, grains, GRAINS[made], MEANS[made], seed + 71, out)

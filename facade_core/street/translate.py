@@ -9,6 +9,7 @@ import numpy as np
 
 from facade_core.geometry.raycast import MISS
 from facade_core.street.field import Materials
+from facade_core.street.grain import Grains
 from facade_core.street.render import Panorama
 from facade_core.street.scene import Scene
 from facade_core.street.tiled import Material
@@ -40,9 +41,10 @@ class Swatches:
         seed: int,
         roof_material: Material | None = None,
         ground: Ground | None = None,
+        grains: Grains | None = None,
     ) -> None:
         self._normal = scene.charts.normal()
-        self.materials = Materials(scene, streets, seed=seed, roof_material=roof_material, ground=ground)
+        self.materials = Materials(scene, streets, seed=seed, roof_material=roof_material, ground=ground, grains=grains)
 
     def translate(self, panorama: Panorama) -> np.ndarray:
         rgb = panorama.rgb.copy()

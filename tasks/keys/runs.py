@@ -27,5 +27,6 @@ def run_of(block: Block, out: Path) -> Run:
         privacy=block.privacy,
         aerial=block.aerial,
         roof_material=block.roof_material,
+        materials=block.materials,
         failed_limit=block.failed_limit,
     )

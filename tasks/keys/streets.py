@@ -14,7 +14,7 @@ from facade_core.atlas.journal import Record, latest_digests, read_records, unit
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
-from tasks.keys.units import parts_key
+from tasks.keys.units import material_digests, parts_key
 from tasks.run import Run
 
 # The records of some units (n,) of a stage, in that order.
@@ -87,6 +87,8 @@ def _settings(run: Run, plan: Plan) -> dict[str, Any]:
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
         settings["roof_material"] = [file_digest(path), metres_per_pixel]
+    if run.materials:
+        settings["materials"] = material_digests(run)
     return settings | {"spacing": plan.scene.spacing, "visibility_range": plan.scene.visibility_range}
 
 

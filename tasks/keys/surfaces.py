@@ -13,7 +13,7 @@ from facade_core.plan import Plan
 from facade_core.street.daylight import REACH_M
 from facade_core.street.sun import REACH_M as SHADOWS_M
 from tasks.keys.stage_code import stage_code
-from tasks.keys.units import parts_key
+from tasks.keys.units import material_digests, parts_key
 from tasks.run import Run
 
 
@@ -54,6 +54,8 @@ def _settings(run: Run) -> list[Any]:
     if run.roof_material is not None:
         path, metres_per_pixel = run.roof_material
         settings += [file_digest(path), metres_per_pixel]
+    if run.materials:
+        settings.append(material_digests(run))
     if texture.sun is not None:
         settings.append({"azimuth": texture.sun.azimuth, "elevation": texture.sun.elevation})
     return settings

@@ -31,6 +31,11 @@ OFF_PLANE_M = 1.0
 ABOVE_M = 0.01
 
 
+def material_digests(run: Run) -> list[Any]:
+    """What a block's own pictures of materials are."""
+    return [[one.name, one.metres, file_digest(one.path)] for one in run.materials]
+
+
 def parts_key(code: str, **parts: Any) -> str:
     """The key of a unit: of its stage's code, and its inputs by kind (strings, numbers, nested lists and dicts)."""
     return " ".join([f"code:{code}", *(f"{kind}:{unit_key(value)[:16]}" for kind, value in parts.items())])

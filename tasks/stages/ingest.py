@@ -98,6 +98,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
             seed=run.seed,
             translator=run.texture.translator,
             roof_material=run.roof_material and [str(run.roof_material[0]), run.roof_material[1]],
+            materials=[[one.name, str(one.path), one.metres] for one in run.materials],
             geoid_separation=block.geoid_separation,
             notes=_notes(block, plan),
             set_aside=set_aside,

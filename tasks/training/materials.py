@@ -43,7 +43,7 @@ def train_materials(data: Path, out: Path) -> Path:
 
 
 def picture(path: Path) -> tuple[np.ndarray, str]:
-    """A picture (h, w, 3) uint8, about as high as wide, and its file's sha256; one that is twice as wide is laid twice."""
+    """A picture (h, w, 3) uint8 and its file's sha256."""
     import cv2
 
     try:
@@ -53,5 +53,4 @@ def picture(path: Path) -> tuple[np.ndarray, str]:
     image = cv2.imdecode(np.frombuffer(content, np.uint8), cv2.IMREAD_COLOR)
     if image is None:
         raise InputError(f"{path}: no picture; fetch it again")
-    high, wide = image.shape[:2]
-    return np.tile(image[..., ::-1], (max(1, wide // high), 1, 1)), hashlib.sha256(content).hexdigest()
+    return image[..., ::-1], hashlib.sha256(content).hexdigest()

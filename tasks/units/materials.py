@@ -11,10 +11,13 @@ from typing import Any, cast
 import numpy as np
 
 from catalogs.readers.pictures.aerial import Aerial
+from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import InputError
 from facade_core.plan import Plan
 from facade_core.street.field import Materials
+from facade_core.street.grain import Grains, learn
+from facade_core.street.grain_file import with_own
 from facade_core.street.overhead import Aerial as Sampler
 from facade_core.street.overhead import shown_from_above
 from facade_core.street.tiled import Material
@@ -42,10 +45,24 @@ def sampler(run: Run) -> Sampler | None:
     return None if run.aerial is None else run.aerial.sample
 
 
-def materials(plan: Plan, seed: int, roofs: tuple[Path, float] | None) -> Materials:
-    """What a block's charts are made of; roofs: the picture of their material and its metres per pixel, where one is given."""
-    laid = roof_material(roofs, plan.scene.spec.texels_per_metre)
-    return Materials(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground)
+def materials(
+    plan: Plan, seed: int, roofs: tuple[Path, float] | None, pictures: Sequence[MaterialPicture] = ()
+) -> Materials:
+    """What a block's charts are made of; roofs: the picture of their material and its metres per pixel, where one is given;
+    pictures: those of other materials."""
+    laid, own = roof_material(roofs, plan.scene.spec.texels_per_metre), own_grains(pictures)
+    return Materials(plan.scene, plan.streets, seed=seed, roof_material=laid, ground=plan.ground, grains=own)
+
+
+def own_grains(pictures: Sequence[MaterialPicture]) -> Grains | None:
+    """The grain of all materials with that of a block's pictures, by what makes those that are shipped; None without any."""
+    examples = {}
+    for name, path, metres in pictures:
+        try:
+            examples[name] = learn(read_whole(path).rgb, metres)
+        except InputError as error:
+            raise InputError(f"texture.materials: {path}: {error}") from error
+    return with_own(examples) if examples else None
 
 
 def field_of(group: StoreGroup, plan: Plan) -> Materials | None:
@@ -53,7 +70,13 @@ def field_of(group: StoreGroup, plan: Plan) -> Materials | None:
     if group.attrs["translator"] == "neural":
         return None
     roofs = cast(Sequence[Any] | None, group.attrs["roof_material"])
-    return materials(plan, cast(int, group.attrs["seed"]), None if roofs is None else (Path(roofs[0]), float(roofs[1])))
+    pictures = cast(Sequence[Any], group.attrs.get("materials", []))
+    return materials(
+        plan,
+        cast(int, group.attrs["seed"]),
+        None if roofs is None else (Path(roofs[0]), float(roofs[1])),
+        [MaterialPicture(name, Path(path), metres) for name, path, metres in pictures],
+    )
 
 
 def roof_material(roofs: tuple[Path, float] | None, texels_per_metre: float) -> Material | None:

@@ -28,7 +28,7 @@ from facade_core.street.translate import Swatches, Translator
 from facade_core.street.window import Window
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
-from tasks.units.materials import roof_material
+from tasks.units.materials import own_grains, roof_material
 
 
 @dataclass(frozen=True)
@@ -46,8 +46,8 @@ def context(run: Run) -> Context:
     plan = plan_of_run(run)
     if run.texture.translator == "neural":
         return Context(plan, neural.load(), None)
-    laid = roof_material(run.roof_material, run.texture.texels_per_metre)
-    swatches = Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground)
+    laid, own = roof_material(run.roof_material, run.texture.texels_per_metre), own_grains(run.materials)
+    swatches = Swatches(plan.scene, plan.streets, seed=run.seed, roof_material=laid, ground=plan.ground, grains=own)
     return Context(plan, swatches, swatches.materials)
 
 

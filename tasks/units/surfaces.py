@@ -28,7 +28,7 @@ from tasks.units.unit import Piece
 
 @lru_cache(maxsize=2)
 def _field(run: Run) -> Materials:
-    return materials(plan_of_run(run), run.seed, run.roof_material)
+    return materials(plan_of_run(run), run.seed, run.roof_material, run.materials)
 
 
 def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:

@@ -78,3 +78,23 @@ def test_what_cannot_be_used_is_refused_with_its_key(read: Read, folder: Path) -
             read(f"texture: {{roof_material: {value}}}")
     with pytest.raises(BlockFileError, match=r"texture\.levelling: 'maybe' is not true or false"):
         read("texture: {levelling: maybe}")
+
+
+def test_pictures_of_materials_are_read_and_change_the_digest(read: Read, folder: Path) -> None:
+    (folder / "own").mkdir()
+    plain = read()
+    assert plain.materials == ()
+    digests = [plain.digest]
+    for name, grey in (("slabs-0.8m.png", 90), ("slabs-0.9m.png", 90), ("slabs-0.9m.png", 91), ("setts-0.9m.png", 91)):
+        for before in (folder / "own").iterdir():
+            before.unlink()
+        Image.new("RGB", (64, 64), (grey, grey, grey)).save(folder / "own" / name)
+        block = read("texture: {materials: own/}")
+        assert [(one.name, one.path.name) for one in block.materials] == [(name.partition("-")[0], name)]
+        digests.append(block.digest)
+    assert len(set(digests)) == len(digests)
+    Image.new("RGB", (64, 64)).save(folder / "own" / "sets.png")
+    with pytest.raises(BlockFileError, match=r"texture\.materials: .*own: sets\.png names no .*did you mean setts\?"):
+        read("texture: {materials: own/}")
+    with pytest.raises(BlockFileError, match=r"texture\.materials: .*owns does not exist; did you mean own\?"):
+        read("texture: {materials: owns/}")

@@ -20,6 +20,7 @@ from PIL import Image
 
 from catalogs.block import Block, read_block
 from catalogs.block.digest import block_digest
+from catalogs.readers.pictures.materials import MaterialPicture
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 Edit = Callable[[Path], Any]
@@ -200,6 +201,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "textures": (picture,),
         "aerial": read_block(above(tmp_path)).aerial,
         "roof_material": (picture, 0.01),
+        "materials": (MaterialPicture("slabs", picture, 0.8),),
         "texture": replace(block.texture, walls="exemplar"),
         "storey": block.storey + 0.1,
         "geoid_separation": 17.0,

@@ -12,7 +12,7 @@ from facade_core.atlas import AtlasSpec
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene
 from facade_core.street.field import GRAIN
-from facade_core.street.field_kernels import BRICK, texels
+from facade_core.street.field_kernels import BRICK, FELT, SHEET, SLATE, TILE, texels
 from facade_core.street.own_walls import WallMaterial
 from facade_core.types import Building, Finish, Ground, Roof, Street, Way
 
@@ -72,6 +72,29 @@ def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:
                 assert np.argmax(tinted.mean(axis=(0, 1))) == place
 
 
+def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
+    gabled = int(np.flatnonzero((scene.charts.kind == ROOF) & (scene.charts.building == 1))[0])
+
+    def made(finish: Finish) -> int:
+        return int(Materials(replace(scene, finishes=(Finish(), finish)), [STREET], seed=1).field.charts.made[gabled])
+
+    stated = {"slate": SLATE, "metal": SHEET, "zinc": SHEET, "roof_tiles": TILE, "tar_paper": FELT, "thatch": TILE}
+    assert {name: made(Finish(roof_material=name)) for name in stated} == stated
+    assert made(Finish(roof_colour=(122, 156, 138))) == SHEET
+    assert made(Finish(roof_colour=(158, 66, 50))) == TILE
+    metal = replace(scene, finishes=(Finish(), Finish(roof_material="metal")))
+    raster = Materials(metal, [STREET], seed=1).raster(gabled).astype(float).mean(axis=2)
+    across, down = (np.abs(np.diff(raster.mean(axis=axis))).mean() for axis in (0, 1))
+    assert across > 2 * down, "seams run down the slope"
+    looks = set()
+    for name in ("slate", "metal", "roof_tiles", "tar_paper"):
+        painted = replace(scene, finishes=(Finish(), Finish(roof_colour=(120, 120, 120), roof_material=name)))
+        raster = Materials(painted, [STREET], seed=1).raster(gabled)
+        assert 50 < raster.mean() < 130
+        looks.add(raster.tobytes())
+    assert len(looks) == 4
+
+
 @pytest.mark.parametrize("brick", [False, True])
 def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> None:
     """What a building alone knows of its walls changes no other chart, and costs no copy of the tables of all."""
@@ -82,12 +105,12 @@ def test_an_own_wall_is_as_if_it_were_all_charts(scene: Scene, brick: bool) -> N
     changed, own = plain.with_wall(charts, wall, facade)
     assert own.tolist() == [one for one in charts if scene.charts.kind[one] == WALL]
     assert changed.field.charts is surfaces
-    made, tint, example, rough = (part.copy() for part in surfaces[5:7] + surfaces[10:12])
+    made, tint, example = (part.copy() for part in (surfaces.made, surfaces.tint, surfaces.grain))
     tint[own] = wall.colour / surfaces.grey[facade] * surfaces.grey[own, None]
     if brick:
-        made[own], example[own], rough[own] = BRICK, *GRAIN[BRICK]
+        made[own], example[own] = BRICK, GRAIN[BRICK]
     whole = Materials(scene, [STREET], seed=1)
-    whole.field = whole.field._replace(charts=surfaces._replace(made=made, tint=tint, grain=example, rough=rough))
+    whole.field = whole.field._replace(charts=surfaces._replace(made=made, tint=tint, grain=example))
     for chart in (facade, of_kind(scene, WALL), of_kind(scene, ROOF)):
         np.testing.assert_array_equal(changed.raster(chart), whole.raster(chart))
     assert (changed.raster(facade) != plain.raster(facade)).any()
@@ -139,6 +162,35 @@ def test_ground_does_not_step_at_its_edges(density: float) -> None:
     wrong, stepping = (np.sqrt(np.mean((tone - truth) ** 2)) for tone in (found, points(0, 0)))
     assert found.std() > 10
     assert wrong < 0.5 * stepping
+
+
+def test_leaves_lie_by_kerbs_and_few() -> None:
+    ways = (Way("s", shapely.LineString([(-30, 0), (50, 0)]), "road", 7.0, "asphalt", pavement=(4.0, 4.0)),)
+    charts, mesh, _ = block_surfaces(
+        [], [Street("s", None, ways[0].line)], terrain=terrain_of([], None), ground_margin=9, largest=100
+    )
+    placement = pack(charts.size, DENSITY, charts.building, page=2048, chunk=128, gutter=2)
+    materials = Materials(
+        Scene(mesh, charts, placement, AtlasSpec(placement.pages, DENSITY, page=2048)), [], seed=1, ground=Ground(ways)
+    )
+
+    rng, away, brown = np.random.default_rng(0), [], []
+    for chart in range(len(charts)):
+        places = charts.points(chart, *(rng.uniform(0, 1, (2, 4000)) * charts.size[chart][:, None]))
+        colour = materials.colour(np.full(4000, chart), places, np.full(4000, 0.02)).astype(float)
+        away.append(np.where(np.abs(places[:, 0] - 10) < 35, np.abs(places[:, 1]), np.inf))
+        brown.append(colour[:, 0] > 1.5 * colour[:, 2])
+    metres, leaf = np.concatenate(away), np.concatenate(brown)
+    kerb = (metres > 3.1) & (metres < 3.45)
+    assert 0.002 < leaf[kerb].mean() < 0.06
+    assert not leaf[(metres < 2.9) | ((metres > 4.3) & (metres < 6))].any()
+
+
+def test_rain_leaves_streaks_under_the_upper_edge_of_a_wall(scene: Scene) -> None:
+    wall = of_kind(scene, WALL)
+    whole = Materials(scene, [STREET], seed=1).raster(wall).astype(float).mean(axis=2)
+    top, middle = (whole[rows].mean(axis=0) for rows in (slice(0, 12), slice(60, 72)))
+    assert top.std() > 1.5 * middle.std()
 
 
 def test_a_courtyard_is_darker_than_a_square_and_its_corners_darkest() -> None:

@@ -10,9 +10,12 @@ import numpy as np
 import pytest
 
 from facade_core.errors import ModelError
-from facade_core.street.grain import LEVELS, NAMES, PIXELS, add_grain, learn
-from facade_core.street.grain_file import SHIPPED, load, save, shipped
+from facade_core.street.grain import LEVELS, NAMES, PIXELS, TAKEN, Grain, add_grain, grains, learn
+from facade_core.street.grain_file import SHIPPED, load, save, shipped, with_own
 from tasks.training.materials import train_materials
+
+# Each that is shipped, as it is.
+EXAMPLES = grains([Grain(load()[name]) for name in NAMES])
 
 
 def patch(which: int, density: float, metres: float, seed: int = 3) -> np.ndarray:
@@ -20,7 +23,7 @@ def patch(which: int, density: float, metres: float, seed: int = 3) -> np.ndarra
     count = round(metres * density)
     x, y = (a.ravel() for a in np.meshgrid(*[(np.arange(count) + 0.5) / density - 5] * 2))
     out = np.zeros(len(x))
-    add_grain(x, y, np.full(len(x), 1 / density), shipped(), which, 1.0, seed, out)
+    add_grain(x, y, np.full(len(x), 1 / density), EXAMPLES, which, 1.0, seed, out)
     return out.reshape(count, count)
 
 
@@ -30,7 +33,7 @@ def test_grain_has_no_period(which: int) -> None:
     tone = patch(which, 32, 16.0)
     tone -= tone.mean()
     correlation = np.fft.irfft2(np.abs(np.fft.rfft2(tone)) ** 2, tone.shape)
-    period = round(shipped().width[which] * 32)
+    period = round(EXAMPLES.width[which] * 32)
     assert np.abs(correlation[[0, period, period], [period, 0, period]] / correlation[0, 0]).max() < 0.1
 
 
@@ -55,11 +58,11 @@ def test_a_place_has_one_tone_in_any_order() -> None:
     x, y = np.random.default_rng(0).uniform(-300, 300, (2, 500))
     side = np.random.default_rng(1).uniform(0.005, 2.0, 500)
     whole, parts = np.zeros(500), np.zeros(500)
-    add_grain(x, y, side, shipped(), 1, 1.0, 5, whole)
+    add_grain(x, y, side, EXAMPLES, 1, 1.0, 5, whole)
     turned = np.random.default_rng(2).permutation(500)
     for some in np.array_split(turned, 7):
         own = np.zeros(len(some))
-        add_grain(x[some], y[some], side[some], shipped(), 1, 1.0, 5, own)
+        add_grain(x[some], y[some], side[some], EXAMPLES, 1, 1.0, 5, own)
         parts[some] = own
     np.testing.assert_array_equal(whole, parts)
 
@@ -72,7 +75,20 @@ def test_the_example_of_a_picture_keeps_its_colour_and_leaves_out_its_structure(
     assert flat.colour == pytest.approx(picture.mean(axis=(0, 1)), abs=0.5)
     halves = flat.table[flat.tile][:, :128].mean(), flat.table[flat.tile][:, 128:].mean()
     assert abs(halves[0] - halves[1]) < 0.06  # of 0.67
-    assert shipped().first.shape == (len(NAMES), LEVELS)
+
+
+def test_a_blocks_own_picture_takes_the_place_of_one_material_alone() -> None:
+    picture = np.random.default_rng(1).integers(60, 160, (256, 512, 3), np.uint8)
+    own = with_own({"slabs": learn(picture, 0.8)})
+    assert own.first.shape == shipped().first.shape == (len(TAKEN), LEVELS)
+    place = list(TAKEN).index("slabs")
+    others = [k for k in range(len(TAKEN)) if k != place]
+    for field in ("bits", "tables", "width", "weight", "colour"):
+        mine, theirs = getattr(own, field), getattr(shipped(), field)
+        np.testing.assert_array_equal(mine[others], theirs[others])
+        assert not np.array_equal(mine[place], theirs[place], equal_nan=True) or field == "bits"
+    assert own.colour[place] == pytest.approx(picture.mean(axis=(0, 1)), abs=0.5)
+    assert own.weight[place] == 1
 
 
 def test_a_file_that_is_broken_is_told(tmp_path: Path) -> None:

@@ -19,6 +19,7 @@ from hypothesis import strategies as st
 
 from catalogs.block import TextureSettings
 from catalogs.block.keys import SunSettings
+from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
@@ -357,6 +358,22 @@ def test_a_street_stands_on_what_earlier_ones_pass_on() -> None:
             assert changed_parts(before.street, now.street) == ["earlier"] * earlier
             told.add(earlier)
         assert told == ({False} if plan.wave[street] == plan.wave.min() else {False, True})
+
+
+def test_pictures_of_materials_are_in_the_keys_of_surfaces_and_of_streets(tmp_path: Path) -> None:
+    plan = planned("near", "streets")
+    charts = np.flatnonzero(plan.scene.charts.building == plan.scene.names.index("a")).tolist()
+
+    def keys(*pictures: MaterialPicture) -> tuple[str, str]:
+        run = replace(RUN, materials=pictures)
+        return surface_key(run, plan, charts, [], {}, {}), street_keys(run, plan, seeded(plan, {}, {}), 0).street
+
+    path = tmp_path / "slabs.png"
+    path.write_bytes(b"one")
+    plain, once, wider = keys(), keys(MaterialPicture("slabs", path, 1.0)), keys(MaterialPicture("slabs", path, 2.0))
+    for before, now in ((plain, once), (once, wider)):
+        for one, other in zip(before, now, strict=True):
+            assert changed_parts(one, other) == ["settings"]
 
 
 def test_a_sun_is_in_the_keys_of_surfaces_alone_and_reaches_as_far_as_shadows() -> None:

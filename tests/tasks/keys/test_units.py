@@ -39,7 +39,14 @@ def test_keys_differ_in_the_parts_that_changed() -> None:
 
 
 def test_every_setting_of_texture_is_of_streets_or_not() -> None:
-    in_what_they_see = {"viewpoint_spacing", "viewpoint_height", "visibility_range", "walls", "roof_material"}
+    in_what_they_see = {
+        "viewpoint_spacing",
+        "viewpoint_height",
+        "visibility_range",
+        "walls",
+        "roof_material",
+        "materials",
+    }
     of_surfaces = {"levelling", "sun"}
     assert {field.name for field in fields(TextureSettings)} == set(SETTINGS) | in_what_they_see | of_surfaces
 

@@ -1,0 +1,66 @@
+"""A folder of pictures of materials, each named after what it shows."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from pathlib import Path
+from typing import NamedTuple
+
+from catalogs.readers.pictures.folders import image_files
+from catalogs.readers.pictures.opening import opened
+from facade_core.errors import InputError
+from facade_core.types import MATERIALS
+
+# NAME.jpg, or NAME-1.5m.jpg of a picture that is so wide.
+_NAMED = re.compile(r"(.+?)(?:-(\d+(?:\.\d+)?)m)?")
+# Where the name does not say how wide a picture is, metres; and the widths that can be.
+USUAL_M, WIDTHS_M = 1.0, (0.1, 20.0)
+# How far a picture may be from as wide as high, or a whole number of times as wide.
+ASKEW = 0.03
+
+
+class MaterialPicture(NamedTuple):
+    """A picture of a material of `MATERIALS`, and how wide it is, metres."""
+
+    name: str
+    path: Path
+    metres: float
+
+
+def material_pictures(folder: Path) -> tuple[MaterialPicture, ...]:
+    """The pictures of a folder by what they show, each at most once, as MATERIALS has them.
+
+    Raises InputError where one has another name, is of a width that cannot be, cannot be laid or cannot be used.
+    """
+    paths, faults = image_files(folder, "material")
+    if faults:
+        raise InputError(f"{folder}: {faults[0].reason}")
+    found: dict[str, MaterialPicture] = {}
+    for path in paths:
+        one = _named(folder, path)
+        if one.name in found:
+            raise InputError(f"{folder}: {found[one.name].path.name} and {path.name} both show {one.name}; remove one")
+        found[one.name] = one
+    return tuple(found[name] for name in MATERIALS if name in found)
+
+
+def _named(folder: Path, path: Path) -> MaterialPicture:
+    match = _NAMED.fullmatch(path.stem)
+    name, told = (match[1], match[2]) if match else (path.stem, None)
+    if name not in MATERIALS:
+        close = difflib.get_close_matches(name, MATERIALS, n=1)
+        remedy = f"did you mean {close[0]}?" if close else f"rename it to one of {', '.join(MATERIALS)}, or remove it"
+        raise InputError(f"{folder}: {path.name} names no material that is known; {remedy}")
+    metres = float(told) if told else USUAL_M
+    if not WIDTHS_M[0] <= metres <= WIDTHS_M[1]:
+        low, high = WIDTHS_M
+        raise InputError(f"{folder}: {path.name} says {told} m; a picture is {low:g} to {high:g} m wide, rename it")
+    with opened(path) as image:
+        width, height = image.size
+    if abs(width / height - max(1, round(width / height))) > ASKEW:
+        raise InputError(
+            f"{folder}: {path.name} is {width} x {height} pixels and cannot be laid; "
+            "give one that goes on into itself, as wide as high or twice, three times, ... as wide"
+        )
+    return MaterialPicture(name, path.absolute(), metres)
