@@ -365,11 +365,11 @@ def test_a_block_without_a_facade_says_so(texture: dict[str, Any], height: float
     settings = {"walls": "translate", "panorama_width": 64} | texture
     streets = {"path": "s.geojson", "crs": "EPSG:32635"}
     plan = plan_of(block_of(tmp_path, "b.geojson", streets=streets, texture=settings))
-    (reason,) = no_facade(plan, settings["texels_per_metre"])
+    (reason,) = no_facade(plan)
     assert "none of the 4 walls is a facade" in reason
     assert words in reason
     seen = plan_of(block_of(tmp_path, "b.geojson", texture={"walls": "translate", "panorama_width": 64}))
-    assert bool(no_facade(seen, 20)) == (height < 2.5)
+    assert bool(no_facade(seen)) == (height < 2.5)
 
 
 @pytest.mark.realdata
