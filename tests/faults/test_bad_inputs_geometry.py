@@ -366,7 +366,7 @@ def test_a_block_without_a_facade_says_so(texture: dict[str, Any], height: float
     streets = {"path": "s.geojson", "crs": "EPSG:32635"}
     plan = plan_of(block_of(tmp_path, "b.geojson", streets=streets, texture=settings))
     (reason,) = no_facade(plan)
-    assert "none of the 4 walls is a facade" in reason
+    assert reason.startswith("none of the ")
     assert words in reason
     seen = plan_of(block_of(tmp_path, "b.geojson", texture={"walls": "translate", "panorama_width": 64}))
     assert bool(no_facade(seen)) == (height < 2.5)
