@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import functools
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,9 +57,9 @@ def find_lines(image: np.ndarray, scale: float = 1.0) -> list[Line]:
 
 
 def joined(lines: Sequence[Line], closer: Sequence[Line]) -> list[Line]:
-    """The lines of two looks at an image: of one that both found what is read with more certainty."""
+    """The lines of two looks at an image: of one that both found the larger, as the tiles of a closer look cut long ones."""
     every = [*lines, *closer]
-    return [every[index] for index in _once([line.corners for line in every], lambda i: every[i].score)]
+    return [every[index] for index in _once([line.corners for line in every])]
 
 
 def _lit(image: np.ndarray) -> np.ndarray:
@@ -109,13 +109,13 @@ def _from_upper_left(corners: np.ndarray) -> np.ndarray:
     return np.stack([left[0], right[0], right[1], left[1]])
 
 
-def _once(found: Sequence[np.ndarray], worth: Callable[[int], float] | None = None) -> list[int]:
-    """Which lines, by their corners (4, 2), to keep: of those that are the same, whole or in part, the largest, or that of most
-    worth; in their order on the image."""
+def _once(found: Sequence[np.ndarray]) -> list[int]:
+    """Which lines, by their corners (4, 2), to keep: of those that are the same, whole or in part, the largest; in their order
+    on the image."""
     kept: list[int] = []
     boxes = [np.concatenate([c.min(axis=0), c.max(axis=0)]) for c in found]
     areas = [float(np.prod(box[2:] - box[:2])) for box in boxes]
-    for index in sorted(range(len(found)), key=lambda i: -(areas[i] if worth is None else worth(i))):
+    for index in sorted(range(len(found)), key=lambda i: -areas[i]):
         low = np.array([np.maximum(boxes[index][:2], boxes[other][:2]) for other in kept]).reshape(-1, 2)
         high = np.array([np.minimum(boxes[index][2:], boxes[other][2:]) for other in kept]).reshape(-1, 2)
         least = np.minimum(areas[index], [areas[other] for other in kept])
