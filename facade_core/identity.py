@@ -68,22 +68,21 @@ class Things:
         return shapely.STRtree(shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1]))
 
 
-def chart_ids(
-    charts: Charts, texels_per_metre: np.ndarray, names: Sequence[str], finishes: Sequence[Finish] = ()
-) -> np.ndarray:
-    """A number for each chart, (n,) uint64, of its kind, its place, its density (n,), the id of its building, by row in
-    `names`, and of what is stated of that one's colours and materials.
+def chart_ids(charts: Charts, share: np.ndarray, names: Sequence[str], finishes: Sequence[Finish] = ()) -> np.ndarray:
+    """A number for each chart, (n,) uint64, of its kind, its place, the share (n,) of the atlas' density that it has, where
+    that is not all of it, the id of its building, by row in `names`, and of what is stated of that one's colours and materials.
 
     Charts that are alike in all of that are told apart by their order.
     """
-    columns = [charts.kind, charts.origin, charts.axis_u, charts.axis_v, charts.size, texels_per_metre]
-    frames = np.column_stack(columns) + 0.0  # no -0
+    frames = np.column_stack([charts.kind, charts.origin, charts.axis_u, charts.axis_v, charts.size]) + 0.0  # no -0
     count: dict[bytes, int] = {}
     found = np.empty(len(charts), np.uint64)
     for chart, (row, building) in enumerate(zip(frames, charts.building.tolist(), strict=True)):
         name = names[building] if building >= 0 else ""
         if building >= 0 and finishes and finishes[building] != PLAIN:
             name += repr(finishes[building])
+        if share[chart] < 1:
+            name += repr(float(share[chart]))
         digest = blake2b(row.tobytes() + name.encode(), digest_size=8)
         twin = count[digest.digest()] = count.get(digest.digest(), -1) + 1
         if twin:

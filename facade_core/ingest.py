@@ -73,7 +73,7 @@ def ingest(
     places = np.array([camera.position for camera in cameras]).reshape(-1, 3)
     free = free_share(charts, mesh)
     density = texel_density(charts, free, places, texels_per_metre)
-    ids = chart_ids(charts, density, names, finishes)
+    ids = chart_ids(charts, density / texels_per_metre, names, finishes)
     placement = pack(
         charts.size,
         density,

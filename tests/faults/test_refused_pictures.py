@@ -38,7 +38,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         facades=Value(
             id=["a-0"], chart=[0], height=[8.0], width=[10.0], floors=[2], building=[0], run=[0], along=[0.0]
         ),
-        scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]]), building_numbers=[7]),
+        scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0]), building_numbers=[7]),
     )
 
     def maker(
