@@ -1,6 +1,6 @@
 """The pictures of README's first screen, and the page with a slider between them: a street of a run, bare and textured.
 
-    python -m benchmarks.first_screen out/demo --view street-0
+    python -m benchmarks.first_screen out/demo --view street-1
 
 writes docs/street.jpg, docs/street-bare.jpg and docs/street.html. Bare is the geometry in the light that the block has.
 """
