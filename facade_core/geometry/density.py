@@ -15,6 +15,8 @@ NEAR_M, FAR_M = 16.0, 48.0
 LEAST = 8.0
 # A wall of which no larger share stands free of neighbours is hardly ever seen.
 PARTY = 0.05
+# Charts that are looked at together: each is within reach of some twenty viewpoints.
+AT_ONCE = 1 << 16
 
 
 def texel_density(
@@ -40,11 +42,12 @@ def _nearest(charts: Charts, viewpoints: np.ndarray) -> np.ndarray:
     if not len(viewpoints):
         return nearest
     places = shapely.STRtree(shapely.points(viewpoints[:, :2]))
-    chart, of = places.query(charts.boxes, predicate="dwithin", distance=FAR_M)
-    offset = viewpoints[of] - charts.origin[chart]
-    along = np.stack([np.einsum("ij,ij->i", offset, axis[chart]) for axis in (charts.axis_u, charts.axis_v)], axis=1)
-    over = np.einsum("ij,ij->i", offset, charts.normal()[chart])
-    beside = along - np.clip(along, 0, charts.size[chart])
-    metres = np.sqrt((beside**2).sum(axis=1) + over**2)
-    np.minimum.at(nearest, chart[over > 0], metres[over > 0])
+    for first in range(0, len(charts), AT_ONCE):
+        row, of = places.query(charts.boxes[first : first + AT_ONCE], predicate="dwithin", distance=FAR_M)
+        chart = first + row
+        along = charts.coordinates(chart, viewpoints[of])
+        over = np.einsum("ij,ij->i", viewpoints[of] - charts.origin[chart], charts.normal()[chart])
+        beside = along - np.clip(along, 0, charts.size[chart])
+        metres = np.sqrt((beside**2).sum(axis=1) + over**2)
+        np.minimum.at(nearest, chart[over > 0], metres[over > 0])
     return nearest
