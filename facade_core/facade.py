@@ -17,7 +17,7 @@ from facade_core.parse import elements, lattice, parse
 from facade_core.parse.certainty import Told, certainty, share_of, with_probabilities
 from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.shadow import shaded_share
-from facade_core.resizing import resized
+from facade_core.resizing import resized, resized_with_labels
 from facade_core.texture import Style, Wall, exemplar_scale, inpaint, on_wall, tinted
 from facade_core.texture.structure import storeys
 from facade_core.types import Box, Completion, Element, Lattice
@@ -225,13 +225,11 @@ def prepare_exemplar(
 
 def _at_most(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:
     """An image (h, w, 3) and labels (h, w), so much smaller that no side has more pixels than `longest`."""
-    import cv2
-
     share = longest / max(labels.shape)
     if share >= 1:
         return image, labels
     height, width = (max(1, round(side * share)) for side in labels.shape)
-    return resized(image, (height, width)), cv2.resize(labels, (width, height), interpolation=cv2.INTER_NEAREST)
+    return resized_with_labels(image, labels, (height, width))
 
 
 def from_exemplar(

@@ -18,7 +18,7 @@ from facade_core.facade import Exemplar, prepare_exemplar
 from facade_core.labels import FLAGS, SHOP
 from facade_core.privacy import shielded
 from facade_core.rectify.no_data import no_data
-from facade_core.resizing import resized
+from facade_core.resizing import resized_with_labels
 from facade_core.style import look_of
 from tasks.run import Run
 from tasks.units.context import unit_seed, worker_name
@@ -37,8 +37,6 @@ LABELS = Array("labels", ("row", "column"), "uint8", "class id as in facade_core
 def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
     """Prepare one exemplar and write its image and labels through the fork; returns the fork and the journal record."""
     start = time.time()
-    import cv2
-
     (unit,) = units
     (path,) = unit.arguments
     picture = read_exemplar_picture(path)
@@ -55,8 +53,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     height, width = (max(8, round(side * factor)) for side in prepared.labels.shape)
     shrink = min(1.0, LONGEST_EXEMPLAR / max(height, width))
     size = (round(width * shrink), round(height * shrink))
-    texture = resized(prepared.image, size[::-1])
-    labels = cv2.resize(prepared.labels, size, interpolation=cv2.INTER_NEAREST)
+    texture, labels = resized_with_labels(prepared.image, prepared.labels, size[::-1])
     metres_per_texel = 1 / (run.texture.texels_per_metre * shrink)
 
     group = open_root(fork)

@@ -23,7 +23,6 @@ from facade_core.labels import SHOP, WINDOW
 from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
-from facade_core.resizing import resized
 from facade_core.texture import Style, style_of, without_shops
 from facade_core.variation import Hierarchy
 from facade_core.walls import wall_of
@@ -42,8 +41,8 @@ if TYPE_CHECKING:
 _COUNTED = {"window": "windows", "door": "doors", "balcony": "balconies", "shop": "shops"}
 _TOLD = ("window_to_wall", "windows", "floors")
 
-# Exemplars taken apart, by number, whether with shops and the density wanted, and their metres per texel.
-Styles = dict[tuple[int, bool, float], tuple[Style, float]]
+# Exemplars taken apart, by number and whether with shops, and their metres per texel.
+Styles = dict[tuple[int, bool], tuple[Style, float]]
 
 
 class _Made(NamedTuple):
@@ -171,8 +170,8 @@ def _make(
             f"facade {facades.id[facade]}: no picture of it and no usable exemplar; add either to the block's imagery"
         )
     index, name = imagery.exemplar
-    given = _style(group, index, True, density, styles)
-    style, metres_per_texel = given if imagery.shops else _style(group, index, False, density, styles)
+    given = _style(group, index, True, styles)
+    style, metres_per_texel = given if imagery.shops else _style(group, index, False, styles)
     first, along = facades.id[int(facades.run[facade])], float(facades.along[facade])
     result = from_exemplar(
         style,
@@ -187,30 +186,14 @@ def _make(
     return _Made(depth, result, name, nothing)
 
 
-def _style(group: StoreGroup, index: int, shops: bool, density: float, styles: Styles) -> tuple[Style, float]:
-    """An exemplar taken apart, with or without its shops, and its metres per texel: those of a density, texels per metre, or
-    more where it is coarser itself."""
-    if (index, shops, density) not in styles:
+def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[Style, float]:
+    """An exemplar taken apart, with or without its shops, and its metres per texel."""
+    if (index, shops) not in styles:
         image, labels, metres_per_texel = read_exemplar(group, index)
         if not shops:
             image, labels = without_shops(image, labels)
-        image, labels, metres_per_texel = _no_finer(image, labels, metres_per_texel, density)
-        styles[index, shops, density] = style_of(image, labels), metres_per_texel
-    return styles[index, shops, density]
-
-
-def _no_finer(
-    image: np.ndarray, labels: np.ndarray, metres_per_texel: float, density: float
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """An exemplar, and its metres per texel, where it is finer than a density brought down to that."""
-    import cv2
-
-    share = 1 / (metres_per_texel * density)
-    if share > 1 - 1e-6:
-        return image, labels, metres_per_texel
-    height, width = (max(8, round(side * share)) for side in labels.shape)
-    smaller = cv2.resize(labels, (width, height), interpolation=cv2.INTER_NEAREST)
-    return resized(image, (height, width)), smaller, 1 / density
+        styles[index, shops] = style_of(image, labels), metres_per_texel
+    return styles[index, shops]
 
 
 def _names_on(result: Facade, evidence: Evidence, source: str, texels_per_metre: float) -> str | None:
