@@ -32,7 +32,7 @@ from facade_core.geometry.packing import Placement
 from facade_core.labels import SHOP
 from facade_core.plan import Plan
 from facade_core.style import NEIGHBOURS_M, look_of
-from tasks.kinds.facades import exemplars_of, shops_of
+from tasks.kinds.facades import exemplars_of, shops_of, walls_of
 from tasks.stages.planning import plan_of
 from tasks.units.images import read_exemplar_picture, read_labels
 
@@ -95,7 +95,7 @@ def _chosen(block: Block, plan: Plan) -> dict[str, Any]:
         )
         seconds.append(time.process_time() - begun)
     shops = shops_of(plan, block.shops)
-    chosen = exemplars_of(plan, records, shops, seed=block.seed)
+    chosen = exemplars_of(plan, records, walls_of(plan, block, shops), seed=block.seed)
     width = [record["shop_width"] if record else 0.0 for record in records]
     rows = pd.DataFrame(
         {

@@ -38,6 +38,8 @@ class Footprint:
         kind: what it is used as, by OpenStreetMap's values of `building`, where stated.
         built: the year, where stated.
         finish: colours and materials, where stated.
+        part: whether it is a part of a building whose outline another feature is.
+        raised: metres, or else raised_levels: storeys, from the ground to where it begins, where stated.
     """
 
     id: str
@@ -51,6 +53,14 @@ class Footprint:
     kind: str | None = None
     built: int | None = None
     finish: Finish = PLAIN
+    part: bool = False
+    raised: float | None = None
+    raised_levels: float | None = None
+
+    @property
+    def begins_above(self) -> bool:
+        """Whether it begins above the ground."""
+        return bool(self.raised or self.raised_levels)
 
 
 @dataclass(frozen=True, slots=True)

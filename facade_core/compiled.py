@@ -7,7 +7,6 @@ else each of them would compile all of it, at the same time.
 from __future__ import annotations
 
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 from shapely.geometry import LineString, box
@@ -16,8 +15,8 @@ from facade_core.export import Camera, perspective
 from facade_core.facade import from_exemplar
 from facade_core.ingest import ingest
 from facade_core.layout import complete
-from facade_core.layout.statistics import measure
 from facade_core.street.propagate import see
+from facade_core.street.relief import cast_shadows
 from facade_core.street.render import render
 from facade_core.street.surfaces import Known, paint, surface
 from facade_core.street.translate import Swatches
@@ -28,12 +27,6 @@ from facade_core.types import Building, Element, Street
 
 DENSITY = 10.0
 SIZE_M = (7.0, 9.0)
-
-
-def cache_folder() -> Path | None:
-    """Where numba keeps what it compiled; None where it can nowhere."""
-    folder = measure.stats.cache_path
-    return Path(folder) if folder else None
 
 
 def layouts() -> None:
@@ -85,9 +78,10 @@ def streets() -> None:
 
     for chart in range(len(scene.charts)):
         surface(scene, swatches.materials, chart, Known(read, (), ()), network=False)
+    cast_shadows(np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), np.uint8), DENSITY, np.array([0.0, -1.0, 1.0]), 0.5)
     camera = Camera.towards(plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8))
     perspective(scene, camera, swatches.materials.raster)
 
 
 # The longest first.
-PARTS: tuple[Callable[[], None], ...] = (layouts, textures, streets)
+PARTS: tuple[Callable[[], None], ...] = (streets, layouts, textures)

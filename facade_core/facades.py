@@ -14,6 +14,7 @@ from facade_core.geometry.charts import WALL, Charts
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import BACK, LEVEL_M, NARROW_M, SIDE, STOREY_M, STREET, bends
 from facade_core.grouping import Grouped, grouped
+from facade_core.naming import number_of
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Street
 
@@ -44,7 +45,9 @@ class Facades:
     run (n,) int32: the first of the facades that are laid out as one with this, from left to right, itself for most; along (n,)
     metres from where that begins;
     foot (n,) metres over the foot of most of its building's walls;
-    eaves (n,) metres from there to where most of them end, and storeys (n,) int32, how many these are.
+    eaves (n,) metres from there to where most of them end, and storeys (n,) int32, how many these are;
+    raised (n,) bool, whether the building begins above the ground; house (n,) int64, a number of 32 bits for the building, or
+    for that of which it is a part: all its parts are of one style.
     """
 
     id: tuple[str, ...]
@@ -61,6 +64,8 @@ class Facades:
     foot: np.ndarray
     eaves: np.ndarray
     storeys: np.ndarray
+    raised: np.ndarray
+    house: np.ndarray
 
     def __len__(self) -> int:
         return len(self.id)
@@ -108,7 +113,7 @@ def find_facades(
     width, height = charts.size[chart].T
     foot, eaves = _levels(charts, chart)
     levels = [buildings[b].levels for b in building]
-    storeys = _floors(levels, eaves, storey)
+    storeys = floors_of(levels, eaves, storey)
     _, first, of = np.unique(run[chart], return_index=True, return_inverse=True)
     return Facades(
         id=tuple(f"{buildings[b].id}-{w}" for b, w in zip(building, wall, strict=True)),
@@ -127,6 +132,8 @@ def find_facades(
         foot=foot,
         eaves=eaves,
         storeys=storeys,
+        raised=np.array([buildings[b].raised > 0 for b in building], bool),
+        house=np.array([number_of(buildings[b].house) for b in building], np.int64),
     )
 
 
@@ -219,7 +226,7 @@ def _wall_numbers(charts: Charts) -> np.ndarray:
     return number
 
 
-def _floors(levels: Sequence[int | None], height: np.ndarray, storey: float) -> np.ndarray:
+def floors_of(levels: Sequence[int | None], height: np.ndarray, storey: float) -> np.ndarray:
     """Floors of facades (n,) int32: the tagged levels, else as many storeys as the height has; as many as it can have."""
     tagged = np.array([count or 0 for count in levels], np.int64)
     floors = np.where(tagged > 0, tagged, np.maximum(1, np.round(height / storey))).astype(np.int32)

@@ -10,7 +10,7 @@ import shapely
 
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.facades import Facades, find_facades
-from facade_core.geometry.density import texel_density
+from facade_core.geometry.density import coarsest, texel_density
 from facade_core.geometry.gaps import streets_between
 from facade_core.geometry.packing import Places, pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
@@ -20,6 +20,7 @@ from facade_core.geometry.walls import STREET, free_share
 from facade_core.geometry.ways import fitted
 from facade_core.grouping import Grouped
 from facade_core.identity import Each, chart_ids, here, look_around, things_of
+from facade_core.ownership import Own, own_facades, own_streets, owned_charts, watching
 from facade_core.plan import Plan, Sightings
 from facade_core.rectify import REACH_M, sightings
 from facade_core.street.scene import Scene
@@ -44,6 +45,7 @@ def ingest(
     page: int = 2048,
     last: Places | None = None,
     each: Each = here,
+    own: Own | None = None,
 ) -> Plan:
     """Charts and mesh, their place in the atlas, facades, viewpoints and the waves of streets.
 
@@ -52,6 +54,7 @@ def ingest(
     columns) are those of the panoramas. texels_per_metre is the density near streets. Lengths in metres; walls is "exemplar"
     (facades are seeded, the street stage writes the rest) or "translate" (the street stage writes every chart). With the
     places of an earlier ingest, charts stay where they are in the atlas. `each` says where rays are cast, most of the work.
+    own: what is textured, where the block is a part of a city; the rest is only seen, at the lowest density.
     Raises GeometryError for a block without geometry.
     """
     footprints = [building.footprint for building in buildings]
@@ -70,9 +73,14 @@ def ingest(
     names = tuple(building.id for building in buildings)
     finishes = tuple(building.finish for building in buildings)
     cameras = _cameras(streets, footprints, terrain, spacing=spacing, height=height)
+    owned = np.ones(len(charts), bool)
+    if own is not None:
+        owned = owned_charts(charts, buildings, streets, own)
+        cameras = watching(cameras, streets, buildings, own, visibility_range)
     places = np.array([camera.position for camera in cameras]).reshape(-1, 3)
     free = free_share(charts, mesh)
     density = texel_density(charts, free, places, texels_per_metre)
+    density[~owned] = coarsest(texels_per_metre)
     ids = chart_ids(charts, density / texels_per_metre, names, finishes)
     placement = pack(
         charts.size,
@@ -97,14 +105,19 @@ def ingest(
     )
 
     seen, looks = look_around(scene, things_of(charts, mesh, names), ids, cameras, ground, panorama_width, each)
+    around = streets if walls == "exemplar" else ()
+    facades = find_facades(scene, buildings, cameras, seen, storey, free, around)
+    if own is not None:
+        facades = own_facades(facades, buildings, own)
+        streets, rows, cameras, facades = own_streets(streets, cameras, facades, own)
+        seen, looks = [seen[row] for row in rows], tuple(looks[row] for row in rows)
     views = np.array(
         [(camera.id, chart) for camera, row in zip(cameras, seen, strict=True) for chart in row], np.int32
     ).reshape(-1, 2)
-    around = streets if walls == "exemplar" else ()
-    facades = find_facades(scene, buildings, cameras, seen, storey, free, around)
     textured = np.zeros(len(charts), bool)
     textured[mesh.chart[mesh.texture >= 0]] = True
-    writable = np.ones(len(charts), bool)
+    textured &= owned
+    writable = owned.copy()
     if walls == "exemplar":
         writable[facades.chart] = False
         writable[textured] = False
@@ -123,6 +136,7 @@ def ingest(
         wave=_waves(scene, cameras, seen, writable, len(streets)),
         ids=ids,
         looks=looks,
+        own=owned,
     )
     return with_panoramas(plan, on_ground(poses, terrain, height), panorama_sizes)
 

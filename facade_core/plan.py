@@ -48,7 +48,8 @@ class Plan:
     reason). textured (charts,) bool: charts with a texture of the source's own, or on a picture from above. views (k, 2)
     int32: pairs of viewpoint and chart, sorted: what each viewpoint's panorama shows; writable (charts,) bool: charts that
     the street stage writes; wave (streets,) int32. ids (charts,) uint64 and looks (viewpoints,) digests say what each chart
-    is and each viewpoint sees, wherever it stands in the order.
+    is and each viewpoint sees, wherever it stands in the order. own (charts,) bool: what is textured and published; the rest,
+    of a block that is a part of a city, is only seen.
     """
 
     scene: Scene
@@ -65,6 +66,7 @@ class Plan:
     wave: np.ndarray
     ids: np.ndarray
     looks: tuple[str, ...]
+    own: np.ndarray
 
     @cached_property
     def things(self) -> Things:
@@ -102,7 +104,7 @@ class Plan:
     @cached_property
     def _own_charts(self) -> np.ndarray:
         """The charts (k,) with textures of their own that are no facades."""
-        others = self.textured.copy()
+        others = self.textured & self.own
         others[self.facades.chart] = False
         return np.flatnonzero(others)
 

@@ -129,12 +129,11 @@ def choose_exemplars(walls: Walls, library: Library, *, seed: int) -> np.ndarray
     first = np.empty(len(numbers))
     for place, number in enumerate(numbers.tolist()):
         draw = np.random.default_rng([seed, number])
-        first[place] = draw.random()
+        first[place] = draw.random()  # as `order_of` has it
         misfit[place] += VARIETY * draw.random(misfit.shape[1])
     misfit += STRANGER * ~_at_home(walls.street[main], library.family, seed)
     near, metres = _neighbours(walls.ends, row, len(numbers))
-    rank = np.empty(len(numbers), np.int64)
-    rank[np.lexsort((numbers, first))] = np.arange(len(numbers))
+    rank = _ranks(first, numbers)
 
     chosen = np.full(len(numbers), -1)
     for turn in range(ROUNDS + 1):
@@ -146,6 +145,42 @@ def choose_exemplars(walls: Walls, library: Library, *, seed: int) -> np.ndarray
         if len(ready) == len(left):
             break
     return chosen[row]
+
+
+@dataclass(frozen=True)
+class Order:
+    """Who of a city's buildings chooses before whom: their numbers (b,), ascending, and of each the rows of those near that go
+    before it."""
+
+    numbers: np.ndarray
+    first: tuple[np.ndarray, ...]
+
+    def needed(self, chosen: np.ndarray) -> np.ndarray:
+        """The numbers (k,) of the buildings that are needed to choose for some, (c,) their numbers, with these: those that
+        go before them, before those, and so on."""
+        found = np.isin(self.numbers, chosen)
+        waiting = np.flatnonzero(found).tolist()
+        while waiting:
+            rows = self.first[waiting.pop()]
+            new = rows[~found[rows]]
+            found[new] = True
+            waiting += new.tolist()
+        return self.numbers[found]
+
+
+def order_of(walls: Walls, *, seed: int) -> Order:
+    """The order in which `choose_exemplars` goes through buildings."""
+    numbers, row = np.unique(walls.building, return_inverse=True)
+    near, _ = _neighbours(walls.ends, row, len(numbers))
+    rank = _ranks(np.array([np.random.default_rng([seed, number]).random() for number in numbers.tolist()]), numbers)
+    return Order(numbers, tuple(others[rank[others] < rank[one]] for one, others in enumerate(near)))
+
+
+def _ranks(first: np.ndarray, numbers: np.ndarray) -> np.ndarray:
+    """Who goes before whom, (b,) int64, by a draw (b,) of each."""
+    rank = np.empty(len(numbers), np.int64)
+    rank[np.lexsort((numbers, first))] = np.arange(len(numbers))
+    return rank
 
 
 def _misfits(walls: Walls, main: np.ndarray, library: Library) -> np.ndarray:

@@ -148,7 +148,8 @@ class Building:
 
     height is from the ground to the eaves (of a shell: to its top); height_source says where it is from: "height", "levels",
     "default" or "model". levels is the number of storeys where the source states it. base is the height of the ground at the
-    building, None where the terrain decides.
+    building, None where the terrain decides. raised: from the ground to its underside, 0 of what stands on the ground. part_of:
+    the id that the source gives the whole of which it is a part, None of a whole one; parts of one stand on one ground.
     """
 
     id: str
@@ -161,6 +162,13 @@ class Building:
     roof: Roof | None = None
     shell: Shell | None = None
     finish: Finish = PLAIN
+    raised: float = 0.0
+    part_of: str | None = None
+
+    @property
+    def house(self) -> str:
+        """The id that all parts of one building share: of the whole."""
+        return self.part_of or self.id
 
 
 @dataclass(frozen=True, slots=True, eq=False)

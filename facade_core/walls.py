@@ -27,4 +27,6 @@ def wall_of(scene: Scene, facades: Facades, facade: int) -> Wall:
         street=int(facades.role[facade]) == STREET,
         plain=int(facades.role[facade]) == BACK,
         free=shapely.union_all(parts),
+        raised=bool(facades.raised[facade]),
+        seams=tuple(facades.along[own][1:].tolist()),
     )

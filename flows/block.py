@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import logging
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
@@ -208,14 +207,16 @@ def _process(run: Run, due: Due, compute: Compute, submit: Submit) -> Outcome:
     begin_stage(stage, due.total, len(due.done))
     outcome = Outcome(skipped=len(due.done), refused=refused(due.done))
     waiting = list(batches(due.pieces, compute))
-    submitted: deque[Any] = deque()
+    outcomes: dict[int, Outcome] = {}
+    ended: SimpleQueue[tuple[int, Any]] = SimpleQueue()
     for number, batch in enumerate(waiting, 1):
-        if len(submitted) == AT_ONCE:
-            outcome += submitted.popleft().result()
-        numbered = f"{number} of {len(waiting)}"
-        submitted.append(submit(process_batch, run, stage, numbered, function, batch, compute, name=stage))
-    for future in submitted:
-        outcome += future.result()
+        if number > AT_ONCE:
+            _take(ended, outcomes)
+        future = submit(process_batch, run, stage, f"{number} of {len(waiting)}", function, batch, compute, name=stage)
+        future.add_done_callback(lambda future, number=number: ended.put((number, future)))
+    while len(outcomes) < len(waiting):
+        _take(ended, outcomes)
+    outcome += sum((outcomes[number] for number in sorted(outcomes)), Outcome())
     _log(stage, outcome)
     return outcome
 
@@ -242,14 +243,18 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
             future.add_done_callback(lambda future, street=street: ended.put((street, future)))
             del waits[street]
             under_way += 1
-        # what ends one street ends the run, however long the others would go on
-        street, future = ended.get()
-        outcomes[street] = future.result()
+        _take(ended, outcomes)
         under_way -= 1
     note_partial(run, chosen is not None)
     outcome = sum((outcomes[street] for street in order), Outcome())
     _log("streets", outcome)
     return outcome
+
+
+def _take(ended: SimpleQueue[tuple[int, Any]], outcomes: dict[int, Outcome]) -> None:
+    """Take what ends next. What ends it ends the run, however long the others would go on."""
+    number, future = ended.get()
+    outcomes[number] = future.result()
 
 
 def _log(stage: str, outcome: Outcome) -> None:

@@ -38,7 +38,7 @@ STOREYS = {
         ("store", "compute"),
         ("published",),
         ("stages",),
-        ("doctor", "examples", "export", "history", "training", "viewing"),
+        ("city", "doctor", "examples", "export", "history", "training", "viewing"),
     ),
     "catalogs": (
         ("broken", "features", "file_digest", "frames", "visible"),
@@ -46,6 +46,7 @@ STOREYS = {
         ("buildings", "examples", "learning", "published"),
         ("query", "stac"),
         ("block",),
+        ("city",),
     ),
 }
 MOST_FILES = 17  # of a room

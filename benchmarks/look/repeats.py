@@ -18,13 +18,18 @@ _SLOW_M = 0.6
 # Of the roadway: between its middle, where lanes are marked, and its edges.
 _ROADWAY_M = (0.6, 2.4)
 _PATCHES = 12
+# Marks are so many times as bright as the roadway; what has less than this grain, in levels of grey, is the one colour of what
+# stands against a neighbour, which nobody sees. Metres that are left out around both.
+_MARK, _GRAIN, _AROUND_M = 1.3, 0.25, 0.5
+# Metres around a shift out of which it stands.
+_RING_M = 0.5
 # A patch holds at least so many square metres.
 _LEAST_M2 = 12.0
 
 
 def repeats(output: Output) -> dict[str, Any]:
-    """For ground of the roadway and walls of material alone: the median and highest peak, and the shift of that, of the
-    largest charts."""
+    """For ground of the roadway and walls of material alone, of the largest charts: the median and highest peak of single
+    patches, which chance alone makes .2 of small ones, and the one that all patches share."""
     area = output.charts.size.prod(axis=1)
     ground = np.flatnonzero(output.charts.kind == GROUND)
     return {
@@ -37,6 +42,7 @@ def _peaks(output: Output, charts: np.ndarray, mask_of: Any) -> dict[str, Any]:
     import cv2
 
     found: list[tuple[float, float, float]] = []
+    maps: list[np.ndarray] = []
     pixels: tuple[int, np.ndarray] | None = None
     for chart in charts.tolist():
         if len(found) == _PATCHES:
@@ -52,53 +58,91 @@ def _peaks(output: Output, charts: np.ndarray, mask_of: Any) -> dict[str, Any]:
         top, left = _densest(mask)
         side = int(_SIDE_M * _PIXELS)
         window = (slice(top, top + side), slice(left, left + side))
-        peak = highest_peak(grey[window], mask[window])
-        if peak is not None:
-            found.append(peak)
+        likeness = autocorrelation(grey[window], material(grey[window], mask[window]))
+        if likeness is not None and np.isfinite(likeness).any():
+            maps.append(likeness)
+            found.append(highest_peak(likeness))
     if not found:
         return {"patches": 0}
     values = [value for value, _, _ in found]
     worst = found[int(np.argmax(values))]
+    shared, *shift = highest_peak(standing_out(np.array(maps)))
     return {
         "patches": len(found),
+        "shared": round(shared, 3),
+        "its_shift_m": [round(value, 2) for value in shift],
         "median": round(float(np.median(values)), 3),
         "highest": round(worst[0], 3),
-        "its_shift_m": [round(worst[1], 2), round(worst[2], 2)],
+        "shift_of_highest_m": [round(worst[1], 2), round(worst[2], 2)],
     }
 
 
-def highest_peak(grey: np.ndarray, mask: np.ndarray) -> tuple[float, float, float] | None:
-    """The highest normalised autocorrelation of the pixels (h, w) in a mask over shifts of SHIFTS_M, and that shift in metres
-    right and down; None where no shift leaves enough."""
+def material(grey: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """Where of a mask (h, w) grey shows a material's own texture: without marks on it, and without what has none."""
     import cv2
 
+    if not mask.any():
+        return mask
+    fine = np.abs(grey - cv2.GaussianBlur(grey, (0, 0), 0.15 * _PIXELS))
+    side = 2 * round(_AROUND_M * _PIXELS) + 1
+    even = cv2.blur(fine, (side, side)) < _GRAIN
+    out = mask & (grey > _MARK * np.median(grey[mask])) | even
+    return mask & ~cv2.dilate(out.astype(np.uint8), np.ones((side, side), np.uint8)).astype(bool)
+
+
+def autocorrelation(grey: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
+    """The normalised autocorrelation of the pixels (h, w) in a mask over shifts down and right of at most SHIFTS_M, (2 n + 1,
+    2 n + 1), in its middle that of no shift; NaN where a shift is shorter or leaves too little. None if the mask is small."""
+    import cv2
+
+    if mask.sum() < _LEAST_M2 * _PIXELS**2:
+        return None
     weight = mask.astype(np.float32)
     blurred = cv2.GaussianBlur(grey * weight, (0, 0), _SLOW_M * _PIXELS)
     own = cv2.GaussianBlur(weight, (0, 0), _SLOW_M * _PIXELS)
     detail = np.where(mask, grey - blurred / np.maximum(own, 1e-6), 0).astype(np.float64)
-    if detail[mask].std() < 1e-3:
-        return None
-    shape = [2 * n for n in grey.shape]
+    reach = round(SHIFTS_M[1] * _PIXELS)
+    shape = [2 * max(n, reach) + 1 for n in grey.shape]
 
     def correlated(a: np.ndarray, b: np.ndarray) -> np.ndarray:
-        return np.fft.irfft2(np.fft.rfft2(a, shape) * np.conj(np.fft.rfft2(b, shape)), shape)
+        found = np.fft.irfft2(np.fft.rfft2(a, shape) * np.conj(np.fft.rfft2(b, shape)), shape)
+        return np.roll(found, (reach, reach), (0, 1))[: 2 * reach + 1, : 2 * reach + 1]
 
     over = correlated(weight, weight)
     squares = correlated(detail**2, weight)
     reverse = correlated(weight, detail**2)
-    with np.errstate(divide="ignore", invalid="ignore"):
-        likeness = correlated(detail, detail) / np.sqrt(np.maximum(squares * reverse, 1e-12))
-    dy, dx = (np.fft.fftfreq(n, 1 / n) / _PIXELS for n in shape)
-    away = np.hypot(dy[:, None], dx[None])
+    likeness = correlated(detail, detail) / np.sqrt(np.maximum(squares * reverse, 1e-12))
+    metres = np.arange(-reach, reach + 1) / _PIXELS
+    away = np.hypot(metres[:, None], metres[None])
     ask = (away >= SHIFTS_M[0]) & (away <= SHIFTS_M[1]) & (over > _OVERLAP * mask.sum())
-    ask &= np.minimum(squares, reverse) > _OVERLAP / 2 * float(
-        (detail**2).sum()
-    )  # what is all but even correlates with anything
-    if not ask.any():
-        return None
-    at = int(np.argmax(np.where(ask, likeness, -np.inf)))
-    row, column = np.unravel_index(at, likeness.shape)
-    return float(likeness[row, column]), float(dx[column]), float(dy[row])
+    # what is all but even correlates with anything
+    ask &= np.minimum(squares, reverse) > _OVERLAP / 2 * float((detail**2).sum())
+    return np.where(ask, likeness, np.nan)
+
+
+def standing_out(maps: np.ndarray) -> np.ndarray:
+    """By how much shifts stand out of those around them in the mean of autocorrelations (k, n, n), NaN if half are unknown.
+
+    A material's period is the same in all patches; what two places of one share by chance is not, and the length of streaks is
+    no period.
+    """
+    import cv2
+
+    known = np.isfinite(maps)
+    mean = np.where(known, maps, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
+    enough = known.sum(axis=0) >= len(maps) / 2
+    weight = enough.astype(np.float64)
+    around, own = (cv2.GaussianBlur(values, (0, 0), _RING_M * _PIXELS) for values in (mean * weight, weight))
+    return np.where(enough, mean - around / np.maximum(own, 1e-9), np.nan)
+
+
+def highest_peak(likeness: np.ndarray) -> tuple[float, float, float]:
+    """The highest value of a map of shifts (n, n), NaN left out, and that shift in metres right and down; 0 if all is NaN."""
+    if not np.isfinite(likeness).any():
+        return 0.0, 0.0, 0.0
+    row, column = np.unravel_index(int(np.nanargmax(likeness)), likeness.shape)
+    middle = len(likeness) // 2
+    return float(likeness[row, column]), float(column - middle) / _PIXELS, float(row - middle) / _PIXELS
 
 
 def _roadway(output: Output, chart: int) -> np.ndarray:

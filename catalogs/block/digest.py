@@ -40,6 +40,8 @@ def block_digest(block: Block) -> str:
         "roof_material": material and (file_digest(material[0]), material[1]),
         "materials": [(one.name, one.metres, file_digest(one.path)) for one in block.materials],
     }
+    if block.part is None:  # a block by itself is the one that it was before there were parts
+        del values["part"]
     digest = hashlib.sha256()
     _say(values, digest.update)
     return digest.hexdigest()
@@ -63,6 +65,7 @@ def geometry_digest(block: Block) -> str:
             "aerial": aerial and (aerial.content, aerial.crs, aerial.frame),
             "texture": {name: getattr(texture, name) for name in OF_PLAN},
             "storey": block.storey,
+            **({} if block.part is None else {"own": (block.part.buildings, block.part.streets)}),
         },
         digest.update,
     )

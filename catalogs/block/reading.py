@@ -13,6 +13,7 @@ from catalogs.block.digest import block_digest
 from catalogs.block.file import BlockFile
 from catalogs.block.geometry import Files, read_geometry
 from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
+from catalogs.block.part import Part, restricted
 from catalogs.block.paths import named_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.features import Fault, by_reason, notes_by_reason
@@ -44,8 +45,8 @@ class Block:
     photos_rectified; privacy: what is kept of things in front; textures: the pictures that the buildings' own texture
     indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres per pixel;
     materials: pictures whose grain takes the place of what is shipped. notes says what was left out or assumed, one line each;
-    faults are the units that are broken. digest is the sha256 of all of that: of what was read, not of files, their names or
-    dates.
+    faults are the units that are broken. part: what is its own where it is a part of a city. digest is the sha256 of all of
+    that: of what was read, not of files, their names or dates.
     """
 
     name: str
@@ -72,6 +73,7 @@ class Block:
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
     digest: str
+    part: Part | None = None
 
 
 def read_block(path: Path | str) -> Block:
@@ -83,6 +85,14 @@ def read_block(path: Path | str) -> Block:
     file = BlockFile(Path(path))
     try:
         keys = check_keys(read_yaml(file.path))
+    except ValueError as error:
+        raise BlockFileError(f"{file.path}: {error}") from error
+    return block_of(keys, file)
+
+
+def block_of(keys: BlockKeys, file: BlockFile) -> Block:
+    """The block of keys that were read of a file. Raises as `read_block`."""
+    try:
         files = named_paths(keys, file.path)
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
@@ -137,6 +147,16 @@ def read_block(path: Path | str) -> Block:
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
     )
+    if keys.part is not None:
+        try:
+            return with_digest(restricted(block, keys.part), file)
+        except ValueError as error:
+            raise BlockFileError(f"{file.path}: {error}") from error
+    return with_digest(block, file)
+
+
+def with_digest(block: Block, file: BlockFile) -> Block:
+    """A block with the digest of all that it is."""
     return replace(block, digest=file.read("imagery", block_digest, block))
 
 

@@ -16,6 +16,7 @@ from shapely import MultiPolygon, Polygon
 from catalogs.broken import reason_of
 from catalogs.buildings.heights import assumed_heights
 from catalogs.buildings.models import models_in_frame
+from catalogs.buildings.parts import Stated, hosts, with_parts
 from catalogs.buildings.roofs import with_roofs
 from catalogs.features import Fault, Footprint, Footprints, Models, natural_order, notes_by_reason
 from catalogs.frames import between
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
     from pyproj import CRS
 
 SMALLEST = 10.0  # m2; below this an outline is a kiosk, a mast or a slip of the mapper
+SMALLEST_PART = 4.0  # m2; of a building's parts
 AROUND_M = 500.0  # buildings this near to the area tell heights, too
 SLIVER = 0.02  # share of its area by which an outline that crosses itself may differ from the repaired one
 SAME = 0.5  # share of its outline that a building shares with one of an earlier file: the same building
@@ -43,10 +45,17 @@ class Buildings:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A building before heights are assumed: of a model it is ready, of a footprint `stated` says what is known."""
+    """A building before heights are assumed: of a model it is ready, of a footprint `stated` says what is known. of: the whole
+    outline of which it is a part, None of a whole one."""
 
     building: Building
     stated: Footprint | None
+    of: Polygon | None = None
+
+    @property
+    def whole(self) -> bool:
+        """Whether it stands on the ground by itself."""
+        return self.of is None and (self.stated is None or not self.stated.begins_above)
 
 
 def block_buildings(
@@ -82,8 +91,38 @@ def block_buildings(
         found += _new(candidates, found, stated, reasons)
 
     found.sort(key=lambda candidate: natural_order(candidate.building.id))
-    buildings, notes = _with_heights(found, around, storey)
+    whole = [candidate for candidate in found if candidate.whole]
+    parts = [candidate for candidate in found if not candidate.whole]
+    buildings, notes = _with_heights(whole, [*around, *filter(_tells_heights, parts)], storey)
+    if parts:
+        buildings = _with_parts(buildings, found, parts, storey, reasons)
     return Buildings(buildings, tuple(textures), notes_by_reason(reasons) + notes, tuple(faults))
+
+
+def _with_parts(
+    buildings: Sequence[Building],
+    found: Sequence[_Candidate],
+    parts: Sequence[_Candidate],
+    storey: float,
+    reasons: dict[str, list[str]],
+) -> tuple[Building, ...]:
+    """The buildings, with their parts and what begins above the ground, ordered by id."""
+    wholes = {id(one.building.footprint): one for one in found}
+    stated = []
+    for part in parts:
+        assert part.stated is not None
+        of = wholes.get(id(part.of)) if part.of is not None else None
+        if part.of is not None and of is None:
+            continue  # the whole is left out, as an earlier source states it
+        more = of.stated if of is not None else None
+        kind, built = (
+            part.stated.kind or (more.kind if more else None),
+            part.stated.built or (more.built if more else None),
+        )
+        own = replace(part.stated, kind=kind, built=built)
+        stated.append(Stated(part.building, own, None if of is None else of.building.id))
+    found_parts = with_parts(buildings, stated, storey, SMALLEST, reasons)
+    return tuple(sorted(found_parts, key=lambda building: natural_order(building.id)))
 
 
 def _outlined(
@@ -96,16 +135,16 @@ def _outlined(
 ) -> list[_Candidate]:
     """The buildings of outlines in the area; `around` takes those near it whose height is known."""
     assert source.crs is not None
-    candidates: list[_Candidate] = []
+    pieces: list[tuple[Footprint, str, Polygon]] = []
     outlines = _projected([footprint.outline for footprint in source.items], source.crs, crs)
     for footprint, stated in zip(source.items, outlines, strict=True):
-        outline = stated
+        outline, smallest = stated, SMALLEST_PART if footprint.part else SMALLEST
         try:
             outline = _without_stray_holes(stated)
             if outline is not stated:
                 reasons["holes outside their outlines ignored"].append(footprint.id)
             reason = _broken(outline)
-            large, small = ([], []) if reason else _parts(outline)
+            large, small = ([], []) if reason else _parts(outline, smallest)
         except Exception as error:  # what GEOS makes of it is no other outline's fault
             reason = reason_of(error)
         if reason:
@@ -113,16 +152,25 @@ def _outlined(
                 faults.append(Fault(footprint.id, "building", reason))
             continue
         if not large and _touches(outline, area):
-            reason = f"footprints under {SMALLEST:g} m2" if small else "footprints that enclose no area"
+            what = "parts of buildings" if footprint.part else "footprints"
+            reason = f"{what} under {smallest:g} m2" if small else f"{what} that enclose no area"
             reasons[f"{reason} set aside"].append(footprint.id)
-        for index, part in enumerate(large):
-            inside = area is None or area.contains(part.representative_point())
-            if inside or (_is_known(footprint) and shapely.dwithin(area, part, AROUND_M)):
-                id = footprint.id if len(large) == 1 else f"{footprint.id}-{index}"
-                levels = max(1, int(footprint.levels)) if footprint.levels else None
-                building = Building(id, part, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
-                building = replace(building, finish=footprint.finish)
-                (candidates if inside else around).append(_Candidate(building, footprint))
+        pieces += [
+            (footprint, footprint.id if len(large) == 1 else f"{footprint.id}-{index}", part)
+            for index, part in enumerate(large)
+        ]
+    candidates: list[_Candidate] = []
+    of = hosts([outline for _, _, outline in pieces], [footprint.part for footprint, _, _ in pieces])
+    for (footprint, id, outline), host in zip(pieces, of, strict=True):
+        whole = pieces[host][2] if host >= 0 else None
+        inside = area is None or area.contains((outline if whole is None else whole).representative_point())
+        levels = max(1, int(footprint.levels)) if footprint.levels else None
+        building = Building(id, outline, 0.0, "", levels, footprint.name, footprint.base, footprint.roof)
+        candidate = _Candidate(replace(building, finish=footprint.finish), footprint, whole)
+        if inside:
+            candidates.append(candidate)
+        elif _tells_heights(candidate) and shapely.dwithin(area, outline, AROUND_M):
+            around.append(candidate)
     return candidates
 
 
@@ -220,6 +268,15 @@ def _known_heights(candidates: list[_Candidate], storey: float) -> list[Building
     return buildings
 
 
+def _tells_heights(candidate: _Candidate) -> bool:
+    """Whether a building states its height, and so tells that of others; so do parts on the ground that are tagged as
+    buildings."""
+    stated = candidate.stated
+    return (
+        stated is not None and _is_known(stated) and (candidate.whole or bool(stated.kind and not stated.begins_above))
+    )
+
+
 def _is_known(footprint: Footprint) -> bool:
     return footprint.height is not None or footprint.levels is not None
 
@@ -272,8 +329,8 @@ def _repaired(outline: Any) -> Any:
     return outline if outline.is_valid else shapely.make_valid(outline, method="structure", keep_collapsed=False)
 
 
-def _parts(outline: Polygon) -> tuple[list[Polygon], list[Polygon]]:
+def _parts(outline: Polygon, smallest: float) -> tuple[list[Polygon], list[Polygon]]:
     """The valid polygons of an outline, courtyards kept, from west to east: large enough ones, and too small ones."""
     polygons = [part for part in shapely.get_parts(_repaired(outline)) if part.geom_type == "Polygon" and part.area > 0]
     polygons = sorted(shapely.normalize(polygons), key=lambda part: part.bounds)
-    return [p for p in polygons if p.area >= SMALLEST], [p for p in polygons if p.area < SMALLEST]
+    return [p for p in polygons if p.area >= smallest], [p for p in polygons if p.area < smallest]

@@ -73,12 +73,13 @@ def with_roofs(buildings: Sequence[Building], stated: Sequence[Footprint | None]
     for index, (building, source) in enumerate(zip(buildings, stated, strict=True)):
         if source is not None and building.roof is None and building.height > 0:
             near = tree.query(building.footprint, predicate="dwithin", distance=BESIDE_M)
-            building = _roofed(building, source, attached=any(other != index for other in near))
+            building = under_roof(building, source, attached=any(other != index for other in near))
         roofed.append(building)
     return tuple(roofed)
 
 
-def _roofed(building: Building, source: Footprint, *, attached: bool) -> Building:
+def under_roof(building: Building, source: Footprint, *, attached: bool) -> Building:
+    """A building of known height with the roof that is assumed."""
     roof = assumed(building, source, attached=attached)
     if building.height_source != "height" or source.rise is not None:
         return replace(building, roof=roof)

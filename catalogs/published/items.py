@@ -56,6 +56,7 @@ COLUMNS = (
         required=True,
     ),
     Column("building", "string", "", "building that the facade belongs to"),
+    Column("part_of", "string", "", "id of the building of which that is a part; none of a whole one"),
     Column("geometry", "binary", "degrees", "foot line of a facade, WKB LineString in lon/lat (OGC:CRS84)"),
     Column("xmin", "double", "degrees", "west end of the foot line"),
     Column("ymin", "double", "degrees", "south end of the foot line"),

@@ -41,7 +41,7 @@ def read_plan(session: icechunk.Session) -> Plan:
 
 
 def read_facades(session: icechunk.Session) -> Facades:
-    return _of(Facades, read_table(session, "facades"))
+    return _facades(read_table(session, "facades"))
 
 
 def read_table(session: icechunk.Session, name: str) -> Values:
@@ -53,6 +53,14 @@ def placement_of(charts: Values, texels_per_metre: float) -> Placement:
     """Where charts lie, by their table; those of an older store are all of the atlas' density."""
     density = charts.get("texels_per_metre", np.full(len(charts["page"]), texels_per_metre))
     return _of(Placement, charts, pages=int(charts["page"].max(initial=-1)) + 1, texels_per_metre=density)
+
+
+def _facades(values: Values) -> Facades:
+    """Facades; those of an older store are of whole buildings on the ground."""
+    return _of(
+        Facades,
+        {"raised": np.zeros(len(values["id"]), bool), "house": values["building"].astype(np.int64)} | dict(values),
+    )
 
 
 def _of(kind: type[T], values: Values, **others: Any) -> T:
@@ -76,6 +84,7 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             **placement,
             "writable": plan.writable,
             "textured": plan.textured,
+            "own": plan.own,
             "id": plan.ids,
             "page_size": scene.spec.page,
             "chunk": scene.spec.chunk,
@@ -137,6 +146,8 @@ def _values(plan: Plan, buildings: Sequence[Building]) -> dict[str, dict[str, An
             "height": [b.height for b in buildings],
             "height_source": [b.height_source for b in buildings],
             "levels": [b.levels or 0 for b in buildings],
+            "raised": [b.raised for b in buildings],
+            "part_of": [b.part_of or "" for b in buildings],
             "roof_shape": [b.roof.shape if b.roof else "" for b in buildings],
             "roof_height": [b.roof.height if b.roof else np.nan for b in buildings],
             "roof_confidence": [b.roof.confidence if b.roof else np.nan for b in buildings],
@@ -173,7 +184,7 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
             for id_, name, line in zip(streets["id"], streets["name"], lines, strict=True)
         ),
         ground=_ground(tables["ways"], tables["areas"]),
-        facades=_of(Facades, tables["facades"]),
+        facades=_facades(tables["facades"]),
         poses=tuple(
             Pose(x, y, z, heading, pitch, roll, (left, top, width, height))
             for (x, y, z), (heading, pitch, roll), (left, top, width, height) in zip(
@@ -194,6 +205,7 @@ def _plan(tables: Mapping[str, Values], texels_per_metre: float) -> Plan:
         wave=streets["wave"],
         ids=charts["id"],
         looks=cameras["look"],
+        own=charts.get("own", np.ones(len(charts["id"]), bool)),
     )
 
 

@@ -113,6 +113,7 @@ TABLES = {
                 _column("texels_per_metre", "chart", "float64", "texels per metre", "m-1", optional=True),
                 _column("writable", "chart", "bool", "written by the street stage"),
                 _column("textured", "chart", "bool", "with a texture of the source's own, or from above"),
+                _column("own", "chart", "bool", "textured and published, not only seen", optional=True),
                 _column("id", "chart", "uint64", "digest of the chart's kind, place and building"),
             ),
             ("page_size", "chunk", "gutter"),
@@ -178,6 +179,14 @@ TABLES = {
                 _column("foot", "facade", "float64", "over the foot of most walls of its building", "m"),
                 _column("eaves", "facade", "float64", "from there to where most of these walls end", "m"),
                 _column("storeys", "facade", "int32", "storeys from there to there", "1"),
+                _column("raised", "facade", "bool", "whether its building begins above the ground", optional=True),
+                _column(
+                    "house",
+                    "facade",
+                    "int64",
+                    "number of the building, or of that of which it is a part",
+                    optional=True,
+                ),
             ),
         ),
         Table(
@@ -235,6 +244,8 @@ TABLES = {
                 _column("height", "building", "float64", "from the ground to the eaves, of a model to its top", "m"),
                 _column("height_source", "building", TEXT, "what the height was taken from"),
                 _column("levels", "building", "int32", "storeys as tagged, 0 where they are not", "1"),
+                _column("raised", "building", "float64", "from the ground to where it begins", "m", optional=True),
+                _column("part_of", "building", TEXT, "id of the whole, empty of a whole one", optional=True),
                 _column("roof_shape", "building", TEXT, "as in OpenStreetMap, empty of a model", optional=True),
                 _column("roof_height", "building", "float64", "from the eaves to the ridge", "m", optional=True),
                 _column(

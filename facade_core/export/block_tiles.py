@@ -33,6 +33,7 @@ def tiles_of(plan: Plan) -> list[Tile]:
     scene = plan.scene
     charts, mesh = scene.charts, scene.mesh
     drawn = np.unique(mesh.chart[shown_area(mesh) > SMALLEST_M2])
+    drawn = drawn[plan.own[drawn]]
     lowest = np.full(len(charts), np.inf)
     np.minimum.at(lowest, mesh.vertex_chart, mesh.vertices[:, 2])
     tiles = []

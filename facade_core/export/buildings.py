@@ -10,10 +10,10 @@ import shapely
 from shapely import Polygon
 
 from facade_core.export.cityjson import Face
-from facade_core.export.footprints import footprint
+from facade_core.export.footprints import GRID_M, footprint
 from facade_core.export.models import Drawn
 from facade_core.export.openings import cut_openings, outlines
-from facade_core.geometry.charts import KINDS
+from facade_core.geometry.charts import CEILING, KINDS
 from facade_core.types import Element
 
 SEMANTICS = {
@@ -85,9 +85,14 @@ def _face(drawn: Drawn, chart: int, polygon: Polygon, semantic: int, known: Mapp
 
 
 def _ground(drawn: Drawn, triangles: np.ndarray) -> list[tuple[np.ndarray, ...]]:
-    """What a building's roofs cover, at its lowest point, facing down: meshes end at the ground and have no surface there."""
+    """What a building's roofs cover, at its lowest point, facing down: meshes end at the ground and have no surface there.
+    Nothing where a ceiling is lowest: it begins above the ground."""
     mesh = drawn.source.mesh
-    base = mesh.vertices[mesh.triangles[triangles], 2].min()
+    height = mesh.vertices[mesh.triangles[triangles], 2]
+    base = height.min()
+    ceiling = drawn.source.charts.kind[mesh.chart[triangles]] == CEILING
+    if (height[ceiling] < base + GRID_M).all(axis=1).any():
+        return []
     # clockwise from above is counter-clockwise from below
     parts = [shapely.orient_polygons(part, exterior_cw=True) for part in footprint(drawn.source, triangles)]
     return [

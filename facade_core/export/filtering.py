@@ -5,7 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from facade_core.kernels import njit
 
 # A pixel that is so many times longer on a surface than it is wide takes as many places along it, at most.
 LONGEST = 12

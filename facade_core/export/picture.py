@@ -16,7 +16,7 @@ from facade_core.geometry.raycast import MISS
 from facade_core.grouping import Grouped
 from facade_core.labels import CLASSES, COLOURS, colourise
 from facade_core.street.scene import Scene
-from facade_core.street.sky import HAZE_M, HORIZON, sky
+from facade_core.street.sky import HAZE_M, HORIZON, backdrop
 from facade_core.types import Lattice
 
 # An element of which more than this share was hidden is one that the completion made.
@@ -88,7 +88,7 @@ def aim(scene: Scene, camera: Camera, *, samples: int = 2) -> Picture:
     rays = dense.rays()
     depth, chart = scene.caster.cast(camera.position, rays)
     rgb = np.zeros((*size, 3), np.uint8)
-    rgb[chart == MISS] = sky(rays[chart == MISS, 2])
+    rgb[chart == MISS] = backdrop(rays[chart == MISS])
     pixel = np.flatnonzero(chart.reshape(-1) != MISS)
     return Picture(scene, dense, rgb, pixel, chart.reshape(-1)[pixel], depth.reshape(-1)[pixel])
 

@@ -9,8 +9,8 @@ import shapely
 from shapely import Polygon
 
 from facade_core.geometry.charts import ROOF, WALL
-from facade_core.geometry.eaves import Faces, Trim
 from facade_core.geometry.facets import Facets
+from facade_core.geometry.trim import Faces, Trim
 
 # Roofs of pitched shapes over this many square metres have one, in this share of all cases; from the third figure on two.
 LEAST_M2, SHARE, TWO_M2 = 60.0, 0.7, 900.0

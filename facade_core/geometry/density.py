@@ -32,8 +32,13 @@ def texel_density(
     for run in bends(charts, np.flatnonzero(charts.kind == WALL)):
         nearest[run] = nearest[run].min()
     halved = (nearest > NEAR_M).astype(int) + (nearest > FAR_M)
-    possible = max(0, int(np.floor(np.log2(texels_per_metre / LEAST))))
-    return texels_per_metre / 2.0 ** np.minimum(halved, possible)
+    return np.maximum(texels_per_metre / 2.0**halved, coarsest(texels_per_metre))
+
+
+def coarsest(texels_per_metre: float) -> float:
+    """The fewest texels a metre that any chart of an atlas has."""
+    possible = int(np.floor(np.log2(texels_per_metre / LEAST)))
+    return texels_per_metre / 2.0 ** min(max(possible, 0), 2)
 
 
 def _nearest(charts: Charts, viewpoints: np.ndarray) -> np.ndarray:

@@ -6,12 +6,12 @@ from dataclasses import dataclass
 
 import numpy as np
 import shapely
-from numba import njit
 from shapely import MultiPolygon, Polygon
 
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import CEILING, DOOR, ROOF, WALL, WINDOW
 from facade_core.geometry.crossings import Crossings
+from facade_core.kernels import njit
 from facade_core.types import SEMANTICS, Shell
 
 WELD_M = 1e-3

@@ -10,7 +10,7 @@ import numpy as np
 import shapely
 from shapely import Polygon
 
-from facade_core.geometry.charts import GROUND, Pieces, frames
+from facade_core.geometry.charts import CEILING, GROUND, Pieces, frames
 from facade_core.geometry.cutting import cells
 from facade_core.geometry.terrain import Terrain
 
@@ -118,16 +118,20 @@ def _drape(part: Polygon, terrain: Terrain) -> _Draped:
 
 
 def add_level(pieces: Pieces, kind: int, index: int, polygon: Polygon, z: float, largest: float, grid: float) -> None:
-    """A horizontal surface facing up, cut on the grid when it is longer than `largest`; the chart's up is north."""
+    """A horizontal surface, facing up but for a ceiling, cut on the grid when it is longer than `largest`; the chart's up is
+    north, of a ceiling south."""
+    down = kind == CEILING
     west, south, east, north = polygon.bounds
     for part in cells(polygon, grid) if max(east - west, north - south) > largest else [polygon]:
         if part.area < 1e-3:
             continue
-        left, _, _, top = part.bounds
+        left, bottom, _, top = part.bounds
+        first, way = (bottom, 1.0) if down else (top, -1.0)
         frame = shapely.transform(
-            part, lambda xy, left=left, top=top: np.column_stack([xy[:, 0] - left, top - xy[:, 1]])
+            part,
+            lambda xy, left=left, first=first, way=way: np.column_stack([xy[:, 0] - left, way * (xy[:, 1] - first)]),
         )
-        add_planar(pieces, kind, index, np.array([left, top, z]), _EAST, _SOUTH, frame)
+        add_planar(pieces, kind, index, np.array([left, first, z]), _EAST, -way * _SOUTH, frame)
     pieces.surfaces += 1
 
 

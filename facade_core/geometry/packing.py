@@ -5,10 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import raster_sizes
+from facade_core.kernels import njit
 
 # Pages still open for first fit: more would fill pages better, but scatter a building over the atlas.
 OPEN_PAGES = 4

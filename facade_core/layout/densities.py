@@ -9,8 +9,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.layout.statistics import LABELS
 
 COMPONENTS = 4

@@ -9,8 +9,8 @@ once more into it, for seconds, to save a run a tenth of one.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.layout.densities import Densities
 from facade_core.layout.policy import (
     COPY_SPACING,

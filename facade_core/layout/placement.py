@@ -7,8 +7,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.layout.rectangles import BALCONY, WINDOW
 
 # A NULL element takes up space and is no part of the layout.

@@ -10,8 +10,8 @@ end, so a candidate is measured once. Doors and shops stand on the ground: they 
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.layout.placement import (
     NULL,
     Start,

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import statistics as st
 from facade_core.layout.checks import check_domain, check_elements

@@ -7,8 +7,8 @@ index into ELEMENT_CLASSES; grid (N,) the grid each lies in, numbered from 0 wit
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.labels import ELEMENT_CLASSES
 
 LABELS = len(ELEMENT_CLASSES)

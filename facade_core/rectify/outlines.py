@@ -5,9 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
 
 from facade_core.geometry.charts import GROUND
+from facade_core.kernels import njit
 from facade_core.rectify.camera import camera_from_world, position
 from facade_core.street.scene import Scene
 from facade_core.types import Pose

@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.rectify.pyramid import area_mean, pyramid
 from facade_core.street.scene import Scene
 

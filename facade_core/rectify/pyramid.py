@@ -5,7 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numba import njit
+
+from facade_core.kernels import njit
 
 # Samples along either side of a parallelogram; the pyramid takes care of what is longer in both directions.
 MOST_SAMPLES = 12

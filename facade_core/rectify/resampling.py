@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.rectify.pyramid import area_mean, pyramid
 
 # Colour distance to the bottom row within which pixels above it belong to the same flat mask.

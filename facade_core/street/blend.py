@@ -11,7 +11,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
+
+from facade_core.kernels import njit
 
 LOW, HIGH = 0.3, 0.7
 # Distances up to this many millimetres fit 16 bits.

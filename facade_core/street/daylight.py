@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from threading import Lock
 
 import numpy as np
-from numba import njit
 
 from facade_core.geometry.charts import Charts
 from facade_core.geometry.raycast import MISS, RayCaster
+from facade_core.kernels import njit
 
 # Metres between the places of a chart that are looked from, its border's among them; light is linear between them.
 CELL_M = 2.0

@@ -5,7 +5,8 @@ from __future__ import annotations
 from functools import lru_cache
 
 import numpy as np
-from numba import njit
+
+from facade_core.kernels import njit
 
 # Side of the kernel.
 SIDE = 7

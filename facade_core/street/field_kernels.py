@@ -8,8 +8,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.street.chance import chance
 from facade_core.street.daylight import LEAST
 from facade_core.street.grain import Grains, add_grain

@@ -12,9 +12,9 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 from scipy import ndimage, special
 
+from facade_core.kernels import njit
 from facade_core.street.chance import ACROSS, SEED, mixed_bits, row_of
 from facade_core.types import MATERIALS
 

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.street.chance import ACROSS, SEED, mixed, row_of
 from facade_core.street.grain import Grains
 from facade_core.street.ground import CELL_M, CELLS, PATHS, PAVEMENT, REACH_M, ROAD, Drawn
@@ -35,19 +35,19 @@ LITTER_M, LEAF_CELL_M, LITTERED, GATHERED, LEAF_M = 0.5, 0.1, 0.22, 24, 0.07
 WHEEL_M = 0.85
 
 
-@njit(cache=True, inline="always")
+@njit(cache=True)
 def level(value: float) -> np.uint8:
     """A tone as a byte."""
     return np.uint8(np.int64(min(max(value, 0.0), 255.0) + 0.5))
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _within(low: float, high: float, middle: float, wide: float) -> float:
     """Of a piece `wide` about a place the share between low and high."""
     return max(min(middle + 0.5 * wide, high) - max(middle - 0.5 * wide, low), 0.0) / wide
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def outward(px: float, py: float, edges: np.ndarray, first: int, last: int) -> float:
     """How far a place lies outside of what is on the left of the nearest of some edges, metres, negative inside."""
     best, beside, sign = np.inf, -1.0, 1.0
@@ -156,7 +156,7 @@ def _all(cell: int, drawn: Drawn) -> int:
     return int(drawn.frames[start, 6]) if end > start else TAR
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _frame(
     cell: int,
     px: float,
@@ -196,7 +196,7 @@ def _frame(
     return nearest
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _layers(
     cell: int,
     px: float,
@@ -242,7 +242,7 @@ def _layers(
             hidden[k] = hidden[k] * (1 - share) + share
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _carriageway(
     cell: int,
     px: float,
@@ -284,7 +284,7 @@ def _carriageway(
         hidden[k] = hidden[k] * (1 - stone) + stone
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _leaves(px: float, py: float, wide: float, outside: float, seed: int) -> float:
     """The share of a footprint under fallen leaves, most of them by the kerb; outside: how far it is from there, metres."""
     near = 1 - abs(outside) / LITTER_M
@@ -307,7 +307,7 @@ def _leaves(px: float, py: float, wide: float, outside: float, seed: int) -> flo
     return min(share, 1.0)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _beside(px: float, py: float, frames: np.ndarray, f: int) -> float:
     """How far a place is from the line of a frame, metres."""
     qx, qy = px - frames[f, 0], py - frames[f, 1]
@@ -317,7 +317,7 @@ def _beside(px: float, py: float, frames: np.ndarray, f: int) -> float:
     return np.sqrt(past * past + left * left)
 
 
-@njit(cache=True, inline="always", error_model="numpy")
+@njit(cache=True, error_model="numpy")
 def _marked(px: float, py: float, wide: float, marks: np.ndarray, m: int) -> float:
     """The share of a footprint on a mark."""
     qx, qy, length, half = px - marks[m, 0], py - marks[m, 1], marks[m, 4], marks[m, 5]

@@ -9,8 +9,8 @@ the side of a square, longer than 0.
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.street import grain
 from facade_core.street.chance import ACROSS, DOWN, SEED, mixed, row_of
 from facade_core.types import SURFACES

@@ -6,12 +6,12 @@ from concurrent.futures import ThreadPoolExecutor
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from facade_core.atlas.provenance import TRANSLATED, UNSEEN
 from facade_core.errors import GeometryError
 from facade_core.geometry.equirectangular import basis
 from facade_core.geometry.streets import Viewpoint
+from facade_core.kernels import njit
 from facade_core.street.blend import BlendState, add_view, blend_texel, stands_in
 from facade_core.street.footprints import TILE, Facing, mark_tiles
 from facade_core.street.scene import Scene

@@ -5,9 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
 from facade_core.atlas.provenance import TRANSLATED, UNSEEN
+from facade_core.kernels import njit
 
 # Samples of a footprint along either of its sides, at most: a longer one belongs to a pixel near the horizon.
 MOST_SAMPLES = 16

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass, fields
 from functools import cached_property
-from hashlib import blake2b
 from typing import Any
 
 import numpy as np
-from numba import njit
 
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry.charts import Charts, Mesh
@@ -16,6 +14,8 @@ from facade_core.geometry.equirectangular import directions
 from facade_core.geometry.packing import Placement
 from facade_core.geometry.raycast import MISS, RayCaster
 from facade_core.geometry.streets import Viewpoint
+from facade_core.kernels import njit
+from facade_core.naming import number_of
 from facade_core.street.daylight import Daylight
 from facade_core.types import Finish
 
@@ -45,7 +45,7 @@ class Scene:
         when others come and go; its row where the scene has no names."""
         if not self.names:
             return np.arange(max(1, int(self.charts.building.max(initial=0)) + 1))
-        return np.array([int.from_bytes(blake2b(name.encode(), digest_size=4).digest()) for name in self.names])
+        return np.array([number_of(name) for name in self.names])
 
     @cached_property
     def caster(self) -> RayCaster:

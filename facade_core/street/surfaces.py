@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level
-from facade_core.atlas.provenance import MATERIAL, PHOTO, TRANSLATED, UNSEEN
+from facade_core.atlas.provenance import MATERIAL, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import Placement
@@ -16,8 +16,9 @@ from facade_core.street.contact import contact
 from facade_core.street.enclosed import enclosed
 from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial, from_above
+from facade_core.street.relief import cast_shadows
 from facade_core.street.scene import Scene
-from facade_core.street.sun import lit, sunlight
+from facade_core.street.sun import lit, on_chart, skylight, sunlight
 from facade_core.street.translate import footprint
 from facade_core.street.window import Window
 from facade_core.types import Sun
@@ -67,12 +68,14 @@ def surface(
     levelling: bool = True,
     aerial: Aerial | None = None,
     sun: Sun | None = None,
+    labels: np.ndarray | None = None,
     anew: bool = False,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A whole chart: colour (h, w, 3) uint8 and provenance (h, w) uint8, of which none is UNSEEN.
 
     What nobody can ever see of a wall takes one colour, which costs nothing to keep. Where walls stand on the ground what is
-    painted beside the line is darker; with a `sun` all is in its light and its shadows.
+    painted beside the line is darker; with a `sun` all is in its light and its shadows, those too of what stands out and lies
+    back by a facade's `labels` (h, w), where it is no picture of that very facade.
 
     Bare texels take their material, bare ground under the free sky the `aerial` picture. With `levelling` what is painted is
     levelled to what was seen of the same surface, on its own chart or beside it, and both together to what pictures show.
@@ -86,8 +89,23 @@ def surface(
         darker = (provenance <= TRANSLATED) & (left < 1)
         colour[darker] = (colour[darker] * left[darker][:, None] + 0.5).astype(np.uint8)
     if sun is not None:
-        colour = lit(colour, sunlight(scene, chart, sun))
+        colour = _in_sun(scene, chart, sun, colour, provenance == SYNTHESISED, labels)
     return colour, provenance
+
+
+def _in_sun(
+    scene: Scene, chart: int, sun: Sun, colour: np.ndarray, made: np.ndarray, labels: np.ndarray | None
+) -> np.ndarray:
+    """A colour in the light of the sun; where a facade was `made` (h, w) of an exemplar also in the light that a court leaves,
+    and in the shadows of its relief: materials have that of the sky, pictures have both."""
+    light, sky = sunlight(scene, chart, sun), None
+    if labels is not None and made.any():
+        sky = skylight(scene, chart)
+        if light.any():
+            density = float(scene.placement.texels_per_metre[chart])
+            shadow = cast_shadows(colour, labels, density, *on_chart(scene.charts, chart, sun))
+            light *= 1 - made * shadow
+    return lit(colour, light, 1.0 if sky is None else np.where(made, sky, np.float32(1)))
 
 
 def _levelled_surface(

@@ -8,9 +8,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 
 from facade_core.errors import ImageError
+from facade_core.kernels import njit
 from facade_core.texture.seams import least_path
 
 # Share of a picture's side within which its opposite borders are joined, and pixels over which the join is soft.

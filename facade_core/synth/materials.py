@@ -6,7 +6,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.street.grain import PLASTER_FINE, PLASTER_ROUGH, SETTS, add_grain
+from facade_core.street.grain_file import shipped
 from facade_core.synth.canvas import Canvas, fractal, linear, noise
+
+# Pixels whose grain is worked out together.
+AT_ONCE = 1 << 18
+# How much of the photographed grain walls have: of plaster, from trowelled to roughcast, and of bricks and stones.
+PLASTERED, LAID = (1.0, 1.6), 1.3
 
 
 @dataclass(frozen=True)
@@ -33,7 +40,9 @@ def plaster(
     shape = canvas.relief[at].shape
     grain = noise(shape, 0.022 * canvas.scale, rng)
     # Grain, the strokes of the trowel, and patches as far as an arm reaches.
-    tone = 1 + np.float32(0.03 + 0.05 * rough) * grain + 0.022 * noise(shape, 0.35 * canvas.scale, rng)
+    weight = PLASTERED[0] + (PLASTERED[1] - PLASTERED[0]) * rough
+    tone = photographed(shape, canvas.scale, PLASTER_ROUGH if rough > 0.4 else PLASTER_FINE, weight, rng)
+    tone += np.float32(0.02 + 0.03 * rough) * grain + 0.022 * noise(shape, 0.35 * canvas.scale, rng)
     tone += np.float32(0.010) * noise(shape, (0.05 * canvas.scale, 0.16 * canvas.scale), rng)
     tone += np.float32(0.014) * noise(shape, 1.7 * canvas.scale, rng)
     canvas.albedo[at] = colour * tone[..., None]
@@ -71,7 +80,7 @@ def masonry(
     value = np.take_along_axis(rng.standard_normal((count, int(stone.max()) + 1), dtype=np.float32), stone, 1)
     upright = np.where(short, in_unit - length, in_unit) < joint
     gap = (in_row >= course - joint)[:, None] | upright[row]
-    grain = 1 + np.float32(0.025) * noise((rows, columns), 0.03 * canvas.scale, rng)
+    grain = photographed((rows, columns), canvas.scale, SETTS, LAID, rng)
     tone = 1 + np.float32(bond.spread) * value
     # Firing and quarry beds change the hue as well as the tone.
     redder = tone * (1 + np.float32(0.35 * bond.spread) * np.sin(7 * value))
@@ -88,6 +97,24 @@ def masonry(
     height[gap] = relief - groove
     canvas.relief[at] = height
     canvas.gloss[at] = 0
+
+
+def photographed(
+    shape: tuple[int, int], scale: float, example: int, weight: float, rng: np.random.Generator
+) -> np.ndarray:
+    """What a material's colour is multiplied by, in linear light, (H, W) float32 about 1: the grain of photographs of it
+    (`facade_core.street.grain`), as pixels of 1 / scale metres see it."""
+    rows, columns = shape
+    out, grains, seed = np.empty(shape, np.float32), shipped(), int(rng.integers(1 << 31))
+    across = (np.arange(columns) + 0.5) / scale
+    together = max(1, AT_ONCE // max(columns, 1))
+    for first in range(0, rows, together):
+        count = min(together, rows - first)
+        y = np.repeat((np.arange(first, first + count) + 0.5) / scale, columns)
+        tone = np.ones(len(y))
+        add_grain(np.tile(across, count), y, np.full(len(y), 1 / scale), grains, example, weight, seed, tone)
+        out[first : first + count] = (tone * tone).reshape(count, columns)  # of display values, nearly GAMMA
+    return out
 
 
 def banded(

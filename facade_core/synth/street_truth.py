@@ -7,7 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from numba import njit
 
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.errors import LayoutError
@@ -15,6 +14,7 @@ from facade_core.geometry.charts import GROUND, WALL
 from facade_core.geometry.packing import pack
 from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import terrain_of
+from facade_core.kernels import njit
 from facade_core.rectify.camera import camera_from_world, position
 from facade_core.street.scene import Scene
 from facade_core.synth.exemplars import exemplars

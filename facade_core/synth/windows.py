@@ -5,17 +5,17 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from facade_core.synth.canvas import Canvas, linear, noise
 
 GLASS, BAR, FRAME = -0.27, -0.23, -0.20  # relief in metres
-# What glass shows of them: a twelfth of the sky's light, twice a wall's, and of the shaded houses across the street.
-_SKY_HIGH, _SKY_LOW, _STREET = 0.17 * linear("#a9c3e2"), 0.27 * linear("#eef0ee"), linear("#3b3a39")
+# What glass shows of them: a share of the sky's light, and of the houses across the street, in light or shade, and their panes.
+_SKY_HIGH, _SKY_LOW = 0.24 * linear("#a9c3e2"), 0.35 * linear("#eef0ee")
+_STREET, _ACROSS = linear("#3b3a39"), linear("#4a4743")
 _ROOM = linear("#35353a")
 # How often a casement leans so that it mirrors the sky: on the lowest storey, and so much more on the highest.
-SKY_LOWEST, SKY_HIGHEST = 0.10, 0.40
+SKY_LOWEST, SKY_HIGHEST = 0.12, 0.45
 
 
 @dataclass(frozen=True)
@@ -66,22 +66,22 @@ def mirrored(shape: tuple[int, int], rng: np.random.Generator, *, posts: Sequenc
     """
     rows, columns = shape
     y = ((np.arange(rows, dtype=np.float32) + 0.5) / rows)[:, None]
-    # Walls and windows across the street, out of focus.
-    coarse = np.kron(rng.uniform(0.6, 1.4, (5, 4)), np.ones((3, 3))).astype(np.float32)
-    houses = cv2.resize(coarse, (columns, rows), interpolation=cv2.INTER_LINEAR)
-    eaves = np.full(columns, -1.0, np.float32)
-    strength = np.ones(columns, np.float32)
-    low = float(rng.uniform(0.25, 1.3))
+    light = np.empty((rows, columns, 3), np.float32)
+    low, tone, wide = float(rng.uniform(0.25, 1.3)), float(rng.uniform(0.4, 0.85)), float(rng.uniform(0.45, 0.7))
     for left, right in zip((0, *posts), (*posts, columns), strict=True):
-        if rng.random() < sky:
-            steps = np.repeat(rng.random(3).astype(np.float32), -(-(right - left) // 3))[: right - left]
-            eaves[left:right] = low + rng.uniform(-0.12, 0.12) + 0.10 * steps
-            strength[left:right] = rng.uniform(0.55, 1.0)
-        else:
-            strength[left:right] = rng.uniform(0.5, 1.3)
-    above = np.clip((eaves[None, :] - y) * (rows / 3), 0, 1)[..., None]
-    light = _SKY_HIGH + (_SKY_LOW - _SKY_HIGH) * np.clip(y / 1.1, 0, 1)[..., None]
-    return strength[None, :, None] * (above * light + (1 - above) * _STREET * houses[..., None])
+        x = (np.arange(right - left, dtype=np.float32) + 0.5)[None, :] / max(columns, 1)
+        # each leaf leans its own way: what it mirrors lies higher or lower, aslant, and is out of focus
+        lift, lean = rng.uniform(-0.12, 0.12), rng.uniform(-0.12, 0.12)
+        at = y + lift + lean * x
+        panes = np.clip(4 * np.cos(2 * np.pi * (at - low) / 0.62) - 1.2, 0, 1) * np.clip(
+            4 * np.cos(2 * np.pi * (x + rng.random()) / wide) - 0.6, 0, 1
+        )
+        houses = rng.uniform(0.6, 1.1) * (_ACROSS * tone + panes[..., None] * (0.45 * _STREET - _ACROSS * tone))
+        eaves = low + lift if rng.random() < sky else -1.0
+        above = np.clip((eaves - at) * (rows / 4), 0, 1)[..., None]
+        shown = _SKY_HIGH + (_SKY_LOW - _SKY_HIGH) * np.clip(at / 1.1, 0, 1)[..., None]
+        light[:, left:right] = houses + above * (rng.uniform(0.55, 1.0) * shown - houses)
+    return light
 
 
 def _room(shape: tuple[int, int], state: str, fabrics: Fabrics, scale: float, rng: np.random.Generator) -> np.ndarray:

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.texture.seams import least_path
 from facade_core.types import Lattice
 

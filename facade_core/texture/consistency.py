@@ -15,9 +15,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 from scipy.spatial.distance import cdist
 
+from facade_core.kernels import njit
 from facade_core.labels import CLASSES
 from facade_core.types import Lattice
 

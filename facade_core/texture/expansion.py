@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.texture.prices import UNUSABLE, Offers
 
 SWEEPS = 2

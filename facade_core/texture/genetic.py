@@ -5,8 +5,8 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.texture.consistency import Tables, refresh, total
 
 POPULATION = 10
@@ -83,6 +83,16 @@ def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _Nodes) -> tuple[int, int, 
 
 
 @njit(cache=True)
+def _copy(tiles: np.ndarray, cost: np.ndarray, to: np.ndarray, to_cost: np.ndarray) -> None:
+    """An individual and what it costs over another; by loops, as slices take numba seconds to compile."""
+    for y in range(tiles.shape[0]):
+        for x in range(tiles.shape[1]):
+            to[y, x] = tiles[y, x]
+            for term in range(cost.shape[0]):
+                to_cost[term, y, x] = cost[term, y, x]
+
+
+@njit(cache=True)
 def _evolve(
     tab: Tables, nodes: _Nodes, population: np.ndarray, draws: np.ndarray, tries: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
@@ -98,7 +108,8 @@ def _evolve(
         order = np.argsort(fitness)
         lowest[generation] = fitness[order[0]]
         for k in range(ELITE):
-            heirs[k], heir_cost[k], heir_fitness[k] = population[order[k]], cost[order[k]], fitness[order[k]]
+            heir_fitness[k] = fitness[order[k]]
+            _copy(population[order[k]], cost[order[k]], heirs[k], heir_cost[k])
         for pair in range(draws.shape[1]):
             u = draws[generation, pair]
             a, b = _pick(u[0], count), _pick(u[1], count)
@@ -106,8 +117,8 @@ def _evolve(
             a, b = _pick(u[2], count), _pick(u[3], count)
             father = a if fitness[a] <= fitness[b] else b
             first, second = ELITE + 2 * pair, ELITE + 2 * pair + 1
-            heirs[first], heir_cost[first] = population[mother], cost[mother]
-            heirs[second], heir_cost[second] = population[father], cost[father]
+            _copy(population[mother], cost[mother], heirs[first], heir_cost[first])
+            _copy(population[father], cost[father], heirs[second], heir_cost[second])
             y, x = _pick(u[4], tall), _pick(u[5], wide)
             y1, x1 = min(tall, y + 1 + _pick(u[6], BLOCK)), min(wide, x + 1 + _pick(u[7], BLOCK))
             for i in range(y, y1):
@@ -126,7 +137,7 @@ def _evolve(
     tiles, held, lowest[-1] = population[best], cost[best], fitness[best]
     other, other_cost = heirs[0], heir_cost[0]
     for k in range(tries.shape[0]):
-        other[:], other_cost[:] = tiles, held
+        _copy(tiles, held, other, other_cost)
         top, low, left, edge = _mutate(other, tries[k], nodes)
         refresh(tab, other_cost, other, top, low, left, edge)
         energy = total(other_cost)

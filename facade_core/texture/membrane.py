@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from numba import njit
+
+from facade_core.kernels import njit
 
 _DOUBT = 0.10  # a seam with a colour step of this size (0-1) counts half: a misplaced edge must not bleed
 _LEAK = 2e-4  # pull of every pixel towards its own colour

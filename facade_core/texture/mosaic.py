@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
 
+from facade_core.kernels import njit
 from facade_core.texture.membrane import membrane
 
 _JOINED = 8  # px, holes nearer than twice this are blended together

@@ -7,8 +7,9 @@ from typing import NamedTuple
 
 import cv2
 import numpy as np
-from numba import njit
 from scipy.ndimage import gaussian_filter1d
+
+from facade_core.kernels import njit
 
 UNUSABLE = np.float32(1e4)
 # Shares of the three witnesses in a price (near those that fit 150,000 copies on facades with known truth best), and how

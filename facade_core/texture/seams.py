@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import cv2
 import numpy as np
-from numba import njit
+
+from facade_core.kernels import njit
 
 
 @njit(cache=True)

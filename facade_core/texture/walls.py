@@ -29,6 +29,9 @@ BESIDE_WINDOW_M = 0.25
 PLAIN_BAYS = 1.3
 # Bare wall: how wide it may be, as shares of a bay; steps of grey that hardly count as uneven.
 BARE, EVEN = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
+# Walls between seams that are as wide as so many bays have whole ones. A window lies beside a seam within a bay by so much,
+# metres, and may be so much narrower for it.
+WHOLE, BESIDE_SEAM_M, NARROWER = 0.75, 0.08, 0.8
 # The topmost storey has bare wall over it where it is so many times as high as its exemplar's.
 LOFTY = 1.15
 # A ground floor goes on over a narrow wall where at least so much of it is wall.
@@ -41,7 +44,8 @@ class Wall:
 
     width, height; foot over the base of its building; eaves of that over its base, and storeys up to there. street: whether it
     shows doors and shops; plain: whether it is a back, without what adorns a front. free: where it stands against no
-    neighbour, x right and y down.
+    neighbour, x right and y down. raised: whether its building begins above the ground, and so with an upper floor.
+    seams: where one of several walls ends and the next begins, metres from the left.
     """
 
     width: float
@@ -52,6 +56,8 @@ class Wall:
     street: bool
     plain: bool
     free: BaseGeometry
+    raised: bool = False
+    seams: tuple[float, ...] = ()
 
     @classmethod
     def alone(cls, height: float, width: float, floors: int) -> Wall:
@@ -92,7 +98,9 @@ def on_wall(
     bay = scale * float(np.diff(style.exemplar.bay_cuts).mean()) * (PLAIN_BAYS if wall.plain else 1.0)
     window = scale * float(np.mean([right - left for left, right in style.exemplar.bays]))
     blank = wall.width < max(0.5 * bay, window + 2 * BESIDE_WINDOW_M)
-    count = 1 if blank else max(1, round(wall.width / bay))
+    ends = [0.0, wall.width] if blank else _sections(wall, bay)
+    counts = [max(1, round((right - left) / bay)) for left, right in pairwise(ends)]
+    count = 1 if blank else sum(counts)
     if wall.street and not blank:
         variants = [first_tiles(style, floors, count, False, rng, NOISE * k**0.5) for k in range(4)]
         population = np.stack([variants[k % len(variants)] for k in range(POPULATION)])
@@ -113,7 +121,12 @@ def on_wall(
         across = np.array([0.0, wall.width])
     else:
         widths = scale * np.diff(style.grid.columns)[source[1]].mean(axis=0)
-        across = np.append(0.0, np.cumsum(elastic(widths, np.tile([True, False, True], count), wall.width)))
+        split = np.split(widths, 3 * np.cumsum(counts)[:-1])
+        fitted = [
+            elastic(own, np.tile([True, False, True], len(own) // 3), right - left)
+            for own, (left, right) in zip(split, pairwise(ends), strict=True)
+        ]
+        across = _off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams)
     attic = stack[0].attic
     down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
     _leave_out(style, wall, stack, source, down, across, plain, blank)
@@ -127,6 +140,37 @@ def on_wall(
     return compose(
         style.image, style.labels, lattice, (source[0] * (wide + 2) + source[1]).astype(np.int32), rows, columns
     )
+
+
+def _sections(wall: Wall, bay: float) -> list[float]:
+    """The ends of a wall, and the seams between which there is room for whole bays, metres."""
+    ends = [0.0]
+    for seam in wall.seams:
+        if min(seam - ends[-1], wall.width - seam) >= WHOLE * bay:
+            ends.append(seam)
+    return [*ends, wall.width]
+
+
+def _off_seams(across: np.ndarray, seams: tuple[float, ...]) -> np.ndarray:
+    """Borders (3 n + 1,) of bays and of the windows in them, these moved within their bays to where no seam crosses them."""
+    across = across.copy()
+    for left in range(0, len(across) - 1, 3):
+        start, first, last, end = across[left : left + 4]
+        inner = [seam for seam in seams if first - BESIDE_SEAM_M < seam < last + BESIDE_SEAM_M and start < seam < end]
+        if not inner:
+            continue
+        places = [(a + BESIDE_SEAM_M, b - BESIDE_SEAM_M) for a, b in pairwise([start, *inner, end])]
+        widths = [min(last - first, b - a) for a, b in places]
+        fits = [
+            (abs(x - first), x, width)
+            for (a, b), width in zip(places, widths, strict=True)
+            for x in [float(np.clip(first, a, b - width))]
+            if width >= NARROWER * (last - first)
+        ]
+        if fits:
+            _, x, width = min(fits)
+            across[left + 1 : left + 3] = x, x + width
+    return across
 
 
 def _plainest(style: Style) -> int:
@@ -178,7 +222,7 @@ def storeys_on(
         floor = own[len(own) - 1 - place] if 0 <= place < len(own) else plain
         lowest, highest = number == 0, number == len(borders) - 2
         kind = "ground" if floor < 0 else kinds[floor]
-        if lowest and wall.street and (own[-1] < 0 or kinds[own[-1]] == "ground"):
+        if lowest and wall.street and not wall.raised and (own[-1] < 0 or kinds[own[-1]] == "ground"):
             floor = own[-1]
         elif kind == "ground" or (kind == "roof" and not at_eaves):
             floor = plain

@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import numba
 import numpy as np
 
+from facade_core.kernels import njit
 from facade_core.variation.appearance import DIMENSIONS
 
 # Longest side of a descriptor in pixels: what is left of a state there survives a box that is a pixel off.
@@ -133,7 +133,7 @@ def mean_shift(points: np.ndarray, width: float) -> np.ndarray:
     return _modes(np.ascontiguousarray(points, np.float64), float(width))
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _modes(points: np.ndarray, width: float) -> np.ndarray:
     """Points belong to the best supported mode that theirs meets; clusters are numbered by size, then by first point."""
     number, dimensions = points.shape
@@ -173,7 +173,7 @@ def _modes(points: np.ndarray, width: float) -> np.ndarray:
     return name[label]
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def silhouette(points: np.ndarray, types: np.ndarray) -> float:
     """Mean silhouette of (N, d) points in (N,) types 0, 1 ...; elements alone in their type, or a single type, count 0."""
     number = len(points)

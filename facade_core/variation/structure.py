@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import numba
 import numpy as np
+
+from facade_core.kernels import njit
 
 # The weight alpha grows by _GROWTH from _ALPHA[0] to _ALPHA[1]; costs are normalised to [0, 1], regularity is not.
 _ALPHA = (1e-3, 1e3)
@@ -57,7 +58,7 @@ def _distinct(labels: np.ndarray) -> int:
     return len(np.unique(labels[labels >= 0]))
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _rectangles(labels: np.ndarray, label: int) -> float:
     """Sum of 1/size over the uniform rectangles of one label: biggest first, none overlapping, first found on ties.
 
@@ -89,7 +90,7 @@ def _rectangles(labels: np.ndarray, label: int) -> float:
         free[top : bottom + 1, left : right + 1] = False
 
 
-@numba.njit(cache=True)
+@njit(cache=True)
 def _icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.ndarray, np.ndarray, int]:
     """Iterated conditional modes on Eq. 1: labels, the energy after each accepted move, and their number.
 

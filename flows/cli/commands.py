@@ -11,6 +11,7 @@ from typing import Any, cast
 import click
 
 from flows.cli.box import WithBox
+from flows.cli.city import city, plan
 from flows.cli.doctor import doctor
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.prune import prune
@@ -51,6 +52,7 @@ def main() -> None:
       streetloom demo                          the embedded block of central Helsinki
       streetloom new-block mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168
       streetloom run block.yaml --out out/mine
+      streetloom city city.yaml --out out/city
       streetloom query out/mine --where "floors >= 5"
       streetloom view out/mine
       streetloom export out/mine --format 3dtiles
@@ -259,7 +261,7 @@ def _redo(run: Any, street: str, only: bool) -> None:
     note(f"doing street {', '.join(streets)} again; {others}{fate}")
 
 
-for command in (query, export, catalog, view, doctor, prune, train, bench):
+for command in (city, plan, query, export, catalog, view, doctor, prune, train, bench):
     main.add_command(command)
 
 

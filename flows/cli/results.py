@@ -142,7 +142,8 @@ def catalog(folder: Path, to: str | None) -> None:
 )
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
 def view(out: Path, port: int, host: str, opened: bool) -> None:
-    """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D. Ctrl-C ends it.
+    """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D, where a finished run
+    opens. Ctrl-C ends it.
 
     \b
     Examples:
@@ -167,7 +168,8 @@ def view(out: Path, port: int, host: str, opened: bool) -> None:
         if opened:
             import webbrowser
 
-            webbrowser.open(address)
+            # what has been published is seen from a street first; before that the map tells how far the run is
+            webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
 
     end_early("the viewer is closed; the run is as it was")
     serve(out, host, port, ready)

@@ -5,18 +5,14 @@ from __future__ import annotations
 
 import fcntl
 import logging
-import sys
 import time
 from collections.abc import Callable
-from hashlib import blake2b
 from pathlib import Path
-
-import facade_core
 
 log = logging.getLogger(__name__)
 
 # Seconds that another process is waited for.
-LONGEST_S = 60.0
+LONGEST_S = 120.0
 
 
 def compile_together() -> None:
@@ -25,13 +21,13 @@ def compile_together() -> None:
     A part that another process is at work on is left to it, and waited for at the end, for as long as a part may take: one that
     was stopped must not hold up others.
     """
-    from facade_core.compiled import PARTS, cache_folder
+    from facade_core.compiled import PARTS
+    from facade_core.kernels import CACHE as folder
 
-    folder = cache_folder()
     if folder is None:  # nothing can be shared
         return
     try:
-        done = folder / f"compiled-{_made_of()}"
+        done = folder / "compiled"
         if done.exists():
             return
         left = [part for part in PARTS if not _compiled(folder / f"{part.__name__}.lock", part, wait=False)]
@@ -55,14 +51,3 @@ def _compiled(lock: Path, part: Callable[[], None], *, wait: bool) -> bool:
                 time.sleep(0.2)
         part()
         return True
-
-
-def _made_of() -> str:
-    """What numba tells whether its cache is of now by: the modules as they lie on the disk, and versions."""
-    import numba
-
-    digest = blake2b(f"{sys.version} {numba.__version__}".encode(), digest_size=8)
-    for path in sorted(Path(facade_core.__path__[0]).rglob("*.py")):
-        about = path.stat()
-        digest.update(f"{path.name} {about.st_size} {about.st_mtime_ns}\n".encode())
-    return digest.hexdigest()

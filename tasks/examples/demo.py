@@ -21,6 +21,8 @@ AREA = [24.94575, 60.1651, 24.95025, 60.1673]
 STREETS = ["Kasarmikatu", "Fabianinkatu", "Rikhardinkatu"]
 SEED = 7
 TEXELS_PER_METRE = 32
+# A morning in June: streets that run south have sun on one pavement, and walls that face south and east are in it.
+SUN = {"azimuth": 145, "elevation": 47}
 # Painted walls of eight northern families: finer than the block, so that they serve blocks of any density.
 EXEMPLARS, EXEMPLAR_PIXELS_PER_METRE = 40, 64
 # Of the facades wide enough to be photographed, this many (from the first, every third) get a painted photo with a hole.
@@ -62,7 +64,7 @@ def _write(path: Path, exemplar_folder: Path, *, photos: bool) -> None:
         "buildings": {"path": "helsinki.osm.pbf"},
         "streets": {"path": "helsinki.osm.pbf", "names": STREETS},
         "imagery": imagery,
-        "texture": {"texels_per_metre": TEXELS_PER_METRE},
+        "texture": {"texels_per_metre": TEXELS_PER_METRE, "sun": SUN},
         "seed": SEED,
     }
     temporary = path.with_suffix(".tmp")

@@ -126,6 +126,7 @@ def _attributes(found: Published, building: int) -> dict[str, Any]:
         "measuredHeight": round(float(row["height"]), 3),
         "heightSource": row["height_source"],
         **({"storeysAboveGround": levels} if levels else {}),
+        **({"partOf": row["part_of"]} if row.get("part_of") else {}),
         **_roof(row),
         "facades": len(facades),
         **{key: sum(record[key] for record in facades if record) for key in ("windows", "doors", "balconies", "shops")},

@@ -20,8 +20,8 @@ def page_keys(plan: Plan, digests: Mapping[str, str]) -> list[str]:
     """The key of every page. digests: those of charts, by their ids."""
     placement, spec = plan.scene.placement, plan.scene.spec
     by_page: list[list[int]] = [[] for _ in range(spec.pages)]
-    for chart, page in enumerate(placement.page.tolist()):
-        by_page[page].append(chart)
+    for chart in np.flatnonzero(plan.own).tolist():
+        by_page[placement.page[chart]].append(chart)
     code, names = stage_code("pages"), _names(plan)
     place = np.column_stack([placement.x, placement.y, placement.width, placement.height]).tolist()
     return [parts_key(code, charts=[[names[c], digests.get(names[c]), place[c]] for c in charts]) for charts in by_page]

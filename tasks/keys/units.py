@@ -101,7 +101,13 @@ def facade_keys(
     shape = (int(placement.width[chart]), int(placement.height[chart]))
     size = (float(table.width[facade]), float(table.height[facade]), int(table.floors[facade]))
     low, high = _box(plan, table.chart[table.laid_out_with(facade)].tolist())
-    house = [float(table.foot[facade]), float(table.eaves[facade]), int(table.storeys[facade]), int(table.role[facade])]
+    house: list[Any] = [
+        float(table.foot[facade]),
+        float(table.eaves[facade]),
+        int(table.storeys[facade]),
+        int(table.role[facade]),
+    ]
+    house += [bool(table.raised[facade]), int(table.house[facade])]
     parts: dict[str, Any] = {
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],

@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from hashlib import blake2b
 
 import numpy as np
 import shapely
 
 from catalogs.block import Block
+from catalogs.block.part import Part
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.fronts import outlines_as_walls
+from facade_core.naming import number_of
 from facade_core.plan import Plan
 from facade_core.style import Library, Walls, choose_exemplars
 from facade_core.types import Pose, Street
@@ -56,9 +58,9 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
     panoramas = [
         [(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in shown] for shown in panoramas_of(plan)
     ]
-    shops = shops_of(plan, block.shops)
+    shops = shops_of(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     chosen = (
-        exemplars_of(plan, read_journal(group, "exemplars"), shops, seed=run.seed)
+        exemplars_of(plan, read_journal(group, "exemplars"), walls_of(plan, block, shops), seed=run.seed)
         if run.texture.walls == "exemplar"
         else {}
     )
@@ -84,8 +86,36 @@ def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.nda
     return np.isin(facades.building, facades.building[wall]).astype(np.int64)
 
 
-def exemplars_of(plan: Plan, records: Records, shops: np.ndarray, *, seed: int) -> dict[int, tuple[int, str]]:
-    """An exemplar, (index, name), for every facade; none where no exemplar could be prepared.
+def _shops_of_part(plan: Plan, part: Part) -> np.ndarray:
+    """The same of a part of a city, which is told by building."""
+    told = dict(zip(part.buildings, part.shops, strict=False))
+    return np.array([told[plan.scene.names[building]] for building in plan.facades.building.tolist()], np.int64)
+
+
+def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> Walls:
+    """The walls by which exemplars are chosen: of the block's facades; of a part of a city of all buildings that the choice
+    stands on, by their outlines."""
+    if block.part is not None:
+        own = set(block.part.buildings)
+        buildings = [*(building for building in block.buildings if building.id in own), *block.part.beyond]
+        return outlines_as_walls(buildings, block.part.fronts, block.part.shops, block.storey)
+    facades = plan.facades
+    # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
+    seen = facades.seen > 0
+    told = np.flatnonzero(seen | ~np.isin(facades.house, facades.house[seen]))
+    return Walls(
+        facades.width[told],
+        facades.height[told],
+        facades.floors[told],
+        facades.house[told],
+        _numbers(plan.streets)[facades.street[told]],
+        plan.scene.charts.at_shares(facades.chart[told], _FOOT)[..., :2],
+        shops[told],
+    )
+
+
+def exemplars_of(plan: Plan, records: Records, walls: Walls, *, seed: int) -> dict[int, tuple[int, str]]:
+    """An exemplar, (index, name), for every facade, by its building among the walls; none where no exemplar could be prepared.
 
     Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade alone.
     """
@@ -95,18 +125,6 @@ def exemplars_of(plan: Plan, records: Records, shops: np.ndarray, *, seed: int) 
     if not usable or not len(facades):
         return {}
     found = [record for _, record in usable]
-    # Who is a neighbour is told on the street; of a building that no street sees, by all its walls.
-    seen = facades.seen > 0
-    told = np.flatnonzero(seen | ~np.isin(facades.building, facades.building[seen]))
-    walls = Walls(
-        facades.width[told],
-        facades.height[told],
-        facades.floors[told],
-        plan.scene.building_numbers[facades.building[told]],
-        _numbers(plan.streets)[facades.street[told]],
-        plan.scene.charts.at_shares(facades.chart[told], _FOOT)[..., :2],
-        shops[told],
-    )
     library = Library(
         [record["width_m"] for record in found],
         [record["height_m"] for record in found],
@@ -117,16 +135,15 @@ def exemplars_of(plan: Plan, records: Records, shops: np.ndarray, *, seed: int) 
         [record["look"] for record in found],
     )
     chosen = choose_exemplars(walls, library, seed=seed)
-    of_building = dict(zip(facades.building[told].tolist(), chosen.tolist(), strict=True))
-    own = [usable[of_building[building]] for building in facades.building.tolist()]
+    of_house = dict(zip(walls.building.tolist(), chosen.tolist(), strict=True))
+    own = [usable[of_house[number]] for number in facades.house.tolist()]
     return {facade: (index, record["unit"]) for facade, (index, record) in enumerate(own)}
 
 
 def _numbers(streets: Sequence[Street]) -> np.ndarray:
     """A number for each street, (streets,) int64, of its name, else of its id: it stays when others come and go, and is the
     same for all parts of a street."""
-    names = [street.name or street.id for street in streets]
-    return np.array([int.from_bytes(blake2b(name.encode(), digest_size=4).digest()) for name in names], np.int64)
+    return np.array([number_of(street.name or street.id) for street in streets], np.int64)
 
 
 def _again(change: Change) -> dict[int, int]:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from catalogs.block import Block
 from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.surroundings import pieces_around
@@ -16,10 +18,13 @@ from tasks.units.memory import surface_memory
 from tasks.units.surfaces import surface_unit
 from tasks.units.unit import Unit
 
+# Of a chart that is context: no building has this row, nor has the ground.
+NOT_OWN = -2
+
 
 def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
-    """The units: name and charts of each building that has some, then of each piece of ground."""
-    owner = Grouped(plan.scene.charts.building)
+    """The units: name and charts of each of the block's own buildings that has some, then of each piece of ground."""
+    owner = Grouped(np.where(plan.own, plan.scene.charts.building, NOT_OWN))
     buildings = [(name, owner.of(building).tolist()) for building, name in enumerate(plan.scene.names)]
     ground = [(f"ground-{int(plan.ids[chart]):016x}", [chart]) for chart in owner.of(-1).tolist()]
     return [(name, charts) for name, charts in [*buildings, *ground] if charts]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
 from pathlib import Path
@@ -38,10 +38,11 @@ class Published(StoredBlock):
 
     @cached_property
     def textured(self) -> Textured:
-        """The block with the pages that were published."""
-        from facade_core.export.models import textured_scene
+        """The block with the pages that were published; of a part of a city what is its own."""
+        from facade_core.export.models import part_of, textured_scene
 
-        return textured_scene(self.plan.scene, self.page)
+        found = textured_scene(self.plan.scene, self.page)
+        return replace(found, mesh=part_of(found.mesh, self.plan.own[found.mesh.chart]))
 
     def page(self, page: int) -> np.ndarray:
         """A filled page of the atlas, (h, w, 3) uint8."""
@@ -56,7 +57,7 @@ class Published(StoredBlock):
 
     def choose(self, ids: Sequence[str]) -> np.ndarray:
         """The buildings that are named, all that have surfaces where none is. Raises InputError for an unknown one."""
-        built = np.unique(self.plan.scene.charts.building)
+        built = np.unique(self.plan.scene.charts.building[self.plan.own])
         built = built[built >= 0]
         if not ids:
             return built

@@ -102,6 +102,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 "kind": "facade",
                 "block": run.block,
                 "building": buildings["id"][building],
+                "part_of": (buildings["part_of"][building] or None) if "part_of" in buildings else None,
                 "geometry": LineString([start, end]),
                 "street": street.name or street.id,
                 **_roof(buildings, building),

@@ -20,7 +20,7 @@ from tasks.units.unit import Piece, UnitFunction
 
 # Batches on their way at once: while the last units of one are awaited, the next one's keep the workers busy.
 AT_ONCE = 2
-# Units in a batch at most, or one for each thread of a large cluster: what is repeated for a lost coordinator stays small.
+# Pieces in a batch at most, or one for each thread of a large cluster: what is repeated for a lost coordinator stays small.
 LARGEST = 24
 
 
@@ -28,12 +28,12 @@ def batches(pieces: Iterable[Piece], compute: Compute) -> Iterator[list[Piece]]:
     """Pieces in order, in batches of which AT_ONCE fit the workers' memory together; what is larger has one of its own."""
     most, largest = compute.memory // AT_ONCE, max(LARGEST, compute.threads)
     batch: list[Piece] = []
-    memory = units = 0
+    memory = 0
     for piece in pieces:
-        memory, units = memory + memory_of(piece), units + len(piece)
-        if batch and (memory > most or units > largest):
+        memory += memory_of(piece)
+        if batch and (memory > most or len(batch) == largest):
             yield batch
-            batch, memory, units = [], memory_of(piece), len(piece)
+            batch, memory = [], memory_of(piece)
         batch.append(piece)
     if batch:
         yield batch

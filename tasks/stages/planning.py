@@ -9,6 +9,7 @@ from facade_core.geometry.packing import Places
 from facade_core.geometry.terrain import terrain_of
 from facade_core.identity import Each, here
 from facade_core.ingest import ingest, on_ground, with_panoramas
+from facade_core.ownership import Own
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
 from tasks.units.images import image_size
@@ -38,6 +39,7 @@ def plan_of(block: Block, last: Places | None = None, each: Each = here) -> Plan
         walls=texture.walls,
         last=last,
         each=each,
+        own=None if block.part is None else Own(frozenset(block.part.buildings), frozenset(block.part.streets)),
     )
     return plan if block.aerial is None else under_aerial(plan, block.aerial)
 

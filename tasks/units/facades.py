@@ -180,7 +180,7 @@ def _make(
         part=(along, along + float(facades.width[facade])),
         metres_per_pixel=metres_per_texel,
         like=given[0],
-        house=unit_seed(run, str(plan.scene.building_numbers[facades.building[facade]]), "house"),
+        house=unit_seed(run, str(facades.house[facade]), "house"),
         seed=unit_seed(run, first, "facade"),
     )
     return _Made(depth, result, name, nothing)

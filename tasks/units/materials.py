@@ -31,7 +31,7 @@ LOOKED_AT = 8
 def under_aerial(plan: Plan, aerial: Aerial) -> Plan:
     """The plan with the roofs that the picture shows marked as textured."""
     scene, charts = plan.scene, plan.scene.charts
-    roofs = np.flatnonzero(shown_from_above(scene))
+    roofs = np.flatnonzero(shown_from_above(scene) & plan.own)
     share = (np.stack(np.meshgrid(*[np.arange(LOOKED_AT)] * 2), axis=-1).reshape(-1, 2) + 0.5) / LOOKED_AT
     points = charts.at_shares(roofs, share)
     inside = aerial.covers(points.reshape(-1, 3)[:, :2]).reshape(len(roofs), len(share))

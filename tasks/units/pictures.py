@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Iterator
 from io import BytesIO
+from itertools import chain
 from typing import Any
 
 import numpy as np
@@ -36,6 +37,8 @@ from tasks.units.unit import Piece, Unit
 
 # Pages that are decoded for a view at most: one that shows more is so far away that coarse rasters do.
 DECODED = 32
+# What a view shows of the context of a part of a city.
+BARE = np.full((1, 1, 3), 176, np.uint8)
 
 
 def pictures_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -67,9 +70,12 @@ def _view(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
     """A view as JPEG, painted from the pages that it shows, or from coarse rasters of tiles where these are very many."""
     _, camera = unit.arguments
     picture = aim(plan.scene, camera, samples=SAMPLES)
-    pages = np.unique(plan.scene.placement.page[picture.seen])
+    own = plan.own[picture.seen]
+    pages = np.unique(plan.scene.placement.page[picture.seen[own]])
     parts = _on_pages if len(pages) <= DECODED else _coarse
-    return file_of(paint(picture, parts(plan, group, picture.seen)), "JPEG", quality=90), {}  # type: ignore[typeddict-item]
+    bare = {chart: BARE for chart in picture.seen[~own].tolist()}
+    painted = paint(picture, chain([bare], parts(plan, group, picture.seen[own])))
+    return file_of(painted, "JPEG", quality=90), {}  # type: ignore[typeddict-item]
 
 
 def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:

@@ -59,6 +59,7 @@ def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Reco
             aerial=above,
             anew=chart in own,
             sun=run.texture.sun,
+            labels=None if run.texture.sun is None or chart not in seeded else _labels(group, plan, chart),
         )
         texels = rasters.slice(scene.placement, chart)
         colour[texels], provenance[texels] = rgb.reshape(-1, 3), rank.reshape(-1)
@@ -89,18 +90,27 @@ def _with_own_wall(
     if not facades:
         return field, set()
     chart = max(facades, key=lambda one: (int(placement.height[one]) * int(placement.width[one]), -one))
-    y, x = int(placement.y[chart]), int(placement.x[chart])
-    part = (
-        int(placement.page[chart]),
-        slice(y, y + int(placement.height[chart])),
-        slice(x, x + int(placement.width[chart])),
-    )
+    part = _part(placement, chart)
     image, labels = np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part])
     wall = wall_material(image, labels, float(placement.texels_per_metre[chart]))
     if wall is None:
         return field, set()
     changed, own = field.with_wall(charts, wall, chart)
     return changed, set(own.tolist())
+
+
+def _part(placement: Placement, chart: int) -> tuple[int, slice, slice]:
+    """Where a chart is in the arrays of the atlas."""
+    y, x = int(placement.y[chart]), int(placement.x[chart])
+    height, width = int(placement.height[chart]), int(placement.width[chart])
+    return int(placement.page[chart]), slice(y, y + height), slice(x, x + width)
+
+
+def _labels(group: StoreGroup, plan: Plan, chart: int) -> np.ndarray | None:
+    """Of a facade (h, w) uint8; None of other charts."""
+    return (
+        np.asarray(group["facade_maps/labels"][_part(plan.scene.placement, chart)]) if plan.is_facade(chart) else None
+    )
 
 
 def _pixels(run: Run, plan: Plan, chart: int) -> Pixels | None:

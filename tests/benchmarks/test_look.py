@@ -8,7 +8,7 @@ import pytest
 from benchmarks.blind_pairs import counts, sheet
 from benchmarks.look.likeness import _wall_distance, gradient_energy, relative_energy
 from benchmarks.look.photos import panorama_places, perspective
-from benchmarks.look.repeats import highest_peak
+from benchmarks.look.repeats import autocorrelation, highest_peak, material, standing_out
 from benchmarks.look.walls import _in_triangle, _likeness, _roof_shape, _to_boxes
 
 KEY = {"pairs": {"1": {"A": "out", "B": "against"}, "2": {"A": "against", "B": "out"}}}
@@ -17,19 +17,32 @@ KEY = {"pairs": {"1": {"A": "out", "B": "against"}, "2": {"A": "against", "B": "
 def test_tiles_are_found_at_their_period_and_noise_is_not() -> None:
     rng = np.random.default_rng(1)
     everywhere = np.ones((192, 192), bool)
-    noise = rng.normal(128, 20, (192, 192)).astype(np.float32)
-    tiled = np.tile(rng.normal(128, 20, (32, 32)).astype(np.float32), (6, 6))  # 4 m at 8 pixels a metre
-    peak = highest_peak(tiled, everywhere)
-    plain = highest_peak(noise, everywhere)
-    assert peak is not None
-    assert plain is not None
-    assert peak[0] > 0.9
-    assert {abs(peak[1]) % 4, abs(peak[2]) % 4} == {0.0}
-    assert plain[0] < 0.1
+
+    def shared(tiled: bool) -> tuple[float, float, float]:
+        maps = []
+        for _ in range(4):
+            grain = rng.normal(0, 20, (32, 32) if tiled else (192, 192))
+            streaks = np.repeat(np.repeat(rng.normal(0, 6, (1, 24)), 8, 1), 192, 0)  # they have no period
+            patch = 128 + streaks + (np.tile(grain, (6, 6)) if tiled else grain)  # 4 m at 8 pixels a metre
+            maps.append(autocorrelation(patch.astype(np.float32), everywhere))
+        return highest_peak(standing_out(np.array(maps)))
+
+    peak, *shift = shared(True)
+    assert peak > 0.7
+    assert {abs(value) % 4 for value in shift} == {0.0}
+    assert shared(False)[0] < 0.1
 
 
-def test_what_is_even_has_no_peak() -> None:
-    assert highest_peak(np.full((192, 192), 90, np.float32), np.ones((192, 192), bool)) is None
+def test_what_is_even_or_marked_is_no_material() -> None:
+    rng = np.random.default_rng(1)
+    grey = rng.normal(90, 6, (192, 192)).astype(np.float32)
+    grey[:, :96] = 90
+    grey[40:60, 150:160] = 180
+    shown = material(grey, np.ones((192, 192), bool))
+    assert not shown[:, :94].any()
+    assert not shown[40:60, 150:160].any()
+    assert shown[100:, 110:].all()
+    assert autocorrelation(grey, shown & False) is None
 
 
 def test_a_part_of_a_facade_is_found_in_its_twin_alone() -> None:

@@ -88,5 +88,5 @@ def test_the_block_is_of_the_size_it_is_named_for(tmp_path: Path, monkeypatch: p
     block = read_block(write_block(tmp_path, quick=False))
     # what panoramas show is coarser; facades and viewpoints are the same
     plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))
-    assert 190 <= (plan.facades.role == STREET).sum() <= 210
+    assert 190 <= (plan.facades.role == STREET).sum() <= 230  # with those of parts of buildings
     assert 95 <= len(plan.viewpoints) <= 105

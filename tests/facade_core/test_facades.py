@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -123,6 +125,18 @@ def test_no_window_is_cut_by_a_walls_edge_or_a_neighbour(plan: Plan, style: Styl
             assert not np.isin(labels, (DOOR, SHOP)).any()
     (east,) = [i for i in on(plan, "ell", (1, 0)) if abs(facades.width[i] - 10) < 0.1]
     assert windows(shown(plan, style, east)[1]), "above the neighbour it has some"
+
+
+@pytest.mark.parametrize("seams", [(7.3, 20.0), (1.0, 16.4, 17.9), tuple(np.arange(2.4, 30, 2.4).tolist())])
+def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
+    style: Style, seams: tuple[float, ...]
+) -> None:
+    wall = Wall(30, 16, 0, 16, 5, True, False, shapely.box(0, 0, 30, 16), seams=seams)
+    for street, plain in ((True, False), (False, True)):
+        labels = on_wall(style, replace(wall, street=street, plain=plain), metres_per_pixel=MPP)[1]
+        at = np.rint(np.array(seams) / MPP).astype(int)
+        assert not (labels[:, at] == WINDOW).any()
+        assert len(windows(labels)) >= 20
 
 
 def test_gables_and_narrow_walls(style: Style) -> None:

@@ -35,10 +35,8 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
     shown: what each source shows, or is refused by.
     """
     plan: Any = Value(
-        facades=Value(
-            id=["a-0"], chart=[0], height=[8.0], width=[10.0], floors=[2], building=[0], run=[0], along=[0.0]
-        ),
-        scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0]), building_numbers=[7]),
+        facades=Value(id=["a-0"], chart=[0], height=[8.0], width=[10.0], floors=[2], house=[7], run=[0], along=[0.0]),
+        scene=Value(placement=Value(width=[SIZE[1]], height=[SIZE[0]], texels_per_metre=[4.0])),
     )
 
     def maker(

@@ -10,6 +10,8 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+import yaml
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -23,10 +25,14 @@ def write_block(folder: Path) -> Path:
         demo.STREETS = ["Kasarmikatu", "Rikhardinkatu"]
         demo.TEXELS_PER_METRE = 6
         demo.EXEMPLARS = 4
-        return demo.write_demo(folder)
+        block = demo.write_demo(folder)
     finally:
         for name, value in saved.items():
             setattr(demo, name, value)
+    keys = yaml.safe_load(block.read_text())
+    if keys["texture"].pop("sun", None):  # in whose light a photo's texels are not the photo's
+        block.write_text(yaml.safe_dump(keys, sort_keys=False))
+    return block
 
 
 def command(block: Path, out: Path, workers: int) -> list[str]:

@@ -17,6 +17,7 @@ _NAMES = {
     "geschosse anzahl_geschosse nb_etages bouwlagen",
     "name": "name names bezeichnung naam nom building_name street_name strassenname straatnaam str_name road_name fullname",
     "building": "building",
+    "building:part": "building_part",
     "min_height": "min_height building_min_height",
     "building:min_level": "building_min_level min_level min_floor",
     "location": "location",

@@ -15,7 +15,7 @@ from catalogs.features import Centrelines, Fault, Feature, Footprints, Remark
 from catalogs.readers.faces import FARTHEST
 from catalogs.readers.vectors.centrelines import centrelines_of, place_of
 from catalogs.readers.vectors.layers import Features, read_features
-from catalogs.readers.vectors.osm import footprint_of, is_street, listed
+from catalogs.readers.vectors.osm import footprint_of, is_part, is_street, listed
 
 _BUILDINGS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
 _STREETS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
@@ -40,7 +40,7 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
         if geometry is None or geometry.is_empty:
             faults.append(Fault(id, "building", f"footprint {id} has no geometry, or a broken one; draw or remove it"))
             continue
-        if tags.get("building") == "no" or (from_osm and "building" not in tags):
+        if tags.get("building") == "no" or (from_osm and "building" not in tags and not is_part(tags)):
             remarks.append(Remark(id, "outlines that are not tagged as buildings set aside", geometry))
             continue
         if not (np.abs(shapely.get_coordinates(geometry)) < FARTHEST).all():

@@ -46,16 +46,18 @@ _LONGEST_LIST = 10_000  # letters
 def read_footprints(path: Path, lod: str | None = None) -> Footprints:
     """Every building outline of a .pbf, in lon/lat (EPSG:4326); outlines have no level of detail, `lod` is not looked at.
 
-    The height is the one to the eaves: `height` less that of the roof. Roofs without walls, buildings under ground and
-    those that start above it (bridges, overhangs) are set aside, since extruding them from the ground would put walls
-    where there are none. Raises InputError where the file is no readable .pbf.
+    Parts of buildings (`building:part`) are among them. The height is the one to the eaves: `height` less that of the roof.
+    Roofs without walls and buildings under ground are set aside, since extruding them from the ground would put walls where
+    there are none. Raises InputError where the file is no readable .pbf.
     """
     remarks: list[Remark] = []
     items = []
     faults = []
-    for feature, geometry, tags in _features(path, lambda osm: osm.get_buildings()):
-        if tags.get("building") == "no":
+    seen = set()
+    for feature, geometry, tags in _features(path, lambda osm: osm.get_buildings(), _parts):
+        if tags.get("building") == "no" or feature in seen:
             continue
+        seen.add(feature)
         try:
             footprint = footprint_of(feature, geometry, tags, remarks, degrees=True)
         except Exception as error:  # what GEOS or a tag makes of it is no other building's fault
@@ -94,7 +96,20 @@ def footprint_of(
         kind=kind if kind not in ("", "yes") else None,
         built=_year(tags.get("start_date", "")),
         finish=finish_of(tags),
+        part=is_part(tags),
+        raised=_metres(tags, "min_height") or None,
+        raised_levels=parse_levels(tags.get("building:min_level", "")),
     )
+
+
+def is_part(tags: Mapping[str, str]) -> bool:
+    """Whether a feature is tagged as a part of a building; it may be tagged as a building too."""
+    return tags.get("building:part", "no") != "no"
+
+
+def _parts(osm: Any) -> Any:
+    wanted = {"building:part": True}
+    return osm.get_data_by_custom_criteria(wanted, filter_type="keep", keep_nodes=False)
 
 
 def _year(text: str) -> int | None:
@@ -179,25 +194,27 @@ def listed(text: str) -> list[str]:
     return [text]
 
 
-def _features(path: Path, layer: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
-    """(id, geometry, tags) of each feature: way/12 -> w12, relation/12 -> r12."""
+def _features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, Any, dict[str, str]]]:
+    """(id, geometry, tags) of each feature of some layers: way/12 -> w12, relation/12 -> r12."""
     with path.open("rb") as file:
         if b"OSMHeader" not in file.read(64):
             raise InputError(f"{path} is not an OSM .pbf file; export the area again as .osm.pbf")
     from pyrosm import OSM
 
     try:
-        frame = layer(OSM(str(path)))
+        osm = OSM(str(path))
+        frames = [layer(osm) for layer in layers]
     except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
         if is_machines(error):
             raise
         reason = " ".join(str(error).split())[:120]
         raise InputError(f"{path} cannot be read as OSM .pbf ({reason}); download it again") from error
-    if frame is None:
-        return
-    for record in frame.drop(columns="geometry").assign(geometry=list(frame.geometry)).to_dict("records"):
-        geometry = record.pop("geometry")
-        yield f"{str(record['osm_type'])[0]}{record['id']}", geometry, _tags(record)
+    for frame in frames:
+        if frame is None:
+            continue
+        for record in frame.drop(columns="geometry").assign(geometry=list(frame.geometry)).to_dict("records"):
+            geometry = record.pop("geometry")
+            yield f"{str(record['osm_type'])[0]}{record['id']}", geometry, _tags(record)
 
 
 def _tags(record: dict[str, Any]) -> dict[str, str]:
@@ -210,17 +227,15 @@ def _tags(record: dict[str, Any]) -> dict[str, str]:
 
 
 def _unusable(geometry: Any, tags: Mapping[str, str]) -> str | None:
-    """Why a building cannot be extruded from the ground; None where it can."""
+    """Why a building cannot be extruded; None where it can."""
     if geometry is None or geometry.is_empty:
         return "buildings with an empty geometry"
     if geometry.geom_type not in ("Polygon", "MultiPolygon"):
         return "buildings that are no closed outlines"
-    if tags.get("building") in WITHOUT_WALLS:
+    if tags.get("building") in WITHOUT_WALLS or tags.get("building:part") in WITHOUT_WALLS:
         return "roofs without walls"
     if _number(tags, "layer") < 0 or tags.get("location") == "underground":
         return "buildings under ground"
-    if _metres(tags, "min_height") > 0 or _number(tags, "building:min_level") > 0:
-        return "buildings that start above the ground"
     return None
 
 

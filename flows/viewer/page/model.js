@@ -18,6 +18,10 @@ const HORIZON = [222 / 255, 231 / 255, 238 / 255];
 const ZENITH = [104 / 255, 151 / 255, 205 / 255];
 const LAND = [178 / 255, 184 / 255, 182 / 255];
 const HAZE_M = 1500;
+const ROOFLINES = [[151, 0.05, 0.035, 0.66], [89, 0.026, 0.04, 0.42]];
+const HOUSES = [148 / 255, 143 / 255, 134 / 255];
+const ROOFS = [122 / 255, 98 / 255, 88 / 255];
+const EDGE = [0.0025, 0.014];
 
 const SOLID = [
   `#version 300 es
@@ -41,12 +45,31 @@ const SKY = [
   }`,
   `#version 300 es
   precision highp float;
-  uniform vec3 horizon; uniform vec3 zenith; uniform vec3 land;
+  uniform vec3 horizon; uniform vec3 zenith; uniform vec3 land; uniform vec3 walls; uniform vec3 roofs;
+  uniform vec4 rows[2]; uniform vec2 edge;
   in vec3 ray; out vec4 colour;
+  float drawn(uint number, uint turn) {
+    uint bits = (number + 97u * turn + 1u) * 2654435769u;
+    bits = (bits ^ (bits >> 15u)) * 2246822519u;
+    return float(bits ^ (bits >> 13u)) / 4294967296.0;
+  }
   void main() {
-    float up = normalize(ray).y;
-    vec3 sky = mix(horizon, zenith, pow(clamp(up, 0.0, 1.0), 0.55));
-    colour = vec4(mix(sky, land, clamp(-2.5 * up, 0.0, 1.0)), 1.0);
+    vec3 to = normalize(ray);
+    vec3 shown = mix(horizon, zenith, pow(clamp(to.y, 0.0, 1.0), 0.55));
+    shown += (land - horizon) * clamp(-80.0 * to.y, 0.0, 1.0);
+    float steep = to.y / max(length(to.xz), 1e-6);
+    float around = fract(atan(to.x, -to.z) / 6.283185307179586);
+    for (int row = 0; row < 2; row++) {
+      float at = around * rows[row].x;
+      uint house = uint(min(at, rows[row].x - 1.0));
+      uint turn = 3u * uint(row);
+      float height = rows[row].y + rows[row].z * drawn(house, turn);
+      height *= 1.0 - (drawn(house, turn + 1u) < 0.5 ? 0.4 * abs(at - float(house) - 0.5) : 0.0);
+      vec3 tone = steep > 0.8 * height ? roofs : walls * (0.9 + 0.2 * drawn(house, turn + 2u));
+      float covers = clamp((height - steep) / edge.x, 0.0, 1.0) * clamp(1.0 + (steep + edge.y) / edge.x, 0.0, 1.0);
+      shown = mix(shown, mix(tone, horizon, rows[row].w), covers);
+    }
+    colour = vec4(shown, 1.0);
   }`,
 ];
 
@@ -278,7 +301,9 @@ class Scene {
     gl.useProgram(this.sky);
     const set = (used, name, kind, ...values) => gl[`uniform${kind}`](gl.getUniformLocation(used, name), ...values);
     set(this.sky, "back", "Matrix4fv", false, back);
-    for (const [name, colour] of [["horizon", HORIZON], ["zenith", ZENITH], ["land", LAND]]) set(this.sky, name, "3fv", colour);
+    for (const [name, colour] of [["horizon", HORIZON], ["zenith", ZENITH], ["land", LAND], ["walls", HOUSES], ["roofs", ROOFS]]) set(this.sky, name, "3fv", colour);
+    set(this.sky, "rows", "4fv", ROOFLINES.flat());
+    set(this.sky, "edge", "2fv", EDGE);
     gl.bindVertexArray(this.empty);
     gl.drawArrays(gl.TRIANGLES, 0, 3);
     gl.clear(gl.DEPTH_BUFFER_BIT);

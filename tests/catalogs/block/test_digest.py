@@ -20,6 +20,7 @@ from PIL import Image
 
 from catalogs.block import Block, read_block
 from catalogs.block.digest import block_digest
+from catalogs.block.part import Part
 from catalogs.readers.pictures.materials import MaterialPicture
 
 EAST, NORTH = 385_000.0, 6_671_000.0
@@ -208,6 +209,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "seed": block.seed + 1,
         "notes": (*block.notes, "one"),
         "faults": (*block.faults, "one"),
+        "part": Part(("a",), (), (), ("street",), (-1,)),
     }
     assert changes.keys() | {"digest", "failed_limit"} == {field.name for field in fields(Block)}
     digests = {block_digest(replace(block, **{name: value})) for name, value in changes.items()}

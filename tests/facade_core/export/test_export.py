@@ -13,6 +13,7 @@ from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
 from facade_core.geometry.charts import CORNERS
 from facade_core.labels import WINDOW
 from facade_core.street import Scene
+from facade_core.street.sky import backdrop, sky
 from facade_core.types import Building, Lattice, Street
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (30, -8)]))
@@ -95,6 +96,19 @@ def test_haze_grows_with_distance_and_no_pixel_is_without_colour(scene: Scene) -
     drawn = perspective(scene, up, black.__getitem__)
     assert drawn.min() > 90
     assert drawn[0, 20, 0] < drawn[39, 20, 0], "the sky is deeper above"
+
+
+def test_streets_end_in_roofs_and_not_in_the_sky() -> None:
+    turn = np.linspace(0, 2 * np.pi, 400, endpoint=False)
+
+    def shown(steep: float) -> np.ndarray:
+        rays = np.column_stack([np.sin(turn), np.cos(turn), np.full(len(turn), steep)])
+        return backdrop(rays / np.hypot(1, steep)) - sky(np.full(len(turn), steep / np.hypot(1, steep)))
+
+    assert (np.abs(shown(0.01)).max(axis=1) > 20).all(), "in all directions"
+    assert not shown(0.1).any()
+    rises = np.array([(np.abs(shown(steep)).max(axis=1) > 1).mean() for steep in (0.03, 0.05, 0.07)])
+    assert (np.diff(rises) < 0).all(), "roofs of all heights"
 
 
 def test_nothing_that_a_picture_shows_is_said_to_be_out_of_sight(scene: Scene) -> None:

@@ -12,7 +12,7 @@ import shapely
 import trimesh
 
 from facade_core.errors import GeometryError
-from facade_core.geometry import GROUND, ROOF, WALL, Charts, Mesh, block_surfaces, terrain_of
+from facade_core.geometry import CEILING, GROUND, ROOF, WALL, Charts, Mesh, block_surfaces, terrain_of
 from facade_core.geometry.roofs import roof_shell
 from facade_core.types import Building, Elevation, Roof, Shell, Street
 
@@ -44,6 +44,25 @@ def test_a_level_block_does_not_change_with_its_height() -> None:
     np.testing.assert_array_equal(low_mesh.triangles, high_mesh.triangles)
     np.testing.assert_allclose(high_mesh.vertices - low_mesh.vertices, np.tile([0, 0, 40], (len(low_mesh.vertices), 1)))
     assert set(low_mesh.vertices[:, 2]) == {0.0, 12.0}
+
+
+def test_what_begins_above_the_ground_is_closed_below_and_the_ground_goes_on() -> None:
+    on_ground = replace(BOX, height=6.0, footprint=shapely.box(0, 0, 10, 10))
+    bridge = replace(BOX, id="b", footprint=shapely.box(10, 0, 20, 10), raised=4.0, part_of="a")
+    charts, mesh = surfaces([on_ground, bridge], [STREET], SLOPE)
+    own = mesh.triangles[charts.building[mesh.chart] == 1]
+    solid = trimesh.Trimesh(mesh.vertices, own)
+    solid.merge_vertices(digits_vertex=6)
+    assert solid.is_watertight
+    assert solid.volume == pytest.approx(10 * 10 * 8)
+    low = mesh.vertices[own][..., 2].min()
+    assert low == pytest.approx(20.0 + 4.0), "from the lowest ground of both"
+    ceiling = (charts.kind == CEILING) & (charts.building == 1)
+    np.testing.assert_allclose(charts.normal()[ceiling], [[0, 0, -1]])
+    under = mesh.vertices[mesh.triangles[charts.kind[mesh.chart] == GROUND]][..., :2]
+    covered = shapely.union_all(shapely.polygons(under), grid_size=1e-6)
+    assert covered.covers(shapely.box(12, 2, 18, 8))
+    assert not covered.intersects(shapely.box(2, 2, 8, 8))
 
 
 def test_ground_follows_the_terrain_and_stays_closed() -> None:

@@ -8,9 +8,12 @@ import shapely
 
 from facade_core.atlas import PHOTO, UNSEEN, AtlasSpec
 from facade_core.geometry import GROUND, ROOF, WALL, block_surfaces, pack, terrain_of
+from facade_core.labels import BALCONY, WINDOW
+from facade_core.labels import WALL as PLAIN
 from facade_core.street import Materials, Scene
 from facade_core.street.contact import contact
-from facade_core.street.sun import lit, sunlight
+from facade_core.street.relief import cast_shadows
+from facade_core.street.sun import lit, skylight, sunlight
 from facade_core.street.surfaces import Known, surface
 from facade_core.types import Building, Street, Sun
 
@@ -131,3 +134,29 @@ def test_without_a_sun_nothing_changes_and_photos_keep_their_feet(scene: Scene) 
     sunny, _ = surface(scene, materials, chart, known(UNSEEN), network=False, sun=SOUTH)
     assert (sunny != bare).any()
     np.testing.assert_array_equal(sunny, lit(bare, sunlight(scene, chart, SOUTH)))
+
+
+def test_relief_casts_shadows_away_from_the_sun_and_none_where_a_picture_has_them() -> None:
+    labels = np.full((120, 120), PLAIN, np.uint8)
+    labels[20:60, 40:80] = BALCONY
+    labels[80:110, 40:80] = WINDOW
+    colour = np.full((120, 120, 3), 160, np.uint8)
+    towards = np.array([-0.5, -0.7, 0.5])  # up and to the left
+    shadow = cast_shadows(colour, labels, 20.0, towards, 0.6)
+    assert shadow[62:66, 55:75].min() > 0.8, "below the slab of a balcony"
+    assert shadow[62:66, 82:84].min() > 0.5, "and to its right"
+    assert not shadow[62:66, 20:36].any()
+    assert shadow[81, 45:75].min() > 0.5, "under the head of a window"
+    assert not shadow[100, 60:75].any()
+    assert not shadow[:10].any()
+    colour[62:66, 55:75] = 92  # as the shade is already
+    assert cast_shadows(colour, labels, 20.0, towards, 0.6)[62:66, 55:75].max() < 0.15
+
+
+def test_a_wall_in_the_open_loses_nothing_of_the_sky(scene: Scene) -> None:
+    walls = np.flatnonzero((scene.charts.kind == WALL) & (scene.charts.building == 0))
+    east = walls[scene.charts.normal()[walls, 0] > 0.9][0]
+    assert skylight(scene, int(east)) is None
+    west = walls[scene.charts.normal()[walls, 0] < -0.9][0]
+    left = skylight(scene, int(west))  # before it is the other house, 25 m away
+    assert left is None or left.min() > 0.9

@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from facade_core import compiled
+from facade_core import compiled, kernels
 from tasks.compute.compiling import compile_together
 
 
@@ -25,7 +25,7 @@ def parts(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> list[str]:
         gone.append("two")
 
     monkeypatch.setattr(compiled, "PARTS", (one, two))
-    monkeypatch.setattr(compiled, "cache_folder", lambda: tmp_path)
+    monkeypatch.setattr(kernels, "CACHE", tmp_path)
     return gone
 
 
@@ -49,7 +49,7 @@ def test_a_part_that_another_process_is_at_is_waited_for_at_the_end(parts: list[
 
 
 def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(parts: list[str], monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(compiled, "cache_folder", lambda: None)
+    monkeypatch.setattr(kernels, "CACHE", None)
     compile_together()
     assert parts == []
 

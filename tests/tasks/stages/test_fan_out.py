@@ -56,10 +56,10 @@ def test_batches_keep_order_lose_nothing_and_fit(work: list[Piece], memory: int,
         assert batch
         if len(batch) > 1:
             assert AT_ONCE * sum(memory_of(piece) for piece in batch) <= memory
-            assert sum(map(len, batch)) <= most
+            assert len(batch) <= most
     for batch, following in zip(made[:-1], made[1:], strict=True):  # and none is smaller than it need be
         joined = [*batch, following[0]]
-        assert sum(memory_of(piece) for piece in joined) > memory // AT_ONCE or sum(map(len, joined)) > most
+        assert sum(memory_of(piece) for piece in joined) > memory // AT_ONCE or len(joined) > most
 
 
 def test_a_stage_counts_units_not_pieces() -> None:

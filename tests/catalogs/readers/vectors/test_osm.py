@@ -33,25 +33,27 @@ def centrelines(pbf: Path) -> Centrelines:
 
 def test_real_buildings_have_outlines_and_what_is_tagged(footprints: Footprints) -> None:
     assert footprints.crs == "EPSG:4326"
-    assert len({f.id for f in footprints.items}) == len(footprints.items) == 467
-    assert sum(f.height is not None for f in footprints.items) == 13
-    assert sum(f.levels is not None for f in footprints.items) == 156
-    assert Counter(f.roof.shape for f in footprints.items if f.roof) == {
+    assert len({f.id for f in footprints.items}) == len(footprints.items) == 607
+    assert sum(f.part for f in footprints.items) == 139
+    assert sum(f.begins_above for f in footprints.items) == 84
+    whole = [f for f in footprints.items if not f.part and not f.begins_above]
+    assert sum(f.height is not None for f in whole) == 12
+    assert sum(f.levels is not None for f in whole) == 156
+    assert Counter(f.roof.shape for f in whole if f.roof) == {
         "gabled": 5,
         "gambrel": 1,
         "hipped": 1,
-        "dome": 1,
         "flat": 1,
     }
     assert Counter(remark.reason for remark in footprints.remarks) == {
         "roofs without walls set aside": 11,
-        "buildings that start above the ground set aside": 8,
     }
     buildings = block_buildings([footprints], UTM, area=None, storey=3.2).items
-    assert len(buildings) > 430
-    assert min(b.footprint.area for b in buildings) >= SMALLEST
+    assert len(buildings) == 580
+    assert len({b.part_of for b in buildings if b.part_of}) == 49
+    assert min(b.footprint.area for b in buildings if not b.part_of) >= SMALLEST
     assert sum(len(b.footprint.interiors) > 0 for b in buildings) > 50, "courtyards stay"
-    assert all(2 <= b.height <= 80 for b in buildings)
+    assert all(2 <= b.height <= 80 for b in buildings if not b.part_of)
 
 
 def test_real_streets_are_merged_without_loss(centrelines: Centrelines) -> None:
@@ -167,13 +169,20 @@ def test_heights_that_cannot_be_are_ignored_with_a_remark(height: str) -> None:
     assert reasons == ["heights not understood and ignored"]
 
 
-@pytest.mark.parametrize(
-    "tags", [{"min_height": "4"}, {"building__min_level": "2"}, {"building": "roof"}, {"layer": "-1"}]
-)
+@pytest.mark.parametrize("tags", [{"building__part": "roof"}, {"building": "roof"}, {"layer": "-1"}])
 def test_what_has_no_walls_on_the_ground_is_set_aside(tags: dict[str, str]) -> None:
     found, reasons = tagged(**tags)
     assert found is None
     assert len(reasons) == 1
+
+
+def test_where_a_part_begins() -> None:
+    found, reasons = tagged(building__part="yes", min_height="4 m", height="10")
+    assert found is not None
+    assert (found.part, found.raised, found.raised_levels, found.height, reasons) == (True, 4.0, None, 10.0, [])
+    bridge, _ = tagged(building="yes", building__min_level="2")
+    assert bridge is not None
+    assert (bridge.part, bridge.raised, bridge.raised_levels, bridge.begins_above) == (False, None, 2.0, True)
 
 
 def square(x: float, y: float, side: float = 20.0) -> Polygon:

@@ -234,14 +234,14 @@ def test_a_ring_that_does_not_close_loses_only_itself(tmp_path: Path) -> None:
     assert [f.id for f in found.faults] == ["x"]
 
 
-def test_parts_above_the_ground_and_other_outlines_are_set_aside(tmp_path: Path) -> None:
+def test_parts_are_read_and_other_outlines_set_aside(tmp_path: Path) -> None:
     path = tmp_path / "a.gpkg"
-    columns = {"building": ["yes", "yes", "roof", None], "min_height": [None, 6.0, None, None]}
-    frame([square(20 * i) for i in range(4)], id=list("abcd"), **columns).to_file(path)
+    columns = {"building": ["yes", "yes", "roof", None, None], "min_height": [None, 6.0, None, None, 3.0]}
+    part = [None, None, None, None, "yes"]
+    frame([square(20 * i) for i in range(5)], id=list("abcde"), building_part=part, **columns).to_file(path)
     found = read_footprints(path)
-    assert [f.id for f in found.items] == ["a"]
+    assert [(f.id, f.part, f.raised) for f in found.items] == [("a", False, None), ("b", False, 6.0), ("e", True, 3.0)]
     assert [r.reason for r in found.remarks] == [
-        "buildings that start above the ground set aside",
         "roofs without walls set aside",
         "outlines that are not tagged as buildings set aside",
     ]
@@ -362,12 +362,11 @@ def test_helsinki_as_geopackage_and_as_pbf(data: Path) -> None:
     city = data / "city/helsinki"
     package, extract = read_footprints(city / "buildings_lod1.gpkg"), osm.read_footprints(city / "Helsinki.osm.pbf")
     one, two = ({f.id: f for f in source.items} for source in (package, extract))
-    aside = {r.id for r in extract.remarks if "above the ground" in r.reason}
-    # the package has no column of min_height, keeps three outlines that pyrosm does not build, and lacks one
+    # the package has no parts and no column of min_height, keeps outlines that pyrosm does not build, and lacks one
     assert len(one) == 478
-    assert len(two) == 467
-    assert two.keys() - one.keys() == {"r6077"}
-    assert len(one.keys() - two.keys() - aside) == 4
+    assert len(two) == 607
+    assert {id for id in two.keys() - one.keys() if not two[id].part} == {"r6077"}
+    assert len(one.keys() - two.keys()) == 4
     shared = one.keys() & two.keys()
     assert all(one[id].height == two[id].height or two[id].roof for id in shared)
     assert all(one[id].name == two[id].name for id in shared)

@@ -1,0 +1,43 @@
+"""Streets cut at junctions: a city is cut along its streets, and viewpoints stand where they do however it is cut."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+import shapely
+from shapely.ops import substring
+
+from facade_core.types import Street
+
+# No street is cut nearer to its end, or to where it was cut before, metres.
+SHORTEST_SEGMENT_M = 60.0
+
+
+def segments(streets: Sequence[Street]) -> tuple[Street, ...]:
+    """Streets cut where others meet them, from each one's start on; a segment's id is its street's with .0, .1, ... where there
+    are several. Which junctions those are depends on the streets that meet there alone."""
+    met = Counter(place for street in streets for place in _places(street))
+    return tuple(segment for street in streets for segment in _cut(street, met))
+
+
+def _places(street: Street) -> set[tuple[float, float]]:
+    return set(map(tuple, shapely.get_coordinates(street.line).tolist()))
+
+
+def _cut(street: Street, met: Counter[tuple[float, float]]) -> list[Street]:
+    points = shapely.get_coordinates(street.line)
+    along = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(points, axis=0).T))])
+    cuts = [0.0]
+    for place, at in zip(map(tuple, points.tolist()), along.tolist(), strict=True):
+        if met[place] > 1 and at - cuts[-1] >= SHORTEST_SEGMENT_M and along[-1] - at >= SHORTEST_SEGMENT_M:
+            cuts.append(at)
+    if len(cuts) == 1:
+        return [street]
+    ends = [*cuts[1:], float(along[-1])]
+    return [
+        replace(street, id=f"{street.id}.{number}", line=substring(street.line, start, end))
+        for number, (start, end) in enumerate(zip(cuts, ends, strict=True))
+    ]

@@ -1,0 +1,1 @@
+"""Cities: their files, and how they are cut into blocks."""

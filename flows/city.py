@@ -1,0 +1,159 @@
+"""The flow of a city: its blocks, one by one or some at a time, and what lies over all of them."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from datetime import datetime, timedelta
+from functools import partial
+from pathlib import Path
+from queue import SimpleQueue
+from typing import Any
+
+from prefect import Task, flow
+from prefect.futures import PrefectFuture
+from prefect.runtime import flow_run
+from prefect.states import Completed, State
+from prefect.task_runners import ThreadPoolTaskRunner
+
+from facade_core.errors import InputError
+from flows.cli.console import tell
+from flows.lock import locked
+from flows.markdown import plain
+from tasks.city.account import Ended, known, version, write_account, write_summary
+from tasks.city.over import write_over
+from tasks.city.running import TIME_IS_UP, run_block
+
+# Blocks at a time at most.
+MOST_AT_ONCE = 64
+
+# Starts the run of a block; what it returns calls back when that has ended.
+Submit = Callable[..., Any]
+
+
+def flow_run_name() -> str:
+    """The city and the date for which the run was scheduled."""
+    return f"{Path(flow_run.parameters['city_file']).stem} {flow_run.scheduled_start_time:%Y-%m-%d %H:%M}"
+
+
+@flow(
+    name="city",
+    description="Texture a city block by block. Resumes by itself; what did not change is not done again.",
+    flow_run_name=flow_run_name,
+    task_runner=ThreadPoolTaskRunner(max_workers=MOST_AT_ONCE),  # type: ignore[arg-type]
+)
+def city(
+    city_file: Path,
+    out: Path | None = None,
+    workers: int = 2,
+    dask: str | None = None,
+    at_once: int = 1,
+    until: str | None = None,
+    keep: int | None = None,
+    tiles: bool = True,
+) -> dict[str, Any] | State:
+    """Texture the city of `city_file` into `out`; resumes by itself. Returns the run's summary.
+
+    Args:
+        city_file: the city.
+        out: folder for the results, each block a run in out/blocks/NAME; out/NAME of the city file where there is none.
+        workers: local processes of each block.
+        dask: address of a Dask scheduler to use instead, which all blocks share.
+        at_once: blocks at a time.
+        until: local time of day, such as 06:00, at which the run ends, done or not; what is committed stays.
+        keep: published snapshots of each block to keep, the newest; all without.
+        tiles: whether the 3D Tiles of each block are exported, to which out/tileset.json leads.
+    """
+    summary = _run(
+        city_file, out or Path("out") / city_file.stem, workers, dask, at_once, until, keep, tiles, _recorded
+    )
+    if summary["failures"] or summary["left"]:
+        said = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
+        failed = "; ".join(f"{one['unit']}: {one['reason']}" for one in summary["failures"][:3])
+        return Completed(name="BlocksLeft", message=plain(f"{said}. {failed}"), data=summary)
+    return summary
+
+
+def unrecorded_city(
+    city_file: Path,
+    out: Path,
+    workers: int,
+    dask: str | None,
+    at_once: int,
+    until: str | None,
+    keep: int | None,
+    tiles: bool,
+) -> dict[str, Any]:
+    """What `city` does, without a Prefect server."""
+    with ThreadPoolExecutor(MOST_AT_ONCE, thread_name_prefix="blocks") as pool:
+        return _run(city_file, out, workers, dask, at_once, until, keep, tiles, partial(_unrecorded, pool))
+
+
+def _recorded(task: Task, *arguments: Any) -> PrefectFuture:
+    return task.submit(*arguments)
+
+
+def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any) -> Future:
+    return pool.submit(task.fn, *arguments)
+
+
+def _run(
+    city_file: Path,
+    out: Path,
+    workers: int,
+    dask: str | None,
+    at_once: int,
+    until: str | None,
+    keep: int | None,
+    tiles: bool,
+    submit: Submit,
+) -> dict[str, Any]:
+    begun, ends = time.monotonic(), None if until is None else ends_at(until, datetime.now()).timestamp()
+    options = [*(("--dask", dask) if dask else ("--workers", str(workers))), *(("--keep", str(keep)) if keep else ())]
+    with locked(out):
+        account, files = known(city_file, out)
+        due = account.due(out)
+        estimate = account.estimate(due, workers, at_once)
+        lasting = f", about {estimate['hours']:.2g} h" if due else ""
+        tell(f"{len(account.blocks)} blocks, {len(due)} of them due{lasting}")
+        ended: SimpleQueue[tuple[str, Any]] = SimpleQueue()
+        waiting, running = list(due), 0
+        while waiting or running:
+            while waiting and running < at_once and (ends is None or time.time() < ends):
+                name = waiting.pop(0)
+                digest = account.digests[name]
+                future = submit(run_block, out, name, files[name], options, digest, version(), ends, tiles)
+                future.add_done_callback(lambda future, name=name: ended.put((name, future)))
+                running += 1
+            if not running:
+                break
+            name, future = ended.get()
+            running -= 1
+            how: Ended = future.result()
+            account = account.ended(name, how)
+            write_account(out, account)
+            write_over(out, list(account.blocks), tell)
+            tell(f"block {name}: {_said(how)}; {len(waiting) + running} to go")
+        left = [name for name in account.blocks if name in waiting or account.blocks[name].code == TIME_IS_UP]
+        summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
+        summary["seconds"] = round(time.monotonic() - begun, 2)
+        summary["estimate"] = estimate | {"hours_taken": float(f"{summary['seconds'] / 3600:.3g}")}
+        write_summary(out, summary)
+    return summary
+
+
+def ends_at(until: str, now: datetime) -> datetime:
+    """When a local time of day is next. Raises InputError for what is none."""
+    try:
+        at = datetime.strptime(until, "%H:%M")
+    except ValueError:
+        raise InputError(f"--until {until}: is no time of day; write it such as 06:00") from None
+    today = now.replace(hour=at.hour, minute=at.minute, second=0, microsecond=0)
+    return today if today > now else today + timedelta(days=1)
+
+
+def _said(ended: Ended) -> str:
+    if ended.code == 0:
+        return f"done in {ended.seconds:.0f} s, {ended.summary.get('facades_done', 0)} facades"
+    return f"ended with {ended.code} ({ended.reason})"

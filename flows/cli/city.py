@@ -1,0 +1,145 @@
+"""The commands of a city: run it, and say before what that will take."""
+
+from __future__ import annotations
+
+import json
+import sys
+from pathlib import Path
+from typing import Any, cast
+
+import click
+
+from flows.cli.paths import EXISTING_FILE, FOLDER
+from flows.cli.say import note, say
+
+
+@click.command()
+@click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
+@click.option("--out", type=FOLDER, help="Where results go.  [default: out/NAME of the city file]")
+@click.option("--at-once", default=1, show_default=True, type=click.IntRange(1, 64), help="Blocks at a time.")
+@click.option("--until", metavar="HH:MM", help="End then, done or not; the next run goes on from there.")
+@click.option(
+    "--tiles/--no-tiles", default=True, show_default=True, help="Export 3D Tiles of each block, for tileset.json."
+)
+@click.option(
+    "--keep", type=click.IntRange(1), metavar="N", help="Keep the N newest published snapshots of each block."
+)
+@click.option(
+    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes of a block."
+)
+@click.option("--dask", metavar="ADDRESS", help="Use this Dask scheduler, such as tcp://127.0.0.1:8786.")
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object last.")
+def city(
+    city_file: Path,
+    out: Path | None,
+    at_once: int,
+    until: str | None,
+    tiles: bool,
+    keep: int | None,
+    workers: int,
+    dask: str | None,
+    as_json: bool,
+) -> None:
+    """Texture a city block by block. What an earlier run finished is not done again.
+
+    \b
+    Examples:
+      streetloom city helsinki.yaml --out out/helsinki
+      streetloom city helsinki.yaml --at-once 4 --workers 8 --until 06:00
+      streetloom query out/helsinki --where "floors >= 5"
+    """
+    from flows.cli.interrupts import end_on_interrupt
+    from flows.lock import locked
+
+    out = out or Path("out") / city_file.stem
+    with locked(out):
+        end_on_interrupt()
+        summary = _textured(city_file, out, workers, dask, at_once, until, keep, tiles)
+    if as_json:
+        click.echo(json.dumps(summary))
+    else:
+        _show(summary)
+    sys.exit(_code(summary))
+
+
+@click.command()
+@click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
+@click.option("--at-once", default=1, show_default=True, type=click.IntRange(1, 10_000), help="Blocks at a time.")
+@click.option(
+    "--workers", default=2, show_default=True, type=click.IntRange(1, 256), help="Local processes of a block."
+)
+@click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
+def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
+    """Say what texturing a city will take, before anything is run.
+
+    \b
+    Example:
+      streetloom plan helsinki.yaml --at-once 4 --workers 8
+    """
+    import tempfile
+
+    from tasks.city.account import Account
+    from tasks.city.blocks import read_city
+
+    with tempfile.TemporaryDirectory() as folder:
+        account = Account("").of(read_city(city_file, Path(folder)), "")
+    said = account.estimate(list(account.blocks), workers, at_once)
+    if as_json:
+        click.echo(json.dumps(said))
+        return
+    fitted = said["fitted"]
+    counts = f"{said['facades']} facades, {said['viewpoints']} viewpoints, {said['ground']} pieces of ground"
+    say(f"{account.name}: {said['blocks']} blocks, {counts}")
+    say(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers})")
+    say(f"  kept   {said['gigabytes']:.2g} GB, {said['commits']} commits")
+    say(f"  most   {said['bottleneck_share']:.0%} of the time: {said['bottleneck']}")
+    densities = ", ".join(f"{one:g}" for one in fitted["texels_per_metre"])
+    say(
+        f"  model  fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre"
+    )
+
+
+def _code(summary: dict[str, Any]) -> int:
+    """0 where all blocks are done; 70 where the machine failed one; 1 where one failed; 75 where the time was up before."""
+    codes = [one["code"] for one in summary["failures"]]
+    if any(code == 70 or code > 128 for code in codes):
+        return 70
+    if any(code != 75 for code in codes):
+        return 1
+    return 75 if summary["left"] else 0
+
+
+def _show(summary: dict[str, Any]) -> None:
+    say(
+        f"{summary['city']}: {summary['blocks_done']} of {summary['blocks']} blocks done, {summary['facades_done']} facades in "
+        f"{summary['seconds']:.0f} s; {summary['blocks_skipped']} blocks were done before"
+    )
+    for failure in summary["failures"]:
+        say(f"  failed {failure['unit']}: {failure['reason']}")
+    if summary["left"]:
+        say(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
+    say(f"  model  {Path(summary['out']) / 'overview.glb'}")
+    say(f"  look   streetloom query {summary['out']}")
+
+
+def _textured(city_file: Path, out: Path, *options: Any) -> dict[str, Any]:
+    """The summary of a run that Prefect's server keeps a record of; where there is none, the run goes on without, and where
+    nothing is due, it needs none."""
+    from flows.server.starting import ServerDown, server
+    from tasks.city.account import known
+
+    if not known(city_file, out)[0].due(out):
+        from flows.city import unrecorded_city
+
+        return unrecorded_city(city_file, out, *options)
+    with server(out / "prefect") as record:
+        from flows.city import city as recorded
+        from flows.city import unrecorded_city
+
+        names = ("workers", "dask", "at_once", "until", "keep", "tiles")
+        try:
+            record.require()
+        except ServerDown as error:
+            note(f"no Prefect server ({error}); the run does without, and has no record there")
+            return unrecorded_city(city_file, out, *options)
+        return cast(dict[str, Any], recorded(city_file, out, **dict(zip(names, options, strict=True))))

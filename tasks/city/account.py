@@ -1,0 +1,188 @@
+"""What a city's run knows of its blocks, kept beside them: which stand, which failed, and what all of them come to."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import shutil
+from collections.abc import Collection, Mapping, Sequence
+from dataclasses import asdict, dataclass, field, replace
+from pathlib import Path
+from typing import Any
+
+from catalogs.block.paths import named_paths
+from catalogs.block.yaml_files import read_yaml
+from catalogs.city.keys import check_city
+from catalogs.file_digest import file_digest
+from catalogs.published.snapshot import current_if_any
+from facade_core.atlas.journal import unit_key
+from facade_core.errors import BlockFileError
+from tasks.city.blocks import City, read_city
+from tasks.city.cost import shipped
+from tasks.city.counting import Counts
+from tasks.keys.stage_code import code_version
+from tasks.kinds.order import CODED
+
+# In a city's folder: the runs of its blocks, and what is known of them.
+BLOCKS, ACCOUNT, SUMMARY = "blocks", "city.json", "summary.json"
+# Those of blocks that there were before it was cut otherwise: hidden from who looks for runs.
+GONE = ".gone"
+# What of a block's summary is added up.
+ADDED = ("facades_done", "facades_failed", "viewpoints", "units_done", "units_skipped")
+
+
+@dataclass(frozen=True)
+class Ended:
+    """How the run of a block ended: by which code (None: it was not begun), what it was of (digest of the block, version of the
+    code), which snapshot it published; its summary, without paths and failures; why it failed, in a line; seconds."""
+
+    code: int | None = None
+    digest: str = ""
+    version: str = ""
+    snapshot: str = ""
+    summary: Mapping[str, Any] = field(default_factory=dict)
+    reason: str = ""
+    seconds: float = 0.0
+
+
+def source_digest(path: Path) -> str:
+    """The sha256 of a city file and of all files that it names, those beside them with the same stem included, as some formats
+    are of several; empty where it names block files, of which each names others. Raises ValueError where it cannot be used."""
+    values = read_yaml(path)
+    asked = check_city(values)
+    if isinstance(asked, str):
+        return ""
+    named = [one for paths in named_paths(asked[0], path).values() for one in paths]
+    files = sorted({file for one in named for file in _files_of(one)})
+    digest = hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode())
+    for file in files:
+        digest.update(f"{file.name} {file_digest(file)}\n".encode())
+    return digest.hexdigest()
+
+
+def _files_of(path: Path) -> list[Path]:
+    if path.is_dir():
+        return [one for one in path.rglob("*") if one.is_file()]
+    return [one for one in path.parent.glob(f"{_plain(path.stem)}*") if one.is_file()] or [path]
+
+
+def _plain(stem: str) -> str:
+    return "".join(f"[{sign}]" if sign in "*?[" else sign for sign in stem)
+
+
+def version() -> str:
+    """The version of the code by which blocks are run."""
+    return code_version(CODED)
+
+
+def stands(out: Path, name: str, ended: Ended, digest: str) -> bool:
+    """Whether a block is done and published as it is now."""
+    if ended.code != 0 or ended.digest != digest or ended.version != version():
+        return False
+    snapshot = current_if_any(out / BLOCKS / name)
+    return snapshot is not None and snapshot.id == ended.snapshot
+
+
+@dataclass(frozen=True)
+class Account:
+    """What is known of a city's blocks, by name; source: the digest of what they were cut from; told: by the map of each, as
+    `tasks.city.counting.Counts` has it."""
+
+    name: str
+    source: str = ""
+    blocks: Mapping[str, Ended] = field(default_factory=dict)
+    digests: Mapping[str, str] = field(default_factory=dict)
+    set_aside: Sequence[Sequence[str]] = ()
+    told: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+
+    def of(self, city: City, source: str) -> Account:
+        """The same of a city as it was read now."""
+        kept = {block.name: self.blocks.get(block.name, Ended()) for block in city.blocks}
+        digests = {block.name: block.digest for block in city.blocks}
+        told = {block.name: asdict(block.told) for block in city.blocks}
+        return Account(city.name, source, kept, digests, city.set_aside, told)
+
+    def estimate(self, names: Sequence[str], workers: int, at_once: int) -> dict[str, Any]:
+        """What some blocks will take, by the model."""
+        return shipped().estimate([Counts(**self.told[name]) for name in names], workers, at_once)
+
+    def ended(self, name: str, how: Ended) -> Account:
+        return replace(self, blocks={**self.blocks, name: how})
+
+    def due(self, out: Path) -> list[str]:
+        """The blocks that do not stand, in their order."""
+        return [name for name in self.blocks if not stands(out, name, self.blocks[name], self.digests[name])]
+
+    def summary(self, out: Path) -> dict[str, Any]:
+        """What all blocks come to."""
+        found = [ended.summary for ended in self.blocks.values() if ended.summary]
+        digests = [f"{name} {ended.summary.get('atlas_digest')}" for name, ended in sorted(self.blocks.items())]
+        return {
+            "city": self.name,
+            "out": str(out),
+            "blocks": len(self.blocks),
+            "blocks_done": sum(ended.code == 0 for ended in self.blocks.values()),
+            **{key: sum(int(summary.get(key, 0)) for summary in found) for key in ADDED},
+            "atlas_digest": unit_key(digests),
+            "failures": [
+                {"unit": f"block {name}", "reason": ended.reason or f"ended with {ended.code}", "code": ended.code}
+                for name, ended in self.blocks.items()
+                if ended.code not in (0, None)
+            ],
+            "left": [name for name, ended in self.blocks.items() if ended.code is None],
+            "set_aside": [list(one) for one in self.set_aside],
+        }
+
+
+def known(city_file: Path, out: Path) -> tuple[Account, dict[str, Path]]:
+    """What is known of a city's blocks, and their block files; it is read and cut again where a file of it changed."""
+    try:
+        source = source_digest(city_file)
+    except ValueError as error:
+        raise BlockFileError(f"{city_file}: {error}") from error
+    account = read_account(out)
+    files = {name: out / "input" / f"{name}.yaml" for name in account.blocks}
+    whole = account.told.keys() == account.blocks.keys() and all(file.is_file() for file in files.values())
+    if source and whole and account.source == f"{source} {version()}":
+        return account, files
+    found = read_city(city_file, out)
+    account = account.of(found, f"{source} {version()}" if source else "")
+    write_account(out, account)
+    _put_away(out, account.blocks)
+    return account, {block.name: block.file for block in found.blocks}
+
+
+def _put_away(out: Path, names: Collection[str]) -> None:
+    """Put the runs of blocks that the cut has no more where no query finds them: what they published is in other blocks now."""
+    for folder in [one for one in (out / BLOCKS).glob("*") if one.is_dir() and one.name not in names]:
+        gone = out / GONE / folder.name
+        shutil.rmtree(gone, ignore_errors=True)
+        gone.parent.mkdir(exist_ok=True)
+        os.replace(folder, gone)
+
+
+def read_account(out: Path) -> Account:
+    """What is known of the blocks in a city's folder: nothing where it cannot be read."""
+    try:
+        held = json.loads((out / ACCOUNT).read_text(encoding="utf-8"))
+        blocks = {name: Ended(**ended) for name, ended in held.pop("blocks").items()}
+        return Account(**held, blocks=blocks)
+    except (OSError, ValueError, TypeError, KeyError, AttributeError):
+        return Account("")
+
+
+def write_account(out: Path, account: Account) -> None:
+    """Keep what is known, in one step."""
+    held = asdict(account)
+    _write(out / ACCOUNT, held)
+
+
+def write_summary(out: Path, summary: Mapping[str, Any]) -> None:
+    _write(out / SUMMARY, summary)
+
+
+def _write(path: Path, value: Any) -> None:
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
+    os.replace(temporary, path)

@@ -1,0 +1,78 @@
+"""What a city will cost before it is run: a model of seconds, bytes and commits, fitted on runs by `benchmarks.city.cost`."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, fields
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+from tasks.city.counting import NOTHING, Counts
+
+COEFFICIENTS = Path(__file__).with_name("cost.json")
+WHAT = tuple(field.name for field in fields(Counts))
+WORDS = {
+    "facades": "facades",
+    "viewpoints": "viewpoints of streets",
+    "ground": "ground",
+    "exemplars": "exemplars, prepared by each block",
+    "blocks": "starting blocks and publishing them, which workers wait for",
+}
+
+
+@dataclass(frozen=True)
+class Cost:
+    """The model. fitted: when, on which machine, by how many blocks of which density (texels a metre).
+
+    counted: of each of WHAT how many there are for one that the map tells of; seconds, bytes, commits: what one takes: seconds
+    of a worker, bytes kept in store and published; of blocks the seconds are of the clock, and a worker's seconds take `slower`
+    seconds of it.
+    """
+
+    fitted: Mapping[str, Any]
+    counted: Counts
+    seconds: Counts
+    bytes: Counts
+    commits: Counts
+    slower: float
+
+    def seconds_of(self, counts: Counts, workers: int) -> float:
+        """Seconds of the clock that blocks take one after the other."""
+        spent = counts.times(self.seconds)
+        return spent.blocks + (sum(asdict(spent).values()) - spent.blocks) * self.slower / workers
+
+    def estimate(self, told: Sequence[Counts], workers: int, at_once: int = 1) -> dict[str, Any]:
+        """What blocks will take, by what the map tells of each: facades and the like, hours, gigabytes, commits, and where most
+        of the time goes."""
+        counts = sum((one.times(self.counted) for one in told), NOTHING)
+        spent = counts.times(self.seconds)
+        shares = asdict(spent) | {
+            name: getattr(spent, name) * self.slower / workers for name in WHAT if name != "blocks"
+        }
+        longest = max((self.seconds_of(one.times(self.counted), workers) for one in told), default=0.0)
+        hours = max(self.seconds_of(counts, workers) / max(1, min(at_once, len(told))), longest) / 3600
+        most = max(shares, key=lambda name: shares[name])
+        return {
+            **{name: round(getattr(counts, name)) for name in WHAT},
+            "workers": workers * at_once,
+            "hours": float(f"{hours:.3g}"),
+            "gigabytes": float(f"{sum(asdict(counts.times(self.bytes)).values()) / 1e9:.3g}"),
+            "commits": round(sum(asdict(counts.times(self.commits)).values())),
+            "bottleneck": WORDS[most],
+            "bottleneck_share": round(shares[most] / max(sum(shares.values()), 1e-9), 2),
+            "fitted": dict(self.fitted),
+        }
+
+
+@cache
+def shipped() -> Cost:
+    """The model as it was fitted last."""
+    return cost_of(json.loads(COEFFICIENTS.read_text(encoding="utf-8")))
+
+
+def cost_of(held: Mapping[str, Any]) -> Cost:
+    """A model as it is kept in a file."""
+    parts = {name: Counts(**held[name]) for name in ("counted", "seconds", "bytes", "commits")}
+    return Cost(fitted=held["fitted"], slower=held["slower"], **parts)

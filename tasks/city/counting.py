@@ -1,0 +1,84 @@
+"""How much there is of a block, told by its map before anything is made of it: what an estimate of its run stands on."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, fields
+
+import numpy as np
+import shapely
+
+from catalogs.block.reading import Block
+from facade_core.facades import FREE
+from facade_core.geometry.walls import JOINT_M, NARROW_M
+
+# Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
+GROUND_M, AROUND_M = 32.0, 22.0
+
+
+@dataclass(frozen=True)
+class Counts:
+    """Of a block, or of some: facades, viewpoints, pieces of ground, exemplars (once for each block), blocks."""
+
+    facades: float
+    viewpoints: float
+    ground: float
+    exemplars: float
+    blocks: float = 1.0
+
+    def __add__(self, other: Counts) -> Counts:
+        return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
+
+    def times(self, factors: Counts) -> Counts:
+        return Counts(*(getattr(self, f.name) * getattr(factors, f.name) for f in fields(self)))
+
+
+NOTHING = Counts(0, 0, 0, 0, 0)
+
+
+def counts_of(block: Block) -> Counts:
+    """What a block, or a part of a city, has of its own by its outlines and lines."""
+    mine = [b for b in block.buildings if block.part is None or b.id in set(block.part.buildings)]
+    lines = [s.line for s in block.streets if block.part is None or s.id in set(block.part.streets)]
+    spacing = block.texture.viewpoint_spacing
+    viewpoints = sum(max(1, int(np.ceil((line.length - spacing / 2) / spacing))) for line in lines)
+    ground = _ground(block, {b.id for b in mine}, {s.id for s in block.streets if s.line in lines})
+    exemplars = len(block.exemplars) if block.texture.walls == "exemplar" else 0
+    return Counts(_free_walls(block, mine), viewpoints, ground, exemplars)
+
+
+def _free_walls(block: Block, mine: list) -> int:
+    """The walls of some buildings that stand free of others, by their outlines."""
+    outlines = [building.footprint for building in block.buildings]
+    tree, count = shapely.STRtree(outlines), 0
+    for building in mine:
+        rings = [part.exterior for part in shapely.get_parts(building.footprint)]
+        edges = np.concatenate([_edges(ring) for ring in rings])
+        near = [
+            i for i in tree.query(building.footprint, "dwithin", distance=JOINT_M) if block.buildings[i] is not building
+        ]
+        against = shapely.union_all([outlines[i] for i in near]).buffer(JOINT_M)
+        long = shapely.length(edges) >= NARROW_M
+        left = shapely.length(shapely.difference(edges[long], against)) / shapely.length(edges[long])
+        count += int((left >= FREE).sum())
+    return count
+
+
+def _edges(ring: shapely.LinearRing) -> np.ndarray:
+    points = shapely.get_coordinates(ring)
+    return shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
+
+
+def _ground(block: Block, buildings: set[str], streets: set[str]) -> int:
+    """The cells of the ground's grid to which something of the block's own is nearest."""
+    shapes = [*(b.footprint for b in block.buildings), *(s.line for s in block.streets)]
+    own = np.array([*(b.id in buildings for b in block.buildings), *(s.id in streets for s in block.streets)])
+    low, high = np.reshape(shapely.total_bounds(np.array(shapes, object)[own]), (2, 2))
+    reach = block.texture.visibility_range
+    first, last = (np.floor((low - reach) / GROUND_M).astype(int), np.ceil((high + reach) / GROUND_M).astype(int))
+    x, y = (np.arange(a, b) * GROUND_M + GROUND_M / 2 for a, b in zip(first, last, strict=True))
+    cells = shapely.points(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
+    near, away = shapely.STRtree(shapes).query_nearest(
+        cells, max_distance=max(reach, AROUND_M), all_matches=False, return_distance=True
+    )
+    del away
+    return int(own[near[1]].sum())

@@ -1,0 +1,22 @@
+"""When a city's run ends by the clock."""
+
+from __future__ import annotations
+
+from datetime import datetime
+
+import pytest
+
+from facade_core.errors import InputError
+from flows.city import ends_at
+
+
+@pytest.mark.parametrize(
+    ("now", "then"), [("2026-11-23 22:00", "2026-11-24 06:00"), ("2026-11-24 05:59", "2026-11-24 06:00")]
+)
+def test_the_time_that_is_next(now: str, then: str) -> None:
+    assert ends_at("06:00", datetime.fromisoformat(now)) == datetime.fromisoformat(then)
+
+
+def test_what_is_no_time_is_refused() -> None:
+    with pytest.raises(InputError, match="no time of day"):
+        ends_at("6 o'clock", datetime(2026, 11, 23))

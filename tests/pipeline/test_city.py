@@ -1,0 +1,71 @@
+"""A city of two blocks, as a user runs it: killed on the way, gone on with, and asked again with nothing to do."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import yaml
+
+from catalogs.query import query
+from tests.pipeline.runs import ROOT, environment
+from tests.pipeline.stages import write_block
+
+# A house on either side of where the city is cut, and a street past both.
+HOUSES = {"a": (4, 5, 12, 6, 7.0), "b": (74, 5, 12, 6, 9.0)}
+STREETS = {"1": [(0, 0), (45, 0), (90, 0)]}
+
+
+@pytest.fixture(scope="module")
+def town(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("town")
+    block = write_block(folder, buildings=HOUSES, streets=STREETS)
+    keys = yaml.safe_load(block.read_text()) | {"name": "town", "cut": {"metres": 70}}
+    (folder / "town.yaml").write_text(yaml.safe_dump(keys))
+    return folder / "town.yaml"
+
+
+def command(town: Path, *more: str) -> list[str]:
+    out = town.parent / "out"
+    return [sys.executable, "-m", "flows", "city", str(town), "--out", str(out), "--workers", "1", "--json", *more]
+
+
+def run(town: Path, *more: str, expect: int = 0) -> dict:
+    done = subprocess.run(
+        command(town, *more), cwd=ROOT, env=environment(town.parent), capture_output=True, text=True, timeout=600
+    )
+    assert done.returncode == expect, done.stderr[-3000:]
+    return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path) -> None:
+    out = town.parent / "out"
+    process = subprocess.Popen(
+        command(town, "--no-tiles"), cwd=ROOT, env=environment(town.parent), stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    for line in process.stderr:
+        if " to go" in line:  # the first block is done, the other has begun
+            break
+    process.kill()
+    process.stderr.close()
+    process.wait()
+    blocks = json.loads((out / "city.json").read_text())["blocks"]
+    assert sorted(ended["code"] is None for ended in blocks.values()) == [False, True]
+    time.sleep(2)  # the block that had begun ends with the city
+
+    summary = run(town)
+    assert (summary["blocks"], summary["blocks_done"], summary["blocks_skipped"]) == (2, 2, 1)
+    assert not summary["failures"]
+    assert set(query(out)["building"]) == {"a", "b"}
+    assert json.loads((out / "tileset.json").read_text())["root"]["children"]
+    assert (out / "overview.glb").is_file()
+    assert summary["estimate"]["facades"] > 0
+
+    again = run(town)
+    assert (again["blocks_done"], again["blocks_skipped"]) == (2, 2)
+    assert again["atlas_digest"] == summary["atlas_digest"]

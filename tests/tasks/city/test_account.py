@@ -1,0 +1,86 @@
+"""What is known of a city's blocks: only what changed is due, and what did not is not read again."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+import yaml
+
+from tasks.city import account as accounts
+from tasks.city.account import Account, Ended, known, read_account, stands, version
+from tests.pipeline.stages import write_block
+
+# Houses along one street, farther apart than context reaches.
+HOUSES: dict[str, tuple[float, ...]] = {f"h{n}": (300 * n + 40, 5, 12, 6, 7.0) for n in range(4)}
+STREETS = {"1": [(0, 0), (600, 0), (1200, 0)]} | {
+    f"x{n}": [(300 * n, -50), (300 * n, 0), (300 * n, 50)] for n in range(5)
+}
+
+
+def town(folder: Path, houses: dict[str, tuple[float, ...]] = HOUSES, **keys: object) -> Path:
+    block = write_block(folder, buildings=houses, streets=STREETS)
+    (folder / "town.yaml").write_text(
+        yaml.safe_dump(yaml.safe_load(block.read_text()) | {"cut": {"metres": 300}} | keys)
+    )
+    return folder / "town.yaml"
+
+
+def test_a_house_that_changes_makes_those_due_that_read_it(tmp_path: Path) -> None:
+    before, files = known(town(tmp_path), tmp_path / "out")
+    assert len(before.blocks) == 4
+    assert all(yaml.safe_load(file.read_text())["part"]["buildings"] for file in files.values())
+    after, _ = known(town(tmp_path, HOUSES | {"h1": (340, 5, 12, 6, 9.0)}), tmp_path / "out")
+    changed = [name for name in before.digests if before.digests[name] != after.digests[name]]
+    assert len(changed) == 1
+
+
+def test_a_city_is_read_again_only_where_a_file_of_it_changed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    file, out = town(tmp_path), tmp_path / "out"
+    found, _ = known(file, out)
+
+    def read_city(path: Path, out: Path) -> None:
+        raise AssertionError("read again")
+
+    monkeypatch.setattr(accounts, "read_city", read_city)
+    again, _ = known(file, out)
+    assert again == read_account(out)
+    assert again.digests == found.digests
+    (tmp_path / "exemplars" / "0.labels.txt").write_text("one more")
+    with pytest.raises(AssertionError, match="read again"):
+        known(file, out)
+
+
+def test_blocks_that_a_new_cut_does_not_have_are_put_away(tmp_path: Path) -> None:
+    known(town(tmp_path), tmp_path / "out")
+    (tmp_path / "out" / "blocks" / "x1y1" / "store").mkdir(parents=True)
+    known(town(tmp_path, cut={"metres": 5000}), tmp_path / "out")
+    assert not list((tmp_path / "out" / "blocks").iterdir())
+    assert (tmp_path / "out" / ".gone" / "x1y1" / "store").is_dir()
+
+
+def test_a_block_stands_where_it_was_done_by_this_code_of_what_it_reads(tmp_path: Path) -> None:
+    folder = tmp_path / "blocks" / "a" / "published" / "S1"
+    folder.mkdir(parents=True)
+    for name in ("items.parquet", "summary.json"):
+        (folder / name).touch()
+    (tmp_path / "blocks" / "a" / "current").write_text("S1\n")
+    done = Ended(code=0, digest="d", version=version(), snapshot="S1")
+    assert stands(tmp_path, "a", done, "d")
+    others = [{"code": 1}, {"digest": "e"}, {"version": "0"}, {"snapshot": "S0"}]
+    assert not any(stands(tmp_path, "a", replace(done, **one), "d") for one in others)  # type: ignore[arg-type]
+
+
+def test_what_cannot_be_read_is_known_of_no_block(tmp_path: Path) -> None:
+    (tmp_path / "city.json").write_text(json.dumps({"name": "a", "blocks": {"x": {"colour": 3}}}))
+    assert read_account(tmp_path) == Account("")
+
+
+def test_failed_blocks_are_told_and_the_others_added_up(tmp_path: Path) -> None:
+    ended = {"a": Ended(0, summary={"facades_done": 3}), "b": Ended(2, reason="no streets"), "c": Ended()}
+    summary = Account("town", blocks=ended).summary(tmp_path)
+    assert (summary["blocks"], summary["blocks_done"], summary["facades_done"]) == (3, 1, 3)
+    assert summary["failures"] == [{"unit": "block b", "reason": "no streets", "code": 2}]
+    assert summary["left"] == ["c"]
