@@ -21,11 +21,11 @@ from tests.pipeline.stages import digests_of, texture, write_block
 
 @pytest.fixture
 def disk(tmp_path: Path) -> Iterator[Path]:
-    """A disk of 300 kB in memory."""
+    """A disk in memory that holds the first facades of the block and not the rest."""
     folder = tmp_path / "disk"
     folder.mkdir()
     mounted = subprocess.run(
-        ["mount", "-t", "tmpfs", "-o", "size=300k", "tmpfs", folder], capture_output=True, text=True
+        ["mount", "-t", "tmpfs", "-o", "size=450k", "tmpfs", folder], capture_output=True, text=True
     )
     if mounted.returncode:
         pytest.skip(f"no disk of a size can be mounted here: {mounted.stderr.strip()}")
