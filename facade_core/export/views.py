@@ -12,12 +12,15 @@ from facade_core.export.camera import Camera, aerial, close_up, street_level
 from facade_core.export.picture import Picture, averaged
 from facade_core.geometry.walls import STREET
 from facade_core.plan import Plan
+from facade_core.street.sun import Sun, direction
 
 VIEW_SIZE = (900, 1440)
 # Rays along each side of a pixel.
 SAMPLES = 2
 # A facade from a photo is so much more worth showing than one from an exemplar.
 PHOTO_WORTH = 4
+# What lies in its own shade is so much less worth showing than what the sun is on.
+SHADED_WORTH = 0.4
 # Streets that have a view, and viewpoints of a street that are tried for it.
 STREETS, LOOKED_AT = 3, 24
 
@@ -35,11 +38,16 @@ def pictured(plan: Plan) -> np.ndarray:
     return np.flatnonzero(plan.facades.role == STREET)
 
 
-def cameras(plan: Plan, records: Sequence[Record | None]) -> list[Camera]:
-    """The cameras of `view_names`, from where most of the facades is seen, photos before others. records: those of facades."""
+def cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None) -> list[Camera]:
+    """The cameras of `view_names`, from where most of the facades is seen, photos before others, and those that the sun is on.
+
+    records: those of facades.
+    """
     worth = np.zeros(len(plan.scene.charts))
     for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
         worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
+    if sun is not None:
+        worth *= np.where(plan.scene.charts.normal() @ direction(sun) > 0, 1.0, SHADED_WORTH)
     found = [aerial(plan.scene, VIEW_SIZE, worth)]
     for street in _streets(plan):
         own = spread(plan.of_street(street), LOOKED_AT)

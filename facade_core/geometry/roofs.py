@@ -7,6 +7,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 import shapely
+from scipy.spatial import KDTree
 from shapely import LineString, MultiPolygon, Polygon
 
 from facade_core.errors import GeometryError
@@ -26,6 +27,8 @@ RISING = ("gabled", "hipped", "mansard", "gambrel")
 RECTANGULAR = 0.95
 # A roof passes over jogs of the outline of up to this, and over gaps of twice this between neighbours.
 JOG_M = 0.6
+# Lines that meet at a corner of the outline pass it by up to this once they are on the grid: there they are one point.
+WELD_M = 5e-3
 GAP_M = 0.15
 # Neighbours share so much of the outline, at least; without a pitch their roofs are followed so far.
 SHARED_M = 2.0
@@ -61,7 +64,7 @@ def roof_shell(building: Building, base: float, beside: Sequence[Polygon | Multi
     rectangular = footprint.area >= RECTANGULAR * shapely.minimum_rotated_rectangle(footprint).area
     if roof.shape in RISING and not roof.across and (roof.pitch or beside or not rectangular):
         try:
-            return _shell(*_over_edges(roof, footprint, beside), base, eaves)
+            return _shell(*_over_edges(roof, footprint, beside), footprint, base, eaves)
         except (GeometryError, shapely.errors.GEOSException):
             if roof.pitch:
                 return None
@@ -73,7 +76,7 @@ def roof_shell(building: Building, base: float, beside: Sequence[Polygon | Multi
     def rise(xy: np.ndarray) -> np.ndarray:
         return np.maximum(((xy - centre) @ planes[:, :2].T + planes[:, 2]).min(axis=1), 0.0)
 
-    return _shell(_regions(footprint, planes, centre), rise, base, eaves)
+    return _shell(_regions(footprint, planes, centre), rise, footprint, base, eaves)
 
 
 def _over_edges(roof: Roof, footprint: Polygon, beside: Sequence[Polygon | MultiPolygon]) -> tuple[np.ndarray, Rise]:
@@ -227,12 +230,14 @@ def _rectangle(
     return along, across, float(half_along), float(half_across), corners.mean(axis=0)
 
 
-def _shell(regions: np.ndarray, rise: Rise, base: float, eaves: float) -> Shell:
+def _shell(regions: np.ndarray, rise: Rise, footprint: Polygon, base: float, eaves: float) -> Shell:
     """The closed shell between the base and a roof, given by the regions of its planes and its height over the eaves."""
     cut = shapely.get_parts(shapely.constrained_delaunay_triangles(regions))
     corners = shapely.get_coordinates(shapely.orient_polygons(cut)).reshape(-1, 4, 2)[:, :3]
-    points, index = np.unique(corners.reshape(-1, 2), axis=0, return_inverse=True)
+    welded = _welded(corners.reshape(-1, 2), shapely.get_coordinates(footprint))
+    points, index = np.unique(welded, axis=0, return_inverse=True)
     top = index.reshape(-1, 3)
+    top = top[(top != np.roll(top, 1, axis=1)).all(axis=1)]
     count = len(points)
     edges = np.concatenate([top[:, [0, 1]], top[:, [1, 2]], top[:, [2, 0]]])
     key, reverse = edges @ [count, 1], edges @ [1, count]
@@ -258,6 +263,15 @@ def _shell(regions: np.ndarray, rise: Rise, base: float, eaves: float) -> Shell:
         texture=np.full(len(triangles), -1, np.int32),
         uv=np.zeros((len(triangles), 3, 2), np.float32),
     )
+
+
+def _welded(points: np.ndarray, corners: np.ndarray) -> np.ndarray:
+    """Points (n, 2), on the corner (k, 2) of the outline that lies within WELD_M of them where one does."""
+    distance, nearest = KDTree(corners).query(points, distance_upper_bound=WELD_M)
+    near = np.isfinite(distance)
+    welded = points.copy()
+    welded[near] = corners[nearest[near]]
+    return welded
 
 
 def _regions(footprint: Polygon, planes: np.ndarray, centre: np.ndarray) -> np.ndarray:

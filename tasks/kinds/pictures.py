@@ -29,7 +29,7 @@ def picture_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     """As the journal stands: the views, then each facade's pictures."""
     digests = latest_digests(read_journal(group, "surfaces"), [])
     records = read_journal(group, "facades")
-    views = cameras(plan, records)
+    views = cameras(plan, records, run.texture.sun)
     memory = view_memory(plan.scene.spec.page**2)
     units = [
         Unit(i, f"view {name}", (key,), (name, camera), memory)
