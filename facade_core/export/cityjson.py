@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 # Metres per unit of a vertex.
 SCALE = 0.001
+# Corners of an object that lie this near each other are one: where eaves, hips and walls meet, they pass by millimetres, and
+# a ring with two of them has a sliver that faces anywhere.
+WELD_M = 0.01
 THEME = "streetloom"
 # Decimals of a texture coordinate: a hundredth of a texel of the largest page.
 DECIMALS = 6
@@ -91,6 +96,19 @@ def _area(grid: np.ndarray) -> float:
         return 0.0
     offset = (grid - grid[0]).astype(np.float64)
     return float(np.linalg.norm(np.cross(offset[1:-1], offset[2:]).sum(axis=0))) / 2
+
+
+def welded(faces: Sequence[Face]) -> list[Face]:
+    """Faces of one object, each of their corners moved to the first of those that lie within WELD_M of it, one by one."""
+    if not faces:
+        return []
+    rings = [ring for face in faces for ring in face.rings]
+    points = np.concatenate(rings)
+    near = KDTree(points).sparse_distance_matrix(KDTree(points), WELD_M, output_type="coo_matrix")
+    _, of = connected_components(near, directed=False)
+    _, first = np.unique(of, return_index=True)
+    moved = iter(np.split(points[first[of]], np.cumsum([len(ring) for ring in rings])[:-1]))
+    return [replace(face, rings=tuple(next(moved) for _ in face.rings)) for face in faces]
 
 
 def multi_surface(

@@ -43,11 +43,7 @@ def cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None
 
     records: those of facades.
     """
-    worth = np.zeros(len(plan.scene.charts))
-    for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
-        worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
-    if sun is not None:
-        worth *= np.where(plan.scene.charts.normal() @ direction(sun) > 0, 1.0, SHADED_WORTH)
+    worth = _worth(plan, records, sun)
     found = [aerial(plan.scene, VIEW_SIZE, worth)]
     for street in _streets(plan):
         own = spread(plan.of_street(street), LOOKED_AT)
@@ -55,6 +51,16 @@ def cameras(plan: Plan, records: Sequence[Record | None], sun: Sun | None = None
     if len(plan.facades.chart):
         found.append(close_up(plan.scene, plan.facades.chart, VIEW_SIZE, worth))
     return found
+
+
+def _worth(plan: Plan, records: Sequence[Record | None], sun: Sun | None) -> np.ndarray:
+    """How much each chart (n,) is worth showing; what is no facade on a street, nothing."""
+    worth = np.zeros(len(plan.scene.charts))
+    for chart, role, record in zip(plan.facades.chart, plan.facades.role, records, strict=True):
+        worth[chart] = role == STREET and 1 + PHOTO_WORTH * photo_share(record)
+    if sun is not None:
+        worth *= np.where(plan.scene.charts.normal() @ direction(sun) > 0, 1.0, SHADED_WORTH)
+    return worth
 
 
 def photo_share(record: Record | None) -> float:

@@ -73,7 +73,7 @@ def _objects(
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
     """The files of the texture pages, which are written, and every city object as (id, what makes it in a pool)."""
     from facade_core.export.buildings import building_faces, ground_faces
-    from facade_core.export.cityjson import multi_surface
+    from facade_core.export.cityjson import multi_surface, welded
     from facade_core.export.models import GROUND_NODE, layout_of, page_jpeg
     from facade_core.grouping import grouped
 
@@ -98,7 +98,7 @@ def _objects(
         return {
             "type": "Building",
             "attributes": _attributes(found, index),
-            "geometry": [multi_surface(faces, surfaces, pool, "3" if opened else "2")],
+            "geometry": [multi_surface(welded(faces), surfaces, pool, "3" if opened else "2")],
         }
 
     def terrain(pool: Any) -> dict[str, Any]:

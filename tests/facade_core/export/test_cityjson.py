@@ -7,7 +7,7 @@ import pytest
 import shapely
 
 from facade_core.export.buildings import building_faces, ground_faces
-from facade_core.export.cityjson import Face, Pool, multi_surface
+from facade_core.export.cityjson import Face, Pool, multi_surface, welded
 from facade_core.export.models import Drawn, Textured, layout_of
 from facade_core.export.openings import cut_openings, outlines
 from facade_core.geometry import WALL
@@ -109,3 +109,18 @@ def test_rings_meet_no_corner_twice_and_have_area() -> None:
     geometry = multi_surface([Face((line,), 0), Face((spike,), 1)], [{"type": "Window"}, {"type": "Door"}], pool, "2")
     assert geometry["semantics"] == {"surfaces": [{"type": "Door"}], "values": [0]}
     assert "texture" not in geometry
+
+
+def test_corners_that_pass_by_millimetres_are_one() -> None:
+    # the hip of a roof meets the eaves twice, 4 mm apart, as the faces on its two sides have it
+    one = np.array([[0.0, 0, 0], [10, 0, 0], [10.004, 0, 0], [5, 5, 3]])
+    other = np.array([[10.004, 0, 0], [10, 8, 0], [5, 5, 3]])
+    hole = np.array([[4.0, 1, 0.6], [4, 2, 1.2], [5, 2, 1.2]])
+    left, right = welded([Face((one, hole), 0, page=None), Face((other,), 1)])
+    assert np.array_equal(left.rings[0][1], left.rings[0][2])
+    assert np.array_equal(left.rings[0][1], right.rings[0][0])
+    assert np.array_equal(left.rings[1], hole)
+    assert (left.semantic, right.semantic) == (0, 1)
+    corners, _ = Pool(np.zeros(3)).ring(left.rings[0], None)
+    assert len(corners) == 3
+    assert welded([]) == []

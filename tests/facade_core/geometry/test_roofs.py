@@ -8,7 +8,7 @@ import shapely
 import trimesh
 
 from facade_core.geometry.facets import facets
-from facade_core.geometry.roofs import roof_shell
+from facade_core.geometry.roofs import WELD_M, roof_shell
 from facade_core.types import Building, Roof
 
 RECTANGLE = shapely.box(0, 0, 20, 10)
@@ -119,3 +119,15 @@ def test_other_shapes_are_left_flat() -> None:
     assert roof_shell(building(RECTANGLE, Roof("onion", 4.0)), 0.0) is None
     assert roof_shell(building(RECTANGLE, Roof("flat", 0.0)), 0.0) is None
     assert roof_shell(Building("b", RECTANGLE, 6.0, "height"), 0.0) is None
+
+
+@pytest.mark.parametrize("shape", ["gabled", "hipped", "mansard"])
+def test_a_roof_meets_its_walls_at_the_corners_of_the_outline(shape: str) -> None:
+    # turned, so that the skeleton's lines and the outline round apart on the grid
+    for degrees in (17, 31, 44):
+        outline = shapely.affinity.rotate(FOOTPRINTS["L"], degrees)
+        shell = roof_shell(building(outline, Roof(shape, 4.0, pitch=40.0)), 0.0)
+        assert shell is not None
+        corners = np.round(shapely.get_coordinates(outline)[:-1], 3)
+        apart = np.linalg.norm(shell.vertices[:, None, :2] - corners[None], axis=2)
+        assert not ((apart > 1e-9) & (apart < WELD_M)).any()
