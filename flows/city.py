@@ -18,6 +18,7 @@ from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from facade_core.errors import InputError
+from flows.asked import Asked
 from flows.cli.console import tell
 from flows.lock import locked
 from flows.markdown import plain
@@ -65,9 +66,8 @@ def city(
         keep: published snapshots of each block to keep, the newest; all without.
         tiles: whether the 3D Tiles of each block are exported, to which out/tileset.json leads.
     """
-    summary = _run(
-        city_file, out or Path("out") / city_file.stem, workers, dask, at_once, until, keep, tiles, _recorded
-    )
+    asked = Asked(workers, dask, at_once, until, keep, tiles)
+    summary = _run(city_file, out or Path("out") / city_file.stem, asked, _recorded)
     if summary["failures"] or summary["left"]:
         said = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
         failed = "; ".join(f"{one['unit']}: {one['reason']}" for one in summary["failures"][:3])
@@ -75,19 +75,10 @@ def city(
     return summary
 
 
-def unrecorded_city(
-    city_file: Path,
-    out: Path,
-    workers: int,
-    dask: str | None,
-    at_once: int,
-    until: str | None,
-    keep: int | None,
-    tiles: bool,
-) -> dict[str, Any]:
+def unrecorded_city(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
     """What `city` does, without a Prefect server."""
     with ThreadPoolExecutor(MOST_AT_ONCE, thread_name_prefix="blocks") as pool:
-        return _run(city_file, out, workers, dask, at_once, until, keep, tiles, partial(_unrecorded, pool))
+        return _run(city_file, out, asked, partial(_unrecorded, pool))
 
 
 def _recorded(task: Task, *arguments: Any) -> PrefectFuture:
@@ -98,32 +89,24 @@ def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any) -> Future
     return pool.submit(task.fn, *arguments)
 
 
-def _run(
-    city_file: Path,
-    out: Path,
-    workers: int,
-    dask: str | None,
-    at_once: int,
-    until: str | None,
-    keep: int | None,
-    tiles: bool,
-    submit: Submit,
-) -> dict[str, Any]:
-    begun, ends = time.monotonic(), None if until is None else ends_at(until, datetime.now()).timestamp()
-    options = [*(("--dask", dask) if dask else ("--workers", str(workers))), *(("--keep", str(keep)) if keep else ())]
+def _run(city_file: Path, out: Path, asked: Asked, submit: Submit) -> dict[str, Any]:
+    begun = time.monotonic()
+    ends = None if asked.until is None else ends_at(asked.until, datetime.now()).timestamp()
     with locked(out):
         account, files = known(city_file, out)
         due = account.due(out)
-        estimate = account.estimate(due, workers, at_once)
+        estimate = account.estimate(due, asked.workers, asked.at_once)
         lasting = f", about {estimate['hours']:.2g} h" if due else ""
         tell(f"{len(account.blocks)} blocks, {len(due)} of them due{lasting}")
         ended: SimpleQueue[tuple[str, Any]] = SimpleQueue()
         waiting, running = list(due), 0
         while waiting or running:
-            while waiting and running < at_once and (ends is None or time.time() < ends):
+            while waiting and running < asked.at_once and (ends is None or time.time() < ends):
                 name = waiting.pop(0)
                 digest = account.digests[name]
-                future = submit(run_block, out, name, files[name], options, digest, version(), ends, tiles)
+                future = submit(
+                    run_block, out, name, files[name], asked.of_a_block(), digest, version(), ends, asked.tiles
+                )
                 future.add_done_callback(lambda future, name=name: ended.put((name, future)))
                 running += 1
             if not running:

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import json
 import sys
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any, cast
 
 import click
 
+from flows.asked import Asked
 from flows.cli.paths import EXISTING_FILE, FOLDER
 from flows.cli.say import note, say
 
@@ -54,7 +56,7 @@ def city(
     out = out or Path("out") / city_file.stem
     with locked(out):
         end_on_interrupt()
-        summary = _textured(city_file, out, workers, dask, at_once, until, keep, tiles)
+        summary = _textured(city_file, out, Asked(workers, dask, at_once, until, keep, tiles))
     if as_json:
         click.echo(json.dumps(summary))
     else:
@@ -122,7 +124,7 @@ def _show(summary: dict[str, Any]) -> None:
     say(f"  look   streetloom query {summary['out']}")
 
 
-def _textured(city_file: Path, out: Path, *options: Any) -> dict[str, Any]:
+def _textured(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where there is none, the run goes on without, and where
     nothing is due, it needs none."""
     from flows.server.starting import ServerDown, server
@@ -131,15 +133,14 @@ def _textured(city_file: Path, out: Path, *options: Any) -> dict[str, Any]:
     if not known(city_file, out)[0].due(out):
         from flows.city import unrecorded_city
 
-        return unrecorded_city(city_file, out, *options)
+        return unrecorded_city(city_file, out, asked)
     with server(out / "prefect") as record:
         from flows.city import city as recorded
         from flows.city import unrecorded_city
 
-        names = ("workers", "dask", "at_once", "until", "keep", "tiles")
         try:
             record.require()
         except ServerDown as error:
             note(f"no Prefect server ({error}); the run does without, and has no record there")
-            return unrecorded_city(city_file, out, *options)
-        return cast(dict[str, Any], recorded(city_file, out, **dict(zip(names, options, strict=True))))
+            return unrecorded_city(city_file, out, asked)
+        return cast(dict[str, Any], recorded(city_file, out, **asdict(asked)))

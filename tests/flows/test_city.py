@@ -7,6 +7,7 @@ from datetime import datetime
 import pytest
 
 from facade_core.errors import InputError
+from flows.asked import Asked
 from flows.city import ends_at
 
 
@@ -20,3 +21,8 @@ def test_the_time_that_is_next(now: str, then: str) -> None:
 def test_what_is_no_time_is_refused() -> None:
     with pytest.raises(InputError, match="no time of day"):
         ends_at("6 o'clock", datetime(2026, 11, 23))
+
+
+def test_what_is_asked_of_a_block() -> None:
+    assert Asked(workers=3).of_a_block() == ["--workers", "3"]
+    assert Asked(dask="tcp://127.0.0.1:8786", keep=2).of_a_block() == ["--dask", "tcp://127.0.0.1:8786", "--keep", "2"]
