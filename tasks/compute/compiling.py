@@ -23,15 +23,18 @@ def compile_together() -> None:
     """
     from facade_core.compiled import PARTS
     from facade_core.kernels import CACHE as folder
+    from facade_core.kernels import code_digest
 
     if folder is None:  # nothing can be shared
         return
     try:
-        done = folder / "compiled"
+        done = folder / f"compiled-{code_digest('facade_core.compiled')}"
         if done.exists():
             return
         left = [part for part in PARTS if not _compiled(folder / f"{part.__name__}.lock", part, wait=False)]
         if all([_compiled(folder / f"{part.__name__}.lock", part, wait=True) for part in left]):
+            for before in folder.glob("compiled-*"):
+                before.unlink(missing_ok=True)
             done.touch()
     except Exception as error:  # units compile what they need, and say what is wrong
         log.debug("what is compiled cannot be shared in %s: %s", folder, error)

@@ -4,44 +4,52 @@ from __future__ import annotations
 
 import ast
 import os
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
-from facade_core.kernels import PACKAGE, folder_for
+from facade_core.kernels import PACKAGE, code_digest, first_writable
 
-CALLED = "from numba import njit\n\n@njit(cache=True)\ndef called():\n    return {}\n"
+CALLED = "from code_.kernels import njit\n\n@njit(cache=True)\ndef called():\n    return {}\n"
 CALLER = (
-    "from pathlib import Path\nimport numba\nfrom facade_core.kernels import folder_for\n"
-    "numba.config.CACHE_DIR = str(folder_for(Path(__file__).parent, (Path(__file__).parent.parent / 'cache',)))\n"
-    "from code_.called import called\nfrom numba import njit\n\n"
-    "@njit(cache=True)\ndef caller():\n    return called() + 1\n\nprint(caller(), sum(caller.stats.cache_hits.values()))\n"
+    "from code_.called import called\nfrom code_.kernels import njit\n\n"
+    "@njit(cache=True)\ndef caller():\n    return called() + 1\n\n"
+    "print(caller(), sum(caller.stats.cache_hits.values()))\n"
 )
 
 
-def test_a_caller_is_compiled_anew_where_what_it_calls_changed(tmp_path: Path) -> None:
+def test_a_caller_is_compiled_anew_where_what_it_calls_changed_and_only_there(tmp_path: Path) -> None:
     code = tmp_path / "code_"
     code.mkdir()
+    shutil.copy(PACKAGE / "kernels.py", code)
     (code / "caller.py").write_text(CALLER)
     said = []
-    for number in (1, 1, 2):
+    for number, other in ((1, 1), (1, 2), (2, 2)):
         (code / "called.py").write_text(CALLED.format(number))
-        path = os.pathsep.join((str(tmp_path), str(PACKAGE.parent)))
-        environment = os.environ | {"PYTHONPATH": path, "PYTHONDONTWRITEBYTECODE": "1"}
-        done = subprocess.run(
-            [sys.executable, "-m", "code_.caller"], env=environment, capture_output=True, text=True, check=True
-        )
+        (code / "other.py").write_text(f"OTHER = {other}\n")
+        environment = os.environ | {
+            "PYTHONPATH": str(tmp_path),
+            "PYTHONDONTWRITEBYTECODE": "1",
+            "NUMBA_CACHE_DIR": str(tmp_path / "cache"),
+        }
+        run = [sys.executable, "-c", "import code_.caller"]
+        done = subprocess.run(run, env=environment, capture_output=True, text=True, check=True)
         said.append(done.stdout.split())
     assert said == [["2", "0"], ["2", "1"], ["3", "0"]]
-    assert len(list((tmp_path / "cache").iterdir())) == 1  # what was of other code is gone
+    (place,) = (tmp_path / "cache").iterdir()
+    assert len(list((place / "code_.caller").iterdir())) == 1  # what was of other code is gone
+
+
+def test_a_digest_is_of_what_a_module_imports_at_any_depth() -> None:
+    assert code_digest("facade_core.labels") != code_digest("facade_core.types")
+    assert code_digest("facade_core.labels") == code_digest("facade_core.labels")
 
 
 def test_a_folder_that_cannot_be_written_is_passed_over(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("no folder")
-    folder = folder_for(tmp_path, (tmp_path / "file", tmp_path / "other"))
-    assert folder is not None
-    assert folder.parent == tmp_path / "other"
-    assert folder_for(tmp_path, (tmp_path / "file",)) is None
+    assert first_writable((tmp_path / "file" / "a", tmp_path / "other")) == tmp_path / "other"
+    assert first_writable((tmp_path / "file" / "a",)) is None
 
 
 def test_all_kernels_are_cached_there() -> None:
