@@ -49,11 +49,15 @@ class Site:
         return SyncPrefectClient(self.api)
 
 
-def new_site(home: Path) -> Site:
-    """Nothing runs yet; the port is free now."""
+def free_port() -> int:
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
-        port = str(probe.getsockname()[1])
+        return probe.getsockname()[1]
+
+
+def new_site(home: Path, database: str | None = None) -> Site:
+    """Nothing runs yet; the port is free now. database: the address of one, SQLite's in the home where it is None."""
+    port = str(free_port())
     own = {
         "PREFECT_HOME": str(home),
         "PREFECT_SERVER_API_PORT": port,
@@ -63,6 +67,8 @@ def new_site(home: Path) -> Site:
         "PATH": os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]]),
         "COLUMNS": "200",
     }
+    if database:
+        own["PREFECT_SERVER_DATABASE_CONNECTION_URL"] = database
     home.mkdir(parents=True)
     return Site(home, environment(home) | QUIET | own)
 

@@ -20,12 +20,25 @@ from uuid import UUID
 import pytest
 import yaml
 
+from deploy.rehearsal.postgres import postgres, unfit
 from facade_core.errors import InputError, StoreError
 from flows.block import flow_run_name
 from flows.lock import locked
 from tasks.kinds.order import STAGES
 from tasks.store.commits import journal
-from tests.pipeline.deployed import README, Site, end, healthy, kill, left_running, new_site, running, typed, until
+from tests.pipeline.deployed import (
+    README,
+    Site,
+    end,
+    free_port,
+    healthy,
+    kill,
+    left_running,
+    new_site,
+    running,
+    typed,
+    until,
+)
 from tests.pipeline.runs import ROOT, command
 
 if TYPE_CHECKING:
@@ -43,9 +56,19 @@ Summary = dict[str, Any]
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Site]:
+def database(tmp_path_factory: pytest.TempPathFactory) -> Iterator[str]:
+    """PostgreSQL, as deploy/README.md has it for many runs: on SQLite a server that is loaded says that its database is locked,
+    and drops events."""
+    if reason := unfit():
+        pytest.skip(reason)
+    with postgres(tmp_path_factory.mktemp("postgres") / "server", "127.0.0.1", free_port()) as address:
+        yield address
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory, database: str) -> Iterator[Site]:
     """A server with both deployments, and a worker."""
-    made = new_site(tmp_path_factory.mktemp("site") / "prefect")
+    made = new_site(tmp_path_factory.mktemp("site") / "prefect", database)
     try:
         left_running(made, "prefect server start", "server.log")
         until(lambda: healthy(made), made)
