@@ -1,7 +1,7 @@
 """What stands out of roofs costs in charts, triangles and texels: `python -m benchmarks.massing BLOCK.yaml` prints JSON.
 
-The geometry of a block with eaves, parapets and chimneys and without, each packed into an atlas of DENSITY texels a metre
-everywhere; nothing is textured.
+The geometry of a block with eaves, parapets, chimneys, dormers and rooflights and without, each packed into an atlas of
+DENSITY texels a metre everywhere; nothing is textured.
 """
 
 from __future__ import annotations
@@ -58,6 +58,7 @@ def main() -> None:
         "overhang": lambda roof, *_: (roof, None),
         "parapet": lambda *_: None,
         "chimneys": lambda *_: None,
+        "dormers": lambda *_: None,
     }
     with patch.multiple(surfaces, **bare):
         without = measure(block)

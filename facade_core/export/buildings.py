@@ -13,7 +13,7 @@ from facade_core.export.cityjson import Face
 from facade_core.export.footprints import GRID_M, footprint
 from facade_core.export.models import Drawn
 from facade_core.export.openings import cut_openings, outlines
-from facade_core.geometry.charts import CEILING, KINDS
+from facade_core.geometry.charts import CEILING, KINDS, ROOF, WINDOW
 from facade_core.types import Element
 
 SEMANTICS = {
@@ -28,12 +28,18 @@ OPENINGS = {"window": "Window", "door": "Door"}
 
 
 def building_faces(
-    drawn: Drawn, triangles: np.ndarray, facades: Mapping[int, str], layouts: Mapping[int, Sequence[Element]]
+    drawn: Drawn,
+    triangles: np.ndarray,
+    facades: Mapping[int, str],
+    layouts: Mapping[int, Sequence[Element]],
+    *,
+    assumed: bool = False,
 ) -> tuple[list[Face], list[dict[str, Any]]]:
     """The faces of one building, and the semantic surfaces that they count.
 
     triangles: the building's, of the mesh that is drawn. facades: chart -> id of the facade there; layouts: chart -> its
     elements in metres, y down, of which windows and doors are cut out. The ground below, the last faces, has no texture.
+    assumed: the roof is, so that the panes in it are drawn and no openings that anybody knows of: they count as roof.
     """
     source, mesh = drawn.source, drawn.source.mesh
     faces: list[Face] = []
@@ -50,7 +56,8 @@ def building_faces(
         parts = outlines(source.coordinates[own])
         corners = np.unique(own)
         known = dict(zip(map(tuple, source.coordinates[corners].tolist()), corners.tolist(), strict=True))
-        kind = SEMANTICS[KINDS[source.charts.kind[chart]]]
+        own_kind = int(source.charts.kind[chart])
+        kind = SEMANTICS[KINDS[ROOF if assumed and own_kind == WINDOW else own_kind]]
         if chart in facades:
             semantic = surface(kind, facade=facades[chart])
         else:

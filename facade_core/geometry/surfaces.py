@@ -12,6 +12,7 @@ from shapely import MultiPolygon, Polygon
 from facade_core.errors import GeometryError
 from facade_core.geometry.charts import Charts, Mesh, Pieces
 from facade_core.geometry.chimneys import chimneys
+from facade_core.geometry.dormers import dormers
 from facade_core.geometry.eaves import LOW_ROOF_M, overhang, parapet
 from facade_core.geometry.edges import OPEN, Around, along_streets
 from facade_core.geometry.extruded import above, add_extruded
@@ -111,6 +112,7 @@ def add_building(
         onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
         roofed = roof_shell(replace(building, footprint=onto_grid), base, party) if onto_grid.is_valid else None
         stacks: Trim | None = None
+        lights: Trim | None = None
         if roofed is None:
             flat = building.roof is not None and building.roof.shape == "flat" and building.height > LOW_ROOF_M
             edge = parapet(outline, base + building.height, around) if flat else None
@@ -121,7 +123,8 @@ def add_building(
             add_extruded(pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof, building.raised)
             if building.roof is not None and building.roof.confidence < 1:
                 stacks = chimneys(building.id, closed, onto_grid)
-        for trim in (edge, stacks):
+                lights = dormers(building.id, closed, onto_grid, around, stacks)
+        for trim in (edge, stacks, lights):
             if trim is not None:
                 add_facets(pieces, index, trim.facets, largest, grid, trim.along)
         return outline, None

@@ -22,11 +22,14 @@ class Faces:
     def __init__(self) -> None:
         self._kinds: list[int] = []
         self._corners: list[list[np.ndarray]] = []
+        self._along: list[np.ndarray] = []
 
-    def add(self, kind: int, corners: list[np.ndarray]) -> None:
-        """corners: three or more (3,), convex, counter-clockwise seen from outside, the first two along the chart's right."""
+    def add(self, kind: int, corners: list[np.ndarray], along: np.ndarray | None = None) -> None:
+        """corners: three or more (3,), convex, counter-clockwise seen from outside; the first two along the chart's right, if
+        that (3,) is not given."""
         self._kinds.append(kind)
         self._corners.append(corners)
+        self._along.append(corners[1] - corners[0] if along is None else along)
 
     def trim(self) -> Trim:
         """The longest first: those that follow share its chunks."""
@@ -36,7 +39,7 @@ class Faces:
         fans = [[(0, k, k + 1) for k in range(1, len(own) - 1)] for own in faces]
         triangles = np.concatenate([np.array(fan) + start for fan, start in zip(fans, first[:-1], strict=True)])
         normal = np.array([normal_of(own[0], own[1], own[2]) for own in faces])
-        along = np.array([own[1] - own[0] for own in faces])
+        along = np.array([self._along[i] for i in order])
         count = len(triangles)
         found = Facets(
             vertices=np.concatenate([np.array(own) for own in faces]),

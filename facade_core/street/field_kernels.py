@@ -16,6 +16,8 @@ from facade_core.street.grain import Grains, add_grain
 from facade_core.street.ground import Drawn
 from facade_core.street.ground_kernels import level, soil
 from facade_core.street.materials import (
+    FLASHING,
+    FRAME,
     GLASS,
     MORTAR,
     MOSS,
@@ -23,6 +25,7 @@ from facade_core.street.materials import (
     add_weather,
     brick,
     felt,
+    framed,
     glass,
     moss,
     plaster,
@@ -41,6 +44,8 @@ SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT = 
 SHADOW = 0.65
 # Seams of sheets run down a roof that falls by more than this a metre, and northwards on others.
 FLAT = 0.05
+# The lower edge of a pane in a roof lies less than this below its upper one, for a metre along it.
+STEEP = -0.95
 # Places that are worked out together.
 PIECE = 256
 
@@ -180,9 +185,12 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         return
     if made == PANE:
         glass(x, y, size[1], side, seed, tone)
+        framed(x, y, size[0], size[1], side, other)
+        frame = FLASHING if axis_v[2] > STEEP else FRAME
         for k in range(n):
             for band in range(3):
-                out[k, band] = level((GLASS[band] + tone[k] * (SKY[band] - GLASS[band])) * grey * light[k])
+                pane = GLASS[band] + tone[k] * (SKY[band] - GLASS[band])
+                out[k, band] = level((pane + other[k] * (frame[band] - pane)) * grey * light[k])
         return
     mixed, share = MORTAR, 0.0
     if made in (SHEET, FELT):

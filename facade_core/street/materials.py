@@ -59,6 +59,14 @@ BRICKS = np.array([[142, 78, 58], [126, 66, 50], [158, 96, 68], [176, 140, 98]],
 MORTAR, MOSS = np.array([168.0, 162.0, 150.0]), np.array([82.0, 88.0, 54.0])
 # A pane's colour where it shows no sky, and where it shows nothing else.
 GLASS, SKY = np.array([44.0, 52.0, 60.0]), np.array([176.0, 198.0, 220.0])
+# What is around a pane, upright and in a roof, of a tone of 1: so wide, and from the second width on a post in the middle.
+FRAME, FLASHING, FRAME_M, POST_FROM_M, POST_M = (
+    np.array([206.0, 204.0, 198.0]),
+    np.array([70.0, 72.0, 76.0]),
+    0.065,
+    0.8,
+    0.06,
+)
 # Width and visible length of a roof tile, of a slab; widths of a board and of a sheet of metal.
 TILE_M, SLAB_M, BOARD_M, SHEET_M = (0.24, 0.34), (0.6, 0.4), (0.12, 1e9), 0.6
 # Width and visible length of a slate, and the gap.
@@ -309,6 +317,18 @@ def glass(x: np.ndarray, y: np.ndarray, height: float, side: np.ndarray, seed: i
     for k in range(len(x)):
         sky = min(max(1 - y[k] / max(height, 0.1), 0.0), 1.0)
         out[k] = 0.55 * (sky * sky * (1 + 0.3 * out[k]) + 0.08 * out[k])
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def framed(x: np.ndarray, y: np.ndarray, wide: float, high: float, side: np.ndarray, out: np.ndarray) -> None:
+    """The share of a pane's places that is frame; wide, high: the whole pane, x and y from its upper left."""
+    post = 0.5 * POST_M if wide > POST_FROM_M else -1e9
+    for k in range(len(x)):
+        across = (min(x[k], wide - x[k]) - FRAME_M) / side[k] + 0.5
+        down = (min(y[k], high - y[k]) - FRAME_M) / side[k] + 0.5
+        beside = (abs(x[k] - 0.5 * wide) - post) / side[k] + 0.5
+        clear = min(max(across, 0.0), 1.0) * min(max(down, 0.0), 1.0) * min(max(beside, 0.0), 1.0)
+        out[k] = 1 - clear
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -92,7 +92,10 @@ def _objects(
     triangles = grouped(source.charts.building[source.mesh.chart])
 
     def building(index: int, pool: Any) -> dict[str, Any]:
-        faces, surfaces = building_faces(drawn, triangles[index], facades, layouts)
+        assumed = (
+            float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
+        )
+        faces, surfaces = building_faces(drawn, triangles[index], facades, layouts, assumed=assumed)
         opened = any(surface["type"] in ("Window", "Door") for surface in surfaces)
         advance("export", 1)
         return {

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -10,7 +12,7 @@ from facade_core.export.buildings import building_faces, ground_faces
 from facade_core.export.cityjson import Face, Pool, multi_surface, welded
 from facade_core.export.models import Drawn, Textured, layout_of
 from facade_core.export.openings import cut_openings, outlines
-from facade_core.geometry import WALL
+from facade_core.geometry import ROOF, WALL, WINDOW
 from facade_core.grouping import grouped
 from facade_core.types import Element
 
@@ -76,6 +78,18 @@ def test_faces_of_a_building_look_outwards_and_know_their_texture(drawn: Drawn, 
     assert surfaces[surfaces[opening.semantic]["parent"]] == {"type": "WallSurface", "facade": "a-0"}
     whole = next(f for f in faces if len(f.rings) == 2)
     assert newell(whole.rings[0]) @ newell(whole.rings[1]) < 0, "holes run the other way"
+
+
+def test_panes_that_are_drawn_on_an_assumed_roof_are_no_openings(drawn: Drawn, coloured: Textured) -> None:
+    triangles = grouped(coloured.charts.building[coloured.mesh.chart])[0]
+    roof = np.flatnonzero((coloured.charts.building == 0) & (coloured.charts.kind == ROOF))[:1]
+    kind = coloured.charts.kind.copy()
+    kind[roof] = WINDOW
+    with_pane = replace(drawn, source=replace(drawn.source, charts=replace(drawn.source.charts, kind=kind)))
+    for assumed, named in ((False, "Window"), (True, "RoofSurface")):
+        faces, surfaces = building_faces(with_pane, triangles, {}, {}, assumed=assumed)
+        types = {surfaces[face.semantic]["type"] for face in faces}
+        assert (named in types, "Window" in types) == (True, not assumed)
 
 
 def test_a_geometry_indexes_its_tables(drawn: Drawn, coloured: Textured) -> None:
