@@ -1,5 +1,6 @@
 """What goes in and what comes out: block files, dataset recipes, the catalogue of a block."""
 
+from catalogs.published.s3 import folder_at
 from catalogs.query.opened import Catalogue, open
 
-__all__ = ["Catalogue", "open"]
+__all__ = ["Catalogue", "folder_at", "open"]

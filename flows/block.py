@@ -21,6 +21,8 @@ from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from catalogs.block.yaml_files import read_yaml
+from catalogs.published.places import Folder, local_side
+from catalogs.published.s3 import folder_at
 from facade_core.errors import WithheldError
 from flows.artifacts import failed, tell_outcome, tell_progress, tell_viewer
 from flows.cli.console import tell
@@ -74,7 +76,7 @@ Submit = Callable[..., Any]
 )
 def city_block(
     block_file: Path | None = None,
-    out: Path | None = None,
+    out: str | Path | None = None,
     workers: int = 2,
     dask: str | None = None,
     only: str | None = None,
@@ -85,24 +87,24 @@ def city_block(
 
     Args:
         block_file: the block; the embedded demo where there is none.
-        out: folder for the results; out/NAME of the block file where there is none.
+        out: folder for the results, or s3://bucket/prefix; out/NAME of the block file where there is none.
         workers: local processes.
         dask: address of a Dask scheduler to use instead, such as tcp://127.0.0.1:8786.
         only: id or name of the one street to texture; all without.
         deadline: hours after the time it was scheduled for at which the run ends, done or not; what is committed stays.
         keep: published snapshots to keep, the newest; all without.
     """
-    out = out or Path("out") / (block_file.stem if block_file else "demo")
-    with locked(out):
-        source = block_file or write_demo(out / "input")
-        with entered(source, out, tell=tell) as entry, told_to_prefect():
+    place = folder_at(out or Path("out") / (block_file.stem if block_file else "demo"))
+    with locked(place):
+        source = block_file or write_demo(local_side(place) / "input")
+        with entered(source, place, tell=tell) as entry, told_to_prefect():
             tell_viewer(entry.run)
             if entry.summary is None:
                 with tell_progress(entry.block.name):
                     entry.summary = _texture(entry, workers, dask, only, _until(deadline), _recorded)
             summary = entry.summary
             if keep is not None:
-                for line in pruned(out, keep):
+                for line in pruned(place, keep):
                     tell(line)
             tell_outcome(entry.run, summary)
     if "withheld" in summary:
@@ -122,7 +124,7 @@ def _until(deadline: float | None) -> float | None:
 
 
 def unrecorded_block(
-    block_file: Path, out: Path, workers: int = 2, dask: str | None = None, only: str | None = None
+    block_file: Path, out: Folder, workers: int = 2, dask: str | None = None, only: str | None = None
 ) -> dict[str, Any]:
     """What `city_block` does, without a Prefect server: nothing is recorded there, and all else is the same.
 
@@ -174,7 +176,7 @@ def _texture(
             if ended.done or ended.failed:
                 changed.add(kind.stage)
             outcome += ended
-        require_room(Path(run.out))
+        require_room(run.local)
         published = submit(publish_block, run, entry.source).result()
     outcome += Outcome(failed=tuple((unit, reason) for _, unit, reason in outline.set_aside))
     unpublished = published.pop("unpublished", [])
@@ -202,7 +204,7 @@ def _process(run: Run, due: Due, compute: Compute, submit: Submit) -> Outcome:
     """All batches of a stage, AT_ONCE on their way at a time."""
     if not due.total:
         return Outcome()
-    require_room(Path(run.out))
+    require_room(run.local)
     stage, function = due.kind.stage, due.kind.function
     begin_stage(stage, due.total, len(due.done))
     outcome = Outcome(skipped=len(due.done), refused=refused(due.done))
@@ -237,7 +239,7 @@ def _streets(run: Run, outline: Outline, compute: Compute, only: str | None, sub
     while waits or under_way:
         ready = [street for street, others in waits.items() if not others - outcomes.keys()]
         for street in ready[: max(0, AT_ONCE * max(1, compute.threads) - under_way)]:
-            require_room(Path(run.out))
+            require_room(run.local)
             memory = street_memory(*outline.windows[street], network=network)
             future = submit(texture_street, run, street, outline.streets[street], memory, compute)
             future.add_done_callback(lambda future, street=street: ended.put((street, future)))

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.block import Block, read_block
+from catalogs.published.places import Folder, local_side
 from facade_core.atlas.held import holding
 from flows.lock import locked
 from flows.log_file import log_to
@@ -36,13 +37,13 @@ class Entry:
 
 
 # By output folder.
-_entries: dict[Path, Entry] = {}
+_entries: dict[Folder, Entry] = {}
 
 
 @contextmanager
 def entered(
     source: Path,
-    out: Path,
+    out: Folder,
     *,
     tell: Callable[[str], None],
     before: Callable[[Run], None] | None = None,
@@ -61,7 +62,7 @@ def entered(
     give_back_large()
     block = read_block(source)
     run = run_of(block, out)
-    with locked(out), log_to(out, alone=alone), faults_told(run), holding(run.store):
+    with locked(out), log_to(local_side(out), alone=alone), faults_told(run), holding(run.store):
         record_source(out, source)
         for line in mend(run):
             tell(line)
@@ -82,5 +83,5 @@ def faults_told(run: Run) -> Iterator[None]:
             yield
         except Exception as error:
             if store_fault(error):
-                suspect(Path(run.out))
+                suspect(run.folder)
             raise

@@ -1,45 +1,42 @@
-"""One run at a time in an output folder."""
+"""One run at a time in an output folder, on this machine or in a bucket."""
 
 from __future__ import annotations
 
 import errno
 import fcntl
+import os
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
+from catalogs.published.places import Folder, local_side
+from catalogs.published.s3 import S3Folder
+from facade_core.atlas.store import guarded
 from facade_core.errors import InputError, MachineError
+from flows.lease import leased, who_holds
 
 # Folders that this process holds: the command line locks before it starts a server, and the flow locks for itself.
-_held: set[Path] = set()
+_held: set[Folder] = set()
 
 
 @contextmanager
-def locked(out: Path) -> Iterator[None]:
+def locked(out: Folder) -> Iterator[None]:
     """Make the folder `out` and hold it; the lock goes with the process, however it ends. It may be nested.
 
+    In a bucket it is held by a lease, which is over some time after the process has ended, at once where the next run is on the
+    same machine. While it lasts, commits into its store ask whether it still does.
     Raises InputError when the folder cannot be written, or another run is at work in it.
     """
     out = out.resolve()
     if out in _held:
         yield
         return
-    try:
-        out.mkdir(parents=True, exist_ok=True)
-        handle = (out / ".lock").open("w")
-    except OSError as error:
-        if error.errno in (errno.ENOSPC, errno.EDQUOT):
-            raise MachineError(
-                f"{out}: {error.strerror}; free some space, or name another folder with --out"
-            ) from error
-        raise InputError(f"{out}: cannot be written ({error.strerror}); name another folder with --out") from error
-    with handle:
-        try:
-            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise InputError(
-                f"{out}: another run is at work in it; wait for it, or name another folder with --out"
-            ) from error
+    with ExitStack() as holds:
+        local = local_side(out)
+        token = holds.enter_context(_locked_here(local, out))
+        if isinstance(out, S3Folder):
+            lease = holds.enter_context(leased(out, token))
+            holds.enter_context(guarded(out / "store", lease.require))
         _held.add(out)
         try:
             yield
@@ -47,8 +44,33 @@ def locked(out: Path) -> Iterator[None]:
             _held.discard(out)
 
 
-def is_held(out: Path) -> bool:
+@contextmanager
+def _locked_here(folder: Path, out: Folder) -> Iterator[int]:
+    """Hold a folder of this machine, for a run in `out`; yields the descriptor of the file by which it is held."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        handle = os.open(folder / ".lock", os.O_RDWR | os.O_CREAT, 0o644)
+    except OSError as error:
+        name = "another folder with --out" if folder == out else "a folder that can be with XDG_CACHE_HOME"
+        if error.errno in (errno.ENOSPC, errno.EDQUOT):
+            raise MachineError(f"{folder}: {error.strerror}; free some space, or name {name}") from error
+        raise InputError(f"{folder}: cannot be written ({error.strerror}); name {name}") from error
+    try:
+        try:
+            fcntl.flock(handle, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise InputError(
+                f"{out}: another run is at work in it; wait for it, or name another folder with --out"
+            ) from error
+        yield handle
+    finally:
+        os.close(handle)
+
+
+def is_held(out: Folder) -> bool:
     """Whether a run, of this process or another, is at work in the folder `out`."""
+    if isinstance(out, S3Folder):
+        return who_holds(out) is not None
     try:
         with (out / ".lock").open() as handle:
             fcntl.flock(handle, fcntl.LOCK_SH | fcntl.LOCK_NB)

@@ -6,6 +6,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.published.places import Folder, local_side
+from catalogs.published.s3 import folder_at
 from facade_core.types import Privacy
 
 if TYPE_CHECKING:
@@ -16,7 +18,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Run:
-    """One run of a block into the absolute folder `out`.
+    """One run of a block into `out`: an absolute folder, or s3://bucket/prefix.
 
     block: the block's name.
     key: of its ingest, a digest of the block's inputs and settings and of the code that ingests them.
@@ -42,5 +44,14 @@ class Run:
     ingested: float = 0.0
 
     @property
-    def store(self) -> Path:
-        return Path(self.out) / "store"
+    def folder(self) -> Folder:
+        return folder_at(self.out)
+
+    @property
+    def local(self) -> Path:
+        """What of it lies on this machine in any case."""
+        return local_side(self.folder)
+
+    @property
+    def store(self) -> Folder:
+        return self.folder / "store"

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import hashlib
 import json
-import os
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, TypeAlias
+
+from catalogs.published.places import Folder, at, put, sizes_in
 
 FILES = "files.json"
 # What queries and summaries are read from is compared by content each time, all else by size.
@@ -40,7 +41,7 @@ def write_files(
     _write(folder, held | {"made": dict(made or {}), "failed": dict(failed or {})})
 
 
-def amiss(folder: Path, *, thorough: bool = False) -> str | None:
+def amiss(folder: Folder, *, thorough: bool = False) -> str | None:
     """What is wrong with a published folder, such as "block.glb is missing"; None where nothing is.
 
     thorough: every file is read. Only the snapshot that is current is as it was written: older ones are marked as such.
@@ -50,41 +51,44 @@ def amiss(folder: Path, *, thorough: bool = False) -> str | None:
         return f"{FILES} is missing or cannot be read"
     for what, why in held["failed"].items():
         return f"{what} could not be published: {why}"
+    there = sizes_in(folder)
     for name, (size, digest) in held["files"].items():
-        path = folder / name
+        if name not in there:
+            return f"{name} is missing"
+        if there[name] != size:
+            return f"{name} has {there[name]} bytes of {size}"
         try:
-            if path.stat().st_size != size:
-                return f"{name} has {path.stat().st_size} bytes of {size}"
-            if (thorough or name in READ) and digest_of(path) != digest:
+            if (thorough or name in READ) and digest_of(at(folder, name)) != digest:
                 return f"{name} is not as it was written"
         except OSError as error:
-            return f"{name} is missing" if isinstance(error, FileNotFoundError) else f"{name}: {error.strerror}"
+            return f"{name}: {error.strerror}"
     return None
 
 
-def note_changed(folder: Path, paths: Iterable[Path]) -> None:
-    """Note of files in a published folder that they were changed since; the others are as they were."""
+def note_changed(folder: Folder, names: Iterable[str]) -> None:
+    """Note of files in a published folder, by their paths in it, that they were changed since; the others are as they were."""
     held = listed_in(folder)
     if held is None:
         return
-    for path in paths:
-        held["files"][path.relative_to(folder).as_posix()] = [path.stat().st_size, digest_of(path)]
+    there = sizes_in(folder)
+    for name in names:
+        held["files"][name] = [there[name], digest_of(at(folder, name))]
     _write(folder, held)
 
 
-def tags_of(folder: Path) -> list[str]:
+def tags_of(folder: Folder) -> list[str]:
     """The tags of the streets in a published snapshot, as its folder says."""
     held = listed_in(folder)
     return held["tags"] if held else []
 
 
-def predecessor_of(folder: Path) -> str | None:
+def predecessor_of(folder: Folder) -> str | None:
     """The snapshot that was published before that of a folder; None where there was none, or the folder does not say."""
     held = listed_in(folder)
     return held["predecessor"] if held else None
 
 
-def listed_in(folder: Path) -> dict[str, Any] | None:
+def listed_in(folder: Folder) -> dict[str, Any] | None:
     """What the list in a published folder says, None where it cannot be read: `files` (path -> Listed) among it."""
     try:
         held = json.loads((folder / FILES).read_text())
@@ -99,13 +103,13 @@ def listed_in(folder: Path) -> dict[str, Any] | None:
         return None
 
 
-def _write(folder: Path, held: dict[str, Any]) -> None:
-    temporary = folder / f".{FILES}.tmp"
-    temporary.write_text(json.dumps(held, indent=1))
-    os.replace(temporary, folder / FILES)
+def _write(folder: Folder, held: dict[str, Any]) -> None:
+    put(folder / FILES, json.dumps(held, indent=1).encode())
 
 
-def digest_of(path: Path) -> str:
+def digest_of(path: Folder) -> str:
     """Digest of a file, hexadecimal."""
+    if not isinstance(path, Path):
+        return hashlib.blake2b(path.read_bytes(), digest_size=8).hexdigest()
     with path.open("rb") as file:
         return hashlib.file_digest(file, lambda: hashlib.blake2b(digest_size=8)).hexdigest()

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from catalogs.published.files import Listed, digest_of, listed_in
+from catalogs.published.places import Folder, at
 
 
 def link_or_copy(source: Path, target: Path) -> None:
@@ -23,13 +24,13 @@ def link_or_copy(source: Path, target: Path) -> None:
 class Made:
     """The files that are put into the folder of a snapshot, and what each is made of.
 
-    earlier: the folder of a snapshot whose files may be linked, None where there is none; doubted: whether they are to be read
-    and compared with their digests before that, as sizes do not show everything.
+    earlier: the folder of a snapshot whose files may be linked, or fetched where it is in a bucket, None where there is none;
+    doubted: whether they are to be read and compared with their digests before that, as sizes do not show everything.
     of: path -> what a file is made of, as a digest: the same, the same bytes. linked: size and digest of those that are linked.
     """
 
     folder: Path
-    earlier: Path | None = None
+    earlier: Folder | None = None
     doubted: bool = False
     of: dict[str, str] = field(default_factory=dict)
     linked: dict[str, Listed] = field(default_factory=dict)
@@ -56,8 +57,14 @@ class Made:
     def _link(self, path: str, of: str, target: Path) -> bool:
         if self.earlier is None or self._made_of.get(path) != of or path not in self._before:
             return False
-        source, (size, digest) = self.earlier / path, self._before[path]
+        source, (size, digest) = at(self.earlier, path), self._before[path]
         try:
+            if not isinstance(source, Path):
+                target.write_bytes(source.read_bytes())
+                if target.stat().st_size != size or digest_of(target) != digest:
+                    return False
+                self.linked[path] = (size, digest)
+                return True
             if source.stat().st_size != size or (self.doubted and digest_of(source) != digest):
                 return False
             os.link(source, target)

@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from pathlib import Path
-from typing import Generic, TypeAlias, TypeVar, cast
+from typing import Generic, cast
 
 from catalogs.features import natural_order
-from catalogs.published.s3 import S3Folder
+from catalogs.published.places import F, Folder
 from facade_core.errors import InputError
-
-Folder: TypeAlias = Path | S3Folder
-F = TypeVar("F", bound=Folder)
 
 
 @dataclass(frozen=True)
@@ -60,6 +56,4 @@ def _folders(parent: F) -> list[F]:
 
 def publishes(folder: Folder, what: str) -> str:
     """What to do where a folder lacks what a run publishes."""
-    if isinstance(folder, S3Folder):
-        return f"`streetloom catalog OUT --to {folder}` copies a run there"
     return f"`streetloom run BLOCK.yaml --out {folder}` {what}"

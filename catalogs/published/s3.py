@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import os
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.published import objects
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -22,10 +24,11 @@ _UNREACHABLE_S = 20.0
 
 @dataclass(frozen=True, slots=True)
 class S3Folder:
-    """A folder in a bucket, with as much of pathlib's interface as finding and reading runs needs. path: bucket/prefix.
+    """A folder or object in a bucket, with as much of pathlib's interface as runs need. path: bucket/prefix.
 
     Credentials, region and address are the environment's, as for every tool of AWS: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
-    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL. Every method raises InputError where the bucket does not answer.
+    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL; who writes goes without AWS_PROFILE. Methods that read raise InputError
+    where the bucket does not answer, those that write what `objects` raises.
     """
 
     path: str
@@ -68,9 +71,35 @@ class S3Folder:
             found = filesystem().get_file_info(FileSelector(self.path))
         return iter([S3Folder(one.path) for one in found])
 
+    def read_bytes(self) -> bytes:
+        """Raises FileNotFoundError where there is no such object."""
+        try:
+            with filesystem().open_input_stream(self.path) as stream:
+                return bytes(stream.read())
+        except FileNotFoundError:
+            raise FileNotFoundError(errno.ENOENT, os.strerror(errno.ENOENT), str(self)) from None
+        except OSError as error:
+            raise _unreached(self, error) from error
+
     def read_text(self, encoding: str = "utf-8", errors: str = "strict") -> str:
-        with reached(self), filesystem().open_input_stream(self.path) as stream:
-            return stream.read().decode(encoding, errors)
+        return self.read_bytes().decode(encoding, errors)
+
+    def write_text(self, text: str, encoding: str = "utf-8") -> None:
+        objects.put(self.path, text.encode(encoding))
+
+    def touch(self) -> None:
+        objects.put(self.path, b"")
+
+    def unlink(self, missing_ok: bool = False) -> None:
+        objects.delete([self.path])
+
+    def sizes(self) -> dict[str, int]:
+        """The objects below this folder, by their paths in it, with their sizes in bytes."""
+        return {name: one.size for name, one in objects.listed(self.path).items()}
+
+    def remove(self) -> None:
+        """Remove all that is below this folder."""
+        objects.delete(f"{self.path}/{name}" for name in objects.listed(self.path))
 
     def _kind(self) -> str:
         with reached(self):
@@ -80,7 +109,7 @@ class S3Folder:
         """This folder as where an Icechunk repository lies."""
         import icechunk
 
-        endpoint = _endpoint()
+        endpoint = objects.endpoint()
         return icechunk.s3_storage(
             bucket=self.bucket,
             prefix=self.prefix,
@@ -104,7 +133,7 @@ def folder_at(place: str | Path | S3Folder) -> Path | S3Folder:
 
 def filesystem() -> S3FileSystem:
     """The buckets that the environment leads to."""
-    return _filesystem(_endpoint(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"))
+    return _filesystem(objects.endpoint(), os.environ.get("AWS_REGION") or os.environ.get("AWS_DEFAULT_REGION"))
 
 
 @contextmanager
@@ -113,14 +142,14 @@ def reached(folder: S3Folder) -> Iterator[None]:
     try:
         yield
     except OSError as error:
-        said = " ".join(str(error).split()).partition(" (Request ID")[0]
-        raise InputError(
-            f"{folder}: cannot be reached ({said[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"
-        ) from error
+        raise _unreached(folder, error) from error
 
 
-def _endpoint() -> str | None:
-    return os.environ.get("AWS_ENDPOINT_URL_S3") or os.environ.get("AWS_ENDPOINT_URL") or None
+def _unreached(folder: S3Folder, error: OSError) -> InputError:
+    said = " ".join(str(error).split()).partition(" (Request ID")[0]
+    return InputError(
+        f"{folder}: cannot be reached ({said[:200]}); check the address, AWS_REGION, AWS_ENDPOINT_URL and the credentials"
+    )
 
 
 @lru_cache(maxsize=2)

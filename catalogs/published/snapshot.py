@@ -12,9 +12,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Generic, cast
 
-from catalogs.published.runs import F, Folder, publishes
+from catalogs.published import objects
+from catalogs.published.places import F, Folder
+from catalogs.published.runs import publishes
 from catalogs.published.s3 import S3Folder
-from facade_core.errors import InputError, StoreError
+from facade_core.errors import InputError, MachineError, StoreError
 
 if TYPE_CHECKING:
     import icechunk
@@ -101,7 +103,10 @@ class Snapshot(Generic[F]):
 
     @contextmanager
     def alone(self) -> Iterator[bool]:
-        """Whether nobody reads the folder, and nobody can as long as the block lasts."""
+        """Whether nobody reads the folder, and nobody can as long as the block lasts. Who reads a bucket is not known there."""
+        if isinstance(self.folder, S3Folder):
+            yield True
+            return
         handle = os.open(str(self.folder), os.O_RDONLY)
         try:
             try:
@@ -168,7 +173,7 @@ def current(out: F) -> Snapshot[F]:
     return snapshot
 
 
-def current_if_any(out: Path) -> Snapshot[Path] | None:
+def current_if_any(out: F) -> Snapshot[F] | None:
     """The same for who goes on without, also where what it holds is damaged."""
     try:
         snapshot = _named(out)
@@ -177,8 +182,21 @@ def current_if_any(out: Path) -> Snapshot[Path] | None:
     return snapshot if snapshot.summary.is_file() else None
 
 
-def make_current(snapshot: Snapshot[Path]) -> None:
-    """Have `current` name a snapshot, in one step: a reader sees the one before or this one."""
+def pointer_tag(out: Folder) -> str | None:
+    """Which version of `current` a bucket holds; None on this machine, where the run's lock is enough, and where none is."""
+    found = objects.get(f"{out.path}/current") if isinstance(out, S3Folder) else None
+    return found[1] if found else None
+
+
+def make_current(snapshot: Snapshot, over: str | None = None) -> None:
+    """Have `current` name a snapshot, in one step: a reader sees the one before or this one.
+
+    over: in a bucket the version that it is written over, by `pointer_tag`. Raises MachineError where another is there.
+    """
+    if isinstance(snapshot.out, S3Folder):
+        if objects.put_if(f"{snapshot.out.path}/current", f"{snapshot.id}\n".encode(), over) is None:
+            raise MachineError(f"{snapshot.out}: another run published meanwhile; let it end, and run again")
+        return
     pointer = snapshot.out / ".current.tmp"
     pointer.write_text(snapshot.id + "\n")
     os.replace(pointer, snapshot.out / "current")

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.published.items import COLUMNS, arrow_type
-from catalogs.published.runs import Folder, Run, runs_in
+from catalogs.published.places import Folder
+from catalogs.published.runs import Run, runs_in
 from catalogs.published.s3 import S3Folder, filesystem, folder_at, reached
 from catalogs.published.snapshot import current
 from catalogs.query.where import parse_since, refusal, select_where

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from catalogs.published.runs import Folder, runs_in
+from catalogs.published.places import Folder
+from catalogs.published.runs import runs_in
 from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.query.answers import located

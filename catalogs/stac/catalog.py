@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import os
 import re
-import uuid
 from collections.abc import Callable, Sequence
-from pathlib import Path
 from urllib.parse import quote
 
+from catalogs.published.places import Folder, put
 from catalogs.published.runs import Run, runs_in
+from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.stac.snapshot import collections_in, to_json
 from catalogs.stac.versions import supersede
@@ -19,11 +18,11 @@ CATALOG = "catalog.json"
 
 
 def write_catalog(
-    folder: Path | str,
+    folder: Folder | str,
     *,
     note: Callable[[str], None] | None = None,
-    newest: Callable[[Path], Snapshot] = current,
-) -> Path:
+    newest: Callable[[Folder], Snapshot] = current,
+) -> Folder:
     """Write folder/catalog.json, of a run or of a folder of runs, in one step: a reader sees the old file or the new one.
 
     A run's has the Collections as children that `current` leads to, and the STAC files of older snapshots are marked as
@@ -36,7 +35,7 @@ def write_catalog(
 
     Raises InputError where nothing is published.
     """
-    folder = Path(folder)
+    folder = folder_at(folder)
     runs, left_out = runs_in(folder)
     if runs and runs[0].folder == folder:
         _write_run(runs[0], newest)
@@ -58,7 +57,7 @@ def write_catalog(
     return folder / CATALOG
 
 
-def _write_run(run: Run, newest: Callable[[Path], Snapshot]) -> None:
+def _write_run(run: Run, newest: Callable[[Folder], Snapshot]) -> None:
     """Until `current` stays: of two that write at once, the last sees the newest snapshot."""
     snapshot = None
     while snapshot != (snapshot := newest(run.folder)):
@@ -67,28 +66,23 @@ def _write_run(run: Run, newest: Callable[[Path], Snapshot]) -> None:
         if missing:
             raise InputError(f"{missing[0]} is missing; `streetloom run BLOCK.yaml --out {run.folder}` publishes again")
         name = _name(run.folder)
-        children = [(f"./{path.relative_to(run.folder).as_posix()}", kind) for kind, path in collections]
+        children = [(f".{str(path)[len(str(run.folder)) :]}", kind) for kind, path in collections]
         _write(run.folder, f"What Streetloom published in {name}", children)
     supersede(run.folder / "published", snapshot.id)
 
 
-def _write(folder: Path, description: str, children: Sequence[tuple[str, str]]) -> None:
+def _write(folder: Folder, description: str, children: Sequence[tuple[str, str]]) -> None:
     import pystac
 
     catalog = pystac.Catalog(_name(folder), description, title=_name(folder))
     catalog.clear_links()
     catalog.add_link(pystac.Link("root", f"./{CATALOG}", "application/json"))
     catalog.add_links([pystac.Link("child", href, "application/json", title) for href, title in children])
-    path, text = folder / CATALOG, to_json(catalog)
-    if path.is_file() and path.read_bytes() == text.encode():
+    path, data = folder / CATALOG, to_json(catalog).encode()
+    if path.is_file() and path.read_bytes() == data:
         return  # a folder that cannot be written to may be catalogued all the same
-    temporary = folder / f".{CATALOG}.{uuid.uuid4().hex}.tmp"
-    try:
-        temporary.write_text(text, encoding="utf-8", newline="")
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
+    put(path, data)
 
 
-def _name(folder: Path) -> str:
+def _name(folder: Folder) -> str:
     return folder.resolve().name or "runs"

@@ -53,12 +53,14 @@ def write_mirror(path: Path, items: Sequence[tuple[str, Item]], collection: Coll
     )
 
 
-def without_links(path: Path, dead: Callable[[dict[str, Any]], bool]) -> Callable[[Path], None] | None:
-    """What writes a mirror without some links of its Items and its Collection; None where it has none of these."""
+def without_links(mirror: bytes, dead: Callable[[dict[str, Any]], bool]) -> bytes | None:
+    """A mirror without some links of its Items and its Collection; None where it has none of these."""
+    import io
+
     import pyarrow as pa
     import pyarrow.parquet as pq
 
-    table = pq.read_table(path)
+    table = pq.read_table(io.BytesIO(mirror))
     header = {key: json.loads(text) for key, text in (table.schema.metadata or {}).items() if key != b"ARROW:schema"}
     found = False
 
@@ -77,7 +79,9 @@ def without_links(path: Path, dead: Callable[[dict[str, Any]], bool]) -> Callabl
     if not found:
         return None
     table = table.replace_schema_metadata({key: json.dumps(value) for key, value in header.items()})
-    return lambda target: pq.write_table(table, target, compression="zstd")
+    made = io.BytesIO()
+    pq.write_table(table, made, compression="zstd")
+    return made.getvalue()
 
 
 def _row(href: str, item: Item) -> dict[str, Any]:

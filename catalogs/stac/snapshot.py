@@ -15,6 +15,7 @@ import shapely
 from catalogs.features import file_stem, natural_order
 from catalogs.frames import LONLAT
 from catalogs.published.items import feet_in
+from catalogs.published.places import F, Folder, at, sizes_in
 from catalogs.stac.assets import (
     block_assets,
     card_asset,
@@ -60,11 +61,13 @@ def write_stac(
     run: RunFacts | None = None,
     models: Sequence[ModelFacts] = (),
     predecessor: str | None = None,
+    published: Folder | None = None,
 ) -> None:
     """Write folder/stac/ for the block in `folder`, which is or becomes OUT/published/<snapshot> and holds all else already.
 
     rows: as for write_items, geometry in the block's CRS, metres; a facade without a place has no Item.
-    predecessor: the snapshot published before, beside this one: what it has too is linked as an earlier version.
+    predecessor: the snapshot published before, beside this one: what it has too is linked as an earlier version. published:
+    where it lies, where that is not beside `folder` yet.
     The bytes follow from the arguments and the files alone. Links are relative; the root is OUT/catalog.json, see
     catalogs.stac.catalog.
     """
@@ -80,7 +83,7 @@ def write_stac(
         if lonlat is not None
     ]
     place = place_of(block.footprint, crs) if block.footprint is not None else _hull(feet)
-    writer = _Writer(folder, block, predecessor)
+    writer = _Writer(folder, block, predecessor, published or folder.parent)
 
     pictures = pictures_by_unit(folder, [row["id"] for row in facades])
     hrefs = {f"block/{block.name}": f"blocks/{_stem(block.name)}.json"}
@@ -131,19 +134,20 @@ def write_stac(
         writer.finish(kind, words[kind], times, assets)
 
 
-def collections_in(folder: Path) -> list[tuple[str, Path]]:
+def collections_in(folder: F) -> list[tuple[str, F]]:
     """The Collections (kind, path) that a published snapshot's folder must have."""
-    return [(kind, folder / STAC / kind / COLLECTION) for kind in KINDS]
+    return [(kind, at(folder, f"{STAC}/{kind}/{COLLECTION}")) for kind in KINDS]
 
 
 class _Writer:
     """Writes Items with their links as they come, and then the Collections of each kind."""
 
-    def __init__(self, folder: Path, block: BlockFacts, predecessor: str | None) -> None:
+    def __init__(self, folder: Path, block: BlockFacts, predecessor: str | None, published: Folder) -> None:
         self.stac, self.block = folder / STAC, block
         self.items: dict[str, list[tuple[str, Item]]] = {kind: [] for kind in KINDS}
         self.links: dict[str, list[Link]] = {kind: [] for kind in KINDS}
-        self.predecessor = predecessor if predecessor and (folder.parent / predecessor / STAC).is_dir() else None
+        self.predecessor = predecessor
+        self.before = sizes_in(at(published, f"{predecessor}/{STAC}")).keys() if predecessor else frozenset()
 
     def add(self, kind: str, href: str, item: Item, parents: Sequence[str] = ()) -> None:
         """Write an Item at `href` within stac/. parents: Items that it is made from, by theirs."""
@@ -189,7 +193,7 @@ class _Writer:
         """The same thing in the snapshot before, where that is still there and has it."""
         import pystac
 
-        if self.predecessor is None or not (self.stac.parent.parent / self.predecessor / STAC / href).is_file():
+        if href not in self.before:
             return []
         return [pystac.Link("predecessor-version", f"{up}../../{self.predecessor}/{STAC}/{href}", media_type)]
 

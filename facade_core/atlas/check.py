@@ -6,7 +6,7 @@ import asyncio
 import json
 import os
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from datetime import datetime
@@ -15,6 +15,7 @@ from pathlib import Path
 import icechunk
 import zarr
 
+from facade_core.atlas.place import Place
 from facade_core.atlas.store import BRANCH, Repository, open_repository
 from facade_core.errors import LostStoreError, StoreError
 
@@ -36,7 +37,7 @@ class WayBack:
     reason: str
 
 
-def stand_on_readable(path: Path, sound: Callable[[icechunk.Session], None]) -> WayBack | None:
+def stand_on_readable(path: Place, sound: Callable[[icechunk.Session], None]) -> WayBack | None:
     """Let the branch of the store in `path` name the newest snapshot that can be read, if the one that it names cannot.
 
     sound: reads what a snapshot must hold, and raises one of DAMAGE where it cannot. Returns None where nothing was amiss, or
@@ -44,7 +45,10 @@ def stand_on_readable(path: Path, sound: Callable[[icechunk.Session], None]) -> 
     LostStoreError where no snapshot is readable.
     """
     if _unborn(path):
-        shutil.rmtree(path)
+        if isinstance(path, Path):
+            shutil.rmtree(path)
+        else:
+            path.remove()
         return None
     try:
         repository = open_repository(path)
@@ -77,26 +81,25 @@ def chunks_of(session: icechunk.Session, array: str) -> set[Coordinates]:
         return thread.submit(asyncio.run, listed()).result()
 
 
-def is_whole(repository: Repository, path: Path) -> bool:
+def is_whole(repository: Repository, path: Place) -> bool:
     """Whether every manifest and chunk that a branch or tag holds is there in its size; read from sizes and manifests alone."""
+    manifests = _sizes(path / "manifests")
     try:
         snapshots = [repository.lookup_branch(BRANCH), *map(repository.lookup_tag, repository.list_tags())]
-        if not all(_manifests_whole(repository, path, snapshot) for snapshot in snapshots):
+        if not all(_manifests_whole(repository, manifests, snapshot) for snapshot in snapshots):
             return False
         held = repository.chunk_storage_stats().native_bytes
     except DAMAGE:
         return False
-    chunks = path / "chunks"
-    there = sum(entry.stat().st_size for entry in os.scandir(chunks)) if chunks.is_dir() else 0
-    return there >= held
+    return sum(_sizes(path / "chunks").values()) >= held
 
 
-def broken_tags(repository: Repository, path: Path) -> list[str]:
+def broken_tags(repository: Repository, path: Place) -> list[str]:
     """Tags whose reference, snapshot or manifests cannot be read."""
-    broken = []
+    broken, manifests = [], _sizes(path / "manifests")
     for tag in sorted(repository.list_tags()):
         try:
-            whole = _manifests_whole(repository, path, repository.lookup_tag(tag))
+            whole = _manifests_whole(repository, manifests, repository.lookup_tag(tag))
         except DAMAGE:
             whole = False
         if not whole:
@@ -131,24 +134,35 @@ def _can_be_read(array: zarr.Array, chunk: Coordinates) -> bool:
     return True
 
 
-def _manifests_whole(repository: Repository, path: Path, snapshot: str) -> bool:
+def _manifests_whole(repository: Repository, there: Mapping[str, int], snapshot: str) -> bool:
     """Whether a snapshot's manifests are there in their sizes. Raises one of DAMAGE where the snapshot cannot be read."""
     manifests = json.loads(repository.inspect_snapshot(snapshot))["manifests"]
-    files = [(path / "manifests" / one["id"], one["size_bytes"]) for one in manifests]
-    return all(file.is_file() and file.stat().st_size == size for file, size in files)
+    return all(there.get(one["id"]) == one["size_bytes"] for one in manifests)
 
 
-def _unborn(path: Path) -> bool:
+def _sizes(folder: Place) -> dict[str, int]:
+    """The files of a folder of a store, which has none below it, with their sizes in bytes."""
+    if not isinstance(folder, Path):
+        return folder.sizes()
+    return {entry.name: entry.stat().st_size for entry in os.scandir(folder)} if folder.is_dir() else {}
+
+
+def _unborn(path: Place) -> bool:
     """Whether a folder is what comes before a repository: no branch, and no snapshot but the first, which holds nothing."""
-    if any((path / "refs").glob("*/ref.json")):
-        return False
-    files = [file for file in path.rglob("*") if file.is_file()]
+    if isinstance(path, Path):
+        if any((path / "refs").glob("*/ref.json")):
+            return False
+        files = [file.relative_to(path) for file in path.rglob("*") if file.is_file()]
+    else:
+        if any(name.endswith("/ref.json") for name in (path / "refs").sizes()):
+            return False
+        files = list(map(Path, path.sizes()))
     return all(file.parent.name == "refs" or file.name.startswith(EMPTY) or "#" in file.name for file in files)
 
 
-def _snapshots(path: Path) -> Iterator[tuple[datetime, str]]:
+def _snapshots(path: Place) -> Iterator[tuple[datetime, str]]:
     """The snapshots of a store that hold something and can be looked up, newest first."""
-    names = sorted(os.listdir(path / "snapshots")) if (path / "snapshots").is_dir() else []
+    names = sorted(_sizes(path / "snapshots"))
     try:
         repository = open_repository(path)
     except StoreError:  # without its branch there is no repository: any will do to look around
@@ -167,12 +181,15 @@ def _snapshots(path: Path) -> Iterator[tuple[datetime, str]]:
     yield from sorted(found, reverse=True)
 
 
-def _point_at(path: Path, snapshot: str) -> None:
+def _point_at(path: Place, snapshot: str) -> None:
     """Write the branch's reference, as Icechunk does, which refuses to open a repository whose reference is damaged."""
-    folder = path / "refs" / f"branch.{BRANCH}"
+    folder, said = path / "refs" / f"branch.{BRANCH}", json.dumps({"snapshot": snapshot})
+    if not isinstance(folder, Path):
+        (folder / "ref.json").write_text(said)
+        return
     folder.mkdir(parents=True, exist_ok=True)
     temporary = folder / ".ref.tmp"
-    temporary.write_text(json.dumps({"snapshot": snapshot}))
+    temporary.write_text(said)
     os.replace(temporary, folder / "ref.json")
 
 

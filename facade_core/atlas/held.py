@@ -7,12 +7,12 @@ from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from threading import Lock
 
 import icechunk
 import numpy as np
 
+from facade_core.atlas.place import Place
 from facade_core.atlas.zarr_types import StoreGroup
 
 
@@ -26,12 +26,12 @@ class _Held:
 
 
 # By the folder of a store.
-_held: dict[Path, _Held] = {}
+_held: dict[Place, _Held] = {}
 _lock = Lock()
 
 
 @contextmanager
-def holding(store: Path) -> Iterator[None]:
+def holding(store: Place) -> Iterator[None]:
     """While this lasts, `read_held` reads each array of the store in a folder once, and then what was committed.
 
     Each record of a journal is a chunk, of which a second reads a thousand, and a run asks for all before each of its stages.
@@ -47,7 +47,7 @@ def read_held(group: StoreGroup, path: str) -> np.ndarray:
     """An array (n,) of a chunk for each element, as the group has it. It is not to be written to.
 
     The folder of a store is told by its root group (`facade_core.atlas.store`)."""
-    array, held = group[path], _held.get(getattr(group.store, "folder", Path()))
+    array, held = group[path], _held.get(getattr(group.store, "folder", None))  # type: ignore[arg-type]
     if held is None or (session := group.store.session).has_uncommitted_changes:
         return array[:]
     with _lock:
@@ -64,7 +64,7 @@ def read_held(group: StoreGroup, path: str) -> np.ndarray:
     return values
 
 
-def note_commit(store: Path, parent: str | None, snapshot: str, changes: icechunk.Diff) -> None:
+def note_commit(store: Place, parent: str | None, snapshot: str, changes: icechunk.Diff) -> None:
     """A snapshot was committed on top of its parent in the store in a folder, with some changes."""
     if (held := _held.get(store)) is None:
         return

@@ -18,6 +18,7 @@ import numpy as np
 
 from facade_core.atlas.arrays import ARRAYS, PAGE
 from facade_core.atlas.journal import read_records
+from facade_core.atlas.place import Place
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.tables import TABLES
 from facade_core.atlas.zarr_types import StoreGroup, group_at
@@ -46,7 +47,7 @@ class Atlas:
 
     tree: xr.DataTree
     session: icechunk.Session = field(repr=False)
-    path: Path | None
+    path: Place | None
     chunks: Mapping[str, int] | None = field(repr=False)
 
     def __getitem__(self, path: str) -> Any:
@@ -163,8 +164,9 @@ class Atlas:
         )
 
 
-def open_atlas(source: icechunk.Session | Path | str, *, chunks: Mapping[str, int] | None = CHUNKS) -> Atlas:
-    """The store of a session, or the newest snapshot of that in a folder: the store's own, or a run's.
+def open_atlas(source: icechunk.Session | Place | str, *, chunks: Mapping[str, int] | None = CHUNKS) -> Atlas:
+    """The store of a session, or the newest snapshot of that in a folder: the store's own, or a run's; for one in a bucket
+    `catalogs.folder_at("s3://...")` gives the folder.
 
     Arrays have named dimensions, units, long names, flag meanings and a fill value as CF has them, and are read as they are
     stored; `xarray.decode_cf` puts NaN where one is unknown. Each group has its CRS as the coordinate `crs`.
@@ -177,7 +179,7 @@ def open_atlas(source: icechunk.Session | Path | str, *, chunks: Mapping[str, in
     if isinstance(source, icechunk.Session):
         session = source
     else:
-        folder = Path(source)
+        folder = Path(source) if isinstance(source, str) else source
         session = open_repository(folder / "store" if (folder / "store").is_dir() else folder).readonly_session(BRANCH)
     repository = getattr(session, "repository", None)
     path = repository.path if repository else None

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from datetime import UTC, datetime
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from datetime import UTC, datetime, timedelta
 from itertools import islice
 from pathlib import Path
 from threading import Lock
@@ -12,6 +14,7 @@ import icechunk
 
 from facade_core.atlas.arrays import FORMAT
 from facade_core.atlas.held import note_commit
+from facade_core.atlas.place import Place
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.errors import FormatError, LostStoreError, StoreError
 
@@ -28,14 +31,18 @@ icechunk.set_logs_filter("off")
 UNITS_A_MANIFEST, PAGES_A_MANIFEST = 64, 4
 
 # The local file system has no compare-and-swap: of two threads that move a branch at once, one commit is lost without an error.
+# A bucket has, and there this spares commits of the same process their second tries.
 _committing = Lock()
+# What is asked before each commit into a store.
+_guards: dict[Place, Callable[[], None]] = {}
 
 
 class Repository(icechunk.Repository):
-    """Icechunk's in a folder. Its sessions know it, so that whoever commits one can look whether the commit arrived; and they
-    are of snapshots that can be read, where Icechunk's would hold nothing. Both raise StoreError."""
+    """Icechunk's in a folder, on this machine or in a bucket. Its sessions know it, so that whoever commits one can look
+    whether the commit arrived; and they are of snapshots that can be read, where Icechunk's would hold nothing. Both raise
+    StoreError."""
 
-    path: Path
+    path: Place
 
     def writable_session(self, branch: str) -> icechunk.Session:
         return self._readable(super().writable_session(branch))
@@ -74,13 +81,16 @@ def configuration(units: int, pages: int) -> icechunk.RepositoryConfig:
     return icechunk.RepositoryConfig(manifest=manifests)
 
 
-def open_repository(path: Path, *, create: bool = False) -> Repository:
+def open_repository(path: Place, *, create: bool = False) -> Repository:
     """The repository in folder `path`. Raises StoreError when there is none (and `create` is False) or it is damaged."""
     if not create and not path.is_dir():  # the storage would make one, which a run takes for a store that lost all
         raise StoreError(f"{path}: there is no store; run the block first")
-    if (path.exists() or path.is_symlink()) and not path.is_dir():  # Icechunk panics
-        raise LostStoreError(f"{path}: is no folder; remove it, and run again")
-    storage = icechunk.local_filesystem_storage(str(path))
+    if isinstance(path, Path):
+        if (path.exists() or path.is_symlink()) and not path.is_dir():  # Icechunk panics
+            raise LostStoreError(f"{path}: is no folder; remove it, and run again")
+        storage = icechunk.local_filesystem_storage(str(path))
+    else:
+        storage = path.icechunk_storage()
     try:
         if create:
             Repository.open_or_create(storage)
@@ -148,14 +158,16 @@ def open_table(session: icechunk.Session, group: str) -> xr.Dataset:
 def commit(session: icechunk.Session, message: str) -> str:
     """Commit a session of `open_repository` on top of whatever else was committed since it began. Returns the snapshot id.
 
-    One at a time in this process, whoever calls; one process at a time is for the run's lock. Raises StoreError when another
-    commit wrote the same chunk in the meantime, as one of the two writes would be lost, and when the branch is not where this
-    commit put it.
+    One at a time in this process, whoever calls; one process at a time is for the run's lock, of which `guarded` asks. Raises
+    StoreError when another commit wrote the same chunk in the meantime, as one of the two writes would be lost, and when the
+    branch is not where this commit put it.
     """
     branch = session.branch or BRANCH  # a committed session has none
     repository: Repository = session.repository  # type: ignore[attr-defined]
     changes = session.status()
     with _committing:
+        if (still := _guards.get(repository.path)) is not None:
+            still()
         try:
             # moves the branch if its tip is the session's base; else rebases the session onto the tip, and tries again
             snapshot = session.commit(message, rebase_with=icechunk.ConflictDetector())
@@ -173,13 +185,25 @@ def commit(session: icechunk.Session, message: str) -> str:
     return snapshot
 
 
-def expire(repository: icechunk.Repository) -> None:
-    """Forget every snapshot that is neither the newest, nor the one before it, nor tagged, and remove what only those held.
+@contextmanager
+def guarded(store: Place, still: Callable[[], None]) -> Iterator[None]:
+    """While this lasts, `still` is asked before each commit into a store: it raises where this process may commit no more."""
+    _guards[store] = still
+    try:
+        yield
+    finally:
+        del _guards[store]
+
+
+def expire(repository: icechunk.Repository, younger: timedelta = timedelta()) -> None:
+    """Forget every snapshot that is neither the newest, nor the one before it, nor tagged, nor younger than that, and remove
+    what only those held.
 
     The one before stays for the day on which the newest cannot be read. For a moment at which nobody else writes: what an open
     session wrote would be taken for garbage.
     """
     with _committing:
         *_, before = islice(repository.ancestry(branch=BRANCH), 2)
-        repository.expire_snapshots(before.written_at)
-        repository.garbage_collect(datetime.now(UTC))
+        left = datetime.now(UTC) - younger
+        repository.expire_snapshots(min(before.written_at, left))
+        repository.garbage_collect(left)

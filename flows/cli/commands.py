@@ -6,19 +6,22 @@ import json
 import sys
 from functools import partial
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
 from flows.cli.box import WithBox
 from flows.cli.city import city, plan
 from flows.cli.doctor import doctor
-from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
+from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE, OUT
 from flows.cli.prune import prune
 from flows.cli.results import catalog, export, query, view
 from flows.cli.say import note, say
 from flows.cli.training import bench, train
 from flows.cli.usage import in_one_line
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
 
 
 class Commands(click.Group):
@@ -71,7 +74,9 @@ def _compute_options(command: Any) -> Any:
 
 @main.command()
 @click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
-@click.option("--out", type=FOLDER, help="Where results go.  [default: out/NAME of the block file]")
+@click.option(
+    "--out", type=OUT, help="Where results go, a folder or s3://bucket/prefix.  [default: out/NAME of the block file]"
+)
 @click.option(
     "--redo", metavar="STREET", help="Do a street again, by id or name, and the later ones that read its texels."
 )
@@ -82,7 +87,7 @@ def _compute_options(command: Any) -> Any:
 @_compute_options
 def run(
     block_file: Path,
-    out: Path | None,
+    out: Folder | None,
     redo: str | None,
     only: bool,
     keep: int | None,
@@ -96,6 +101,7 @@ def run(
     Examples:
       streetloom run block.yaml --out out/mine --workers 2
       streetloom run block.yaml --out out/mine --redo Kasarmikatu --only
+      streetloom run block.yaml --out s3://bucket/mine
     """
     if only and redo is None:
         raise click.UsageError("--only needs --redo STREET")
@@ -103,10 +109,10 @@ def run(
 
 
 @main.command()
-@click.option("--out", type=FOLDER, default=Path("out/demo"), show_default=True, help="Where results go.")
+@click.option("--out", type=OUT, default="out/demo", show_default=True, help="Where results go.")
 @click.option("--exemplars", type=EXISTING_FOLDER, help="Facade photos to use instead of the painted ones.")
 @_compute_options
-def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_json: bool) -> None:
+def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as_json: bool) -> None:
     """Texture the embedded block: streets of central Helsinki with painted facades. Needs no download.
 
     \b
@@ -114,11 +120,12 @@ def demo(out: Path, exemplars: Path | None, workers: int, dask: str | None, as_j
       streetloom demo
       streetloom demo --exemplars facades/ --out out/photos
     """
+    from catalogs.published.places import local_side
     from flows.lock import locked
     from tasks.examples.demo import write_demo
 
     with locked(out):
-        block_file = write_demo(out / "input", exemplars)
+        block_file = write_demo(local_side(out) / "input", exemplars)
     _run(block_file, out, workers, dask, as_json)
 
 
@@ -180,7 +187,7 @@ def fetch(name: str | None, out: Path) -> None:
 
 def _run(
     block_file: Path,
-    out: Path,
+    out: Folder,
     workers: int,
     dask: str | None,
     as_json: bool,
@@ -200,7 +207,9 @@ def _run(
     with entered(block_file, out, tell=tell, before=again, alone=True) as entry:
         summary = entry.summary
         if summary is None:
-            require_room(out)
+            require_room(entry.run.local)
+            if entry.run.local != out.resolve():
+                note(f"log and the server's records are in {entry.run.local}")
             end_on_interrupt()
             if dask is not None:  # said before a server starts
                 from tasks.compute.connect import require_scheduler
@@ -224,18 +233,19 @@ def _run(
         sys.exit(1)
 
 
-def _textured(block_file: Path, out: Path, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
+def _textured(block_file: Path, out: Folder, workers: int, dask: str | None, only: str | None) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where that fails, the run goes on without."""
+    from catalogs.published.places import local_side
     from facade_core.errors import FacadeError, WithheldError
     from flows.cli.console import tell
     from flows.server.starting import ServerDown, server
 
-    with server(out / "prefect") as record:
+    with server(local_side(out) / "prefect") as record:
         from flows.block import city_block, unrecorded_block  # takes seconds, in which the server starts
 
         try:
             record.require()
-            return cast(dict[str, Any], city_block(block_file, out, workers=workers, dask=dask, only=only))
+            return cast(dict[str, Any], city_block(block_file, str(out), workers=workers, dask=dask, only=only))
         except WithheldError:
             pass  # its summary says so
         except FacadeError:

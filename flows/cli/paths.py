@@ -9,6 +9,22 @@ EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
 EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
 
 
+class Place(click.ParamType):
+    """A folder of this machine, or s3://bucket/prefix. existing: it is there already, which is not asked of a bucket."""
+
+    name = "folder"
+
+    def __init__(self, *, existing: bool = False) -> None:
+        self._local = EXISTING_FOLDER if existing else FOLDER
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        from catalogs.published.s3 import SCHEME, folder_at
+
+        if str(value).lower().startswith(SCHEME):
+            return folder_at(value)
+        return self._local.convert(value, param, ctx)
+
+
 class LocalPath(click.Path):
     """A file or folder to write. What has a scheme would become a folder of that name, with the results in it."""
 
@@ -19,12 +35,10 @@ class LocalPath(click.Path):
         if not str(value).strip():  # a variable of a script that is not set
             raise InputError(f"{name}: is empty; name a folder or file")
         if "://" in str(value):
-            raise InputError(
-                f"{name} {value}: results are written to folders of this machine only; name one, "
-                "and copy it with `streetloom catalog FOLDER --to s3://...` afterwards"
-            )
+            raise InputError(f"{name} {value}: is written to folders of this machine only; name one")
         return super().convert(value, param, ctx)
 
 
 FOLDER = LocalPath(file_okay=False, path_type=Path)
 NEW_FILE = LocalPath(dir_okay=False, path_type=Path)
+OUT, EXISTING_OUT = Place(), Place(existing=True)

@@ -6,12 +6,14 @@ import logging
 import os
 import threading
 import time
+import uuid
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any
 
+from catalogs.published.s3 import folder_at
 from facade_core.errors import InputError, MachineError
 from tasks.compute.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
 from tasks.compute.leases import Forget
@@ -253,15 +255,16 @@ def _client(address: str, patience: Patience) -> Iterator[Client]:
 
 def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, str]) -> None:
     """wanted: what the workers must be made of, as this process is."""
-    import tempfile
-
     from distributed.comm import CommClosedError
 
     try:
-        with tempfile.NamedTemporaryFile(
-            dir=folder, prefix=".seen-"
-        ) as token:  # elsewhere a folder may have the same name
-            answers = client.run(standing, token.name)
+        # elsewhere a folder may have the same name
+        token = folder_at(folder) / f".seen-{uuid.uuid4().hex}"
+        token.touch()
+        try:
+            answers = client.run(standing, str(token))
+        finally:
+            token.unlink(missing_ok=True)
     except CommClosedError as error:  # the scheduler went away meanwhile
         raise InputError(f"--dask {address}: no scheduler answers there any more ({error}); {REMEDY}") from error
     except Exception as error:  # whatever a worker of another make answers with
@@ -272,7 +275,7 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
         if not sees:
             raise InputError(
                 f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
-                "name a folder with --out that all workers share"
+                "name a folder with --out that all workers share, or a bucket that their environment leads to"
             )
         if said := unlike(wanted, theirs):
             raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")

@@ -9,10 +9,15 @@ import platform
 import signal
 import threading
 import time
+import uuid
 from collections.abc import Callable
 from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
 from typing import Any
 
+from catalogs.published.places import Folder
+from catalogs.published.s3 import folder_at
+from facade_core.errors import FacadeError
 from tasks.outcome import machine_error, machine_fault
 
 # Libraries must not spread over the cores that other workers use, nor change sums with the number of threads.
@@ -139,4 +144,16 @@ def _load() -> None:
 
 def standing(token: str) -> tuple[bool, dict[str, str]]:
     """Of a worker: whether it sees a file and can write beside it, and what it is made of."""
-    return os.path.isfile(token) and os.access(os.path.dirname(token), os.W_OK), make()
+    return _sees(folder_at(token)), make()
+
+
+def _sees(token: Folder) -> bool:
+    if isinstance(token, Path):
+        return token.is_file() and os.access(token.parent, os.W_OK)
+    beside = token.parent / f"{token.name}-{uuid.uuid4().hex}"
+    try:  # by the address and the credentials of the worker's own environment
+        beside.touch()
+        beside.unlink()
+        return token.is_file()
+    except (FacadeError, OSError):
+        return False

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import hashlib
-from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.published.places import Folder
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 
@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from catalogs.block import Block
 
 
-def run_of(block: Block, out: Path) -> Run:
+def run_of(block: Block, out: Folder) -> Run:
     """The run that textures `block` into folder `out`."""
     key = hashlib.sha256(f"{block.digest}/{stage_code('ingest')}".encode()).hexdigest()
     return Run(

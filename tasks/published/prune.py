@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Iterator
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
 
-from catalogs.published.files import note_changed, predecessor_of, tags_of
+from catalogs.published import objects
+from catalogs.published.files import FILES, note_changed, predecessor_of, tags_of
+from catalogs.published.places import Folder, remove
+from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.versions import forget_versions
 from facade_core.atlas.check import is_whole
@@ -19,17 +22,21 @@ from tasks.store.commits import standing_tags
 LEFTOVERS = (
     "published/.*.tmp",
     ".current.tmp",
+    "published/*/.files.json.*.tmp",
     ".catalog.json.*.tmp",
     ".seen-*",
     ".doctor-*.tmp",
     "store/refs/*/.ref.tmp",
 )
+# Who reads a bucket is not known there: what was superseded so short a time ago stays.
+READ_FOR = timedelta(hours=1)
 
 
-def prune(out: Path, keep: int) -> list[str]:
+def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     """Keep the `keep` newest published snapshots of the run in folder `out`, and what `current` names or a reader holds; lines
     that say what was removed and what is held. The caller holds the run's lock.
 
+    read_for: how long somebody may read what another snapshot superseded in a bucket.
     Raises InputError where nothing is published, or the store is damaged: what it holds is not known then.
     """
     current = current_if_any(out)
@@ -40,19 +47,18 @@ def prune(out: Path, keep: int) -> list[str]:
         raise InputError(f"{out / 'store'}: is damaged; `streetloom run BLOCK.yaml --out {out}` mends it first")
     said = []
     size = _size(out)
-    leftovers = [path for pattern in LEFTOVERS for path in out.glob(pattern)]
+    leftovers = _leftovers(out)
     for path in leftovers:
-        _remove(path)
+        remove(path)
     published = out / "published"
     gone, readers = 0, []
-    for name in _newest_first(published, current.id)[keep:]:
+    order = _newest_first(published, current.id)
+    for newer, name in list(zip(order, order[1:], strict=False))[keep - 1 :]:
         with Snapshot(published / name).alone() as nobody:
-            if not nobody:
+            if not nobody or _superseded_lately(published / newer, read_for):
                 readers.append(name)
                 continue
-            # in one step out of sight, then file by file
-            os.replace(published / name, published / f".{name}.gone.tmp")
-            _remove(published / f".{name}.gone.tmp")
+            _remove_snapshot(published, name)
             gone += 1
     for name, paths in forget_versions(published).items():
         note_changed(published / name, paths)
@@ -61,17 +67,19 @@ def prune(out: Path, keep: int) -> list[str]:
     tags = sorted(set(repository.list_tags()) - kept)
     for tag in tags:
         repository.delete_tag(tag)
-    expire(repository)
+    expire(repository, read_for if isinstance(out, S3Folder) else timedelta())
     freed = (size - _size(out)) / (1 << 20)
     said.append(
         f"{out}: removed {gone} published snapshots, {len(tags)} tags and {len(leftovers)} leftovers, {max(freed, 0):.1f} MB"
     )
     if readers:
-        said.append(f"{out}: kept {', '.join(readers)}, which somebody reads")
+        said.append(
+            f"{out}: kept {', '.join(readers)}, which somebody {'may read' if isinstance(out, S3Folder) else 'reads'}"
+        )
     return said
 
 
-def pruned(out: Path, keep: int) -> list[str]:
+def pruned(out: Folder, keep: int) -> list[str]:
     """`prune` at the end of a run, which is none the worse where something could not be removed."""
     try:
         return prune(out, keep)
@@ -79,17 +87,52 @@ def pruned(out: Path, keep: int) -> list[str]:
         return [f"nothing more is pruned: {' '.join(str(error).split())}"]
 
 
-def _newest_first(published: Path, current: str) -> list[str]:
+def _leftovers(out: Folder) -> list[Folder]:
+    if not isinstance(out, S3Folder):
+        return [path for pattern in LEFTOVERS for path in out.glob(pattern)]
+    # what was sent whole has a list of files
+    published = [path for path in (out / "published").iterdir() if not (path / FILES).is_file()]
+    return [*published, *(path for path in out.iterdir() if path.name.startswith(".seen-"))]
+
+
+def _superseded_lately(newer: Folder, read_for: timedelta) -> bool:
+    """Whether a snapshot in a bucket came to be what readers are told of so short a time ago."""
+    if not isinstance(newer, S3Folder):
+        return False
+    listed = objects.listed(newer.path).get(FILES)
+    return listed is not None and datetime.now(UTC) - listed.written < read_for
+
+
+def _remove_snapshot(published: Folder, name: str) -> None:
+    """In one step out of sight, then file by file."""
+    if isinstance(published, S3Folder):
+        (published / name / FILES).unlink()
+        remove(published / name)
+        return
+    os.replace(published / name, published / f".{name}.gone.tmp")
+    remove(published / f".{name}.gone.tmp")
+
+
+def _newest_first(published: Folder, current: str) -> list[str]:
     """The published snapshots, each before its predecessor, those that no other leads to last."""
     folders = {path.name: path for path in published.iterdir() if path.is_dir() and not path.name.startswith(".")}
     order = [current]
     while (before := predecessor_of(published / order[-1])) in folders and before not in order:
         order.append(str(before))
-    return order + sorted(folders.keys() - set(order), key=lambda name: -folders[name].stat().st_mtime)
+    return order + sorted(folders.keys() - set(order), key=lambda name: -_written(folders[name]))
 
 
-def _size(out: Path) -> int:
-    """What a run's folder takes; a file that several snapshots have is there once."""
+def _written(folder: Folder) -> float:
+    """When a folder was written, seconds since 1970."""
+    if isinstance(folder, S3Folder):
+        return max((one.written.timestamp() for one in objects.listed(folder.path).values()), default=0.0)
+    return folder.stat().st_mtime
+
+
+def _size(out: Folder) -> int:
+    """What a run's folder takes; a file that several snapshots have is there once, but in a bucket."""
+    if isinstance(out, S3Folder):
+        return sum(sum((out / folder).sizes().values()) for folder in ("store", "published"))
     found = (entry.stat() for folder in ("store", "published") for entry in _files(out / folder))
     return sum({(one.st_dev, one.st_ino): one.st_size for one in found}.values())
 
@@ -101,10 +144,3 @@ def _files(folder: Path) -> Iterator[os.DirEntry[str]]:
                 yield from _files(Path(entry.path))
             else:
                 yield entry
-
-
-def _remove(path: Path) -> None:
-    if path.is_dir():
-        shutil.rmtree(path)
-    else:
-        path.unlink(missing_ok=True)

@@ -79,7 +79,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
         standing = plan_key(block)
         same = last is not None and root.attrs.get("plan") == standing
         plan = plan_again(block, last.plan) if last and same else plan_of(block, last.places if last else None, each)
-        require_room(Path(run.out), room_for(plan, run.texture.panorama_width))
+        require_room(run.local, room_for(plan, run.texture.panorama_width, stored=run.local == run.folder))
         if last is None:
             anew = why_anew(run, root)
             root = new_root(session)

@@ -6,6 +6,7 @@ import logging
 import os
 import shutil
 from contextlib import nullcontext
+from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +17,10 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.published.files import amiss, predecessor_of, write_files
 from catalogs.published.items import write_items
 from catalogs.published.made import Made
-from catalogs.published.snapshot import Snapshot, current_if_any, make_current, snapshot_in
+from catalogs.published.places import Folder, local_side
+from catalogs.published.s3 import S3Folder
+from catalogs.published.sent import send
+from catalogs.published.snapshot import Snapshot, current_if_any, make_current, pointer_tag, snapshot_in
 from catalogs.stac.catalog import write_catalog
 from catalogs.stac.snapshot import write_stac
 from facade_core.atlas.store import BRANCH, commit, expire, open_repository, open_root
@@ -27,6 +31,7 @@ from tasks.published.catalogue_facts import block_facts, models_used, run_facts,
 from tasks.published.images import Images, write_images
 from tasks.published.limit import over_limit
 from tasks.published.pages import write_pages
+from tasks.published.prune import READ_FOR
 from tasks.published.report import write_block_report
 from tasks.published.rows import rows_of, write_masked, write_summary
 from tasks.published.stored import stored_block
@@ -53,24 +58,24 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     """
     _stand_by_code(run)
     session = open_repository(run.store).readonly_session(BRANCH)
-    out = Path(run.out)
-    final, last = snapshot_in(out, session.snapshot_id), current_if_any(out)
+    out = run.folder
+    final, over, last = snapshot_in(out, session.snapshot_id), pointer_tag(out), current_if_any(out)
     begin_stage("publish", STEPS)
     aside = Aside()
     if last != final or amiss(final.folder):
         predecessor = predecessor_of(final.folder) if last == final else last.id if last else None
-        temporary = _hidden(final, "tmp")
+        temporary = _hidden(snapshot_in(local_side(out), final.id), "tmp")
         temporary.mkdir(parents=True)
         # what is damaged is made again, and what is whole of it is not; there sizes are not trusted
         made = Made(temporary, last.folder if last else None, doubted=last == final)
-        aside = _write(run, session, made, block_file, predecessor)
+        aside = _write(run, session, made, block_file, predecessor, final.folder.parent)
         if aside.suspect:
             suspect(out)
-        _put_in_place(Snapshot(temporary), final)
+        _put_in_place(temporary, final.folder, made)
         if withheld := over_limit(run, open_root(session)):
             advance("publish", 1)
             return final.outcome() | {"withheld": f"{withheld}; look at {final.report / 'index.html'}"}
-        make_current(final)
+        make_current(final, over)
         _forget_history(run, last)
         advance("publish", 1)
     else:
@@ -81,12 +86,16 @@ def publish_block(run: Run, block_file: Path | None = None) -> dict[str, Any]:
     return final.outcome() | ({"unpublished": told} if told else {})
 
 
-def _put_in_place(written: Snapshot[Path], final: Snapshot[Path]) -> None:
-    """Give what was written its name; what has that name is damaged."""
-    damaged = _hidden(final, "damaged.tmp")
-    if final.folder.exists():
-        os.replace(final.folder, damaged)
-    os.replace(written.folder, final.folder)
+def _put_in_place(written: Path, final: Folder, made: Made) -> None:
+    """Give what was written its name, or send it there; what has that name is damaged."""
+    if isinstance(final, S3Folder):
+        send(written, final, made.earlier if isinstance(made.earlier, S3Folder) else None, made.linked)
+        shutil.rmtree(written)
+        return
+    damaged = _hidden(Snapshot(final), "damaged.tmp")
+    if final.exists():
+        os.replace(final, damaged)
+    os.replace(written, final)
     shutil.rmtree(damaged, ignore_errors=True)
 
 
@@ -106,18 +115,25 @@ def _stand_by_code(run: Run) -> None:
         commit(session, "published by other code")
 
 
-def _forget_history(run: Run, last: Snapshot[Path] | None) -> None:
+def _forget_history(run: Run, last: Snapshot | None) -> None:
     """Expire what no unit needs any more: none is under way, and street ends are tagged. Where somebody still reads what was
     published last, it is left to the next run."""
     try:
         with last.alone() if last else nullcontext(True) as nobody:
             if nobody:
-                expire(open_repository(run.store))
+                expire(open_repository(run.store), READ_FOR if isinstance(run.folder, S3Folder) else timedelta())
     except icechunk.IcechunkError as error:  # an earlier snapshot is damaged: what is published does not depend on it
         log.warning("%s: its history is kept, which cannot be read (%s)", run.store, str(error).splitlines()[0])
 
 
-def _write(run: Run, session: icechunk.Session, made: Made, block_file: Path | None, predecessor: str | None) -> Aside:
+def _write(
+    run: Run,
+    session: icechunk.Session,
+    made: Made,
+    block_file: Path | None,
+    predecessor: str | None,
+    published: Folder,
+) -> Aside:
     """Everything that is published of a session's snapshot; what is set aside of it.
 
     Tables come first, as a snapshot is nothing without them. All else may fail by itself; whatever is written at once is one
@@ -163,6 +179,7 @@ def _write(run: Run, session: icechunk.Session, made: Made, block_file: Path | N
             run=work,
             models=models_used(run, block.records, block.journals["viewpoints"]),
             predecessor=predecessor,
+            published=published,
         )
     advance("publish", 1)
     tags = standing_tags(block.group)

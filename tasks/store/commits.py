@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
 from typing import Any
 
 import icechunk
 
 from catalogs.features import file_stem
 from facade_core.atlas.journal import Record, read_journal, unit_key, write_record
+from facade_core.atlas.place import Place
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 
 
-def begin(store: Path) -> tuple[icechunk.Session, Any]:
+def begin(store: Place) -> tuple[icechunk.Session, Any]:
     """A session on the newest snapshot and a fork of it for one worker."""
     session = open_repository(store).writable_session(BRANCH)
     return session, session.fork()
@@ -29,7 +29,7 @@ def finish(session: icechunk.Session, fork: Any, stage: str, records: Mapping[in
     return commit(session, message)
 
 
-def journal(store: Path, stage: str) -> list[Record | None]:
+def journal(store: Place, stage: str) -> list[Record | None]:
     """The records of a stage at the newest snapshot."""
     session = open_repository(store).readonly_session(BRANCH)
     return read_journal(open_root(session), stage)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from catalogs.published.files import amiss
+from catalogs.published.places import Folder
 from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.check import DAMAGE, is_whole
@@ -27,7 +28,7 @@ from tasks.store.wounds import find_wounds, is_suspect
 SOURCE = "source"
 
 
-def unpublished(out: Path, snapshot: str) -> str | None:
+def unpublished(out: Folder, snapshot: str) -> str | None:
     """Why a snapshot is not what `current` names, whole; None where it is."""
     found = current_if_any(out)
     if found is None or found.id != snapshot:
@@ -41,13 +42,13 @@ def unpublished(out: Path, snapshot: str) -> str | None:
     return None
 
 
-def record_source(out: Path, source: Path) -> None:
+def record_source(out: Folder, source: Path) -> None:
     """Note in a run's folder which block file it is of."""
     if recorded_source(out) != source:
         (out / SOURCE).write_text(f"{source}\n")
 
 
-def recorded_source(out: Path) -> Path | None:
+def recorded_source(out: Folder) -> Path | None:
     """The block file of which the run in a folder was last; None where it is not noted."""
     try:
         return Path((out / SOURCE).read_text().strip())
@@ -70,7 +71,7 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
         _check_block(run, group)
         if group.attrs.get("partial"):
             return None
-        if group.attrs.get("key") != run.key or unpublished(Path(run.out), session.snapshot_id):
+        if group.attrs.get("key") != run.key or unpublished(run.folder, session.snapshot_id):
             return None
         if group.attrs.get("published_by") != stage_code("publish") or not has_all_stages(group):
             return None
@@ -81,11 +82,11 @@ def nothing_due(run: Run) -> dict[str, Any] | None:
         records = [record for journal in journals.values() for record in journal]
         if not all(record and record["status"] == "done" for record in records):
             return None
-        if is_suspect(Path(run.out)) or find_wounds(session) or not is_whole(repository, run.store):
+        if is_suspect(run.folder) or find_wounds(session) or not is_whole(repository, run.store):
             return None
     except (StoreError, *DAMAGE):
         return None
-    summary = snapshot_in(Path(run.out), session.snapshot_id).outcome()
+    summary = snapshot_in(run.folder, session.snapshot_id).outcome()
     told = [*((unit, reason) for _, unit, reason in group.attrs["set_aside"]), *refused(records)]
     set_aside = [{"unit": unit, "reason": reason} for unit, reason in told]
     return summary | {"out": run.out, "units_skipped": len(records) + 1, "units_done": 0, "failures": set_aside}
@@ -118,5 +119,5 @@ def _check_block(run: Run, group: StoreGroup) -> None:
     if held != run.block:
         raise InputError(
             f"{run.out}: holds block {held}; give block {run.block} a folder of its own beside it with --out, and "
-            f"`streetloom query {Path(run.out).parent}` finds both"
+            f"`streetloom query {run.folder.parent}` finds both"
         )

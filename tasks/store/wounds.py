@@ -6,11 +6,11 @@ They are told from records, listings and sizes before each run, and mended by ma
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from pathlib import Path
 
 import icechunk
 import numpy as np
 
+from catalogs.published.places import Folder
 from facade_core.atlas.arrays import clear_rasters
 from facade_core.atlas.check import broken_tags, chunks_of, is_whole, stand_on_readable, unreadable
 from facade_core.atlas.encoded import ENCODING, FOLDERS, encoded_of
@@ -70,12 +70,12 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
     return {stage: units for stage, units in found.items() if units}
 
 
-def suspect(out: Path) -> None:
+def suspect(out: Folder) -> None:
     """Have the next run read everything in its store: it was found to differ where sizes and listings do not show it."""
     (out / SUSPECT).touch()
 
 
-def is_suspect(out: Path) -> bool:
+def is_suspect(out: Folder) -> bool:
     return (out / SUSPECT).is_file()
 
 
@@ -86,8 +86,8 @@ def mend(run: Run) -> list[str]:
     """
     if not run.store.is_dir():
         return []
-    said = _mend(run, thorough=is_suspect(Path(run.out)))
-    (Path(run.out) / SUSPECT).unlink(missing_ok=True)
+    said = _mend(run, thorough=is_suspect(run.folder))
+    (run.folder / SUSPECT).unlink(missing_ok=True)
     return said
 
 

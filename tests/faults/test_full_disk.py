@@ -42,7 +42,7 @@ def test_a_disk_that_fills_ends_the_run_which_goes_on_when_there_is_room(
 ) -> None:
     block = write_block(tmp_path / "block", texture={"walls": "translate"})
     monkeypatch.setattr(room, "RESERVE", 0)
-    monkeypatch.setattr(ingest, "room_for", lambda plan, width: 0)  # as if another program had filled it
+    monkeypatch.setattr(ingest, "room_for", lambda plan, width, stored: 0)  # as if another program had filled it
     with (
         pytest.raises(
             MachineError, match=r"No space left on device; free some space and run again: what is done is kept$"

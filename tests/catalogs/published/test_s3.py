@@ -245,7 +245,7 @@ def test_a_copy_that_breaks_off_leaves_the_old_snapshot(bucket: str, tmp_path: P
 
 def test_what_is_not_there_is_one_line(bucket: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(
-        InputError, match=r"s3://city/none: no such folder; `streetloom catalog OUT --to s3://city/none`"
+        InputError, match=r"s3://city/none: no such folder; `streetloom run BLOCK.yaml --out s3://city/none` makes it"
     ):
         query(f"{bucket}/none")
     with pytest.raises(InputError, match="no such folder"):

@@ -1,0 +1,145 @@
+"""The lock of a run in a bucket: an object that says who holds it and until when, renewed as long as the run goes on.
+
+No process can hold an object as it holds a file, so what is held is time. Every writing of the object is on the condition that
+nobody wrote it meanwhile.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import socket
+import time
+import uuid
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from datetime import UTC, datetime
+from threading import Event, Thread
+
+from catalogs.published import objects
+from catalogs.published.s3 import S3Folder
+from facade_core.errors import FacadeError, InputError, MachineError
+
+log = logging.getLogger(__name__)
+
+LOCK = ".lock"
+# A lease is for so long, and is renewed so often, seconds.
+LASTS_S, RENEWED_S = 120.0, 30.0
+# Whoever holds it commits nothing any more so long before it is over: clocks of machines may differ by that.
+MARGIN_S = 30.0
+
+
+@dataclass
+class Lease:
+    """A run's hold of its folder in a bucket. token: no other lease has it; tag: the object's version that this run wrote."""
+
+    out: S3Folder
+    token: str
+    tag: str
+    renewed: float
+    taken_by: str | None = None
+    over: Event = field(default_factory=Event)
+
+    def require(self) -> None:
+        """Raise MachineError where another run may be at work by now."""
+        if self.taken_by is not None:
+            raise MachineError(f"{self.out}: {self.taken_by} took its lock over; let that run end, and run again")
+        if time.monotonic() > self.renewed + LASTS_S - MARGIN_S:
+            raise MachineError(
+                f"{self.out}: its lock could not be renewed in time; see to the network, and run again: what is done is kept"
+            )
+
+    def renew(self) -> None:
+        """Hold the folder for some more time, from now on."""
+        began = time.monotonic()
+        tag = objects.put_if(_path(self.out), _said(self.token), self.tag)
+        if tag is None:
+            found = who_holds(self.out)
+            self.taken_by = found[0] if found else "another run"
+        else:
+            self.tag, self.renewed = tag, began
+
+
+@contextmanager
+def leased(out: S3Folder, handle: int) -> Iterator[Lease]:
+    """Hold a folder in a bucket. handle: of the file by which this process holds the folder's local side.
+
+    Tokens are kept in that file: the lease of a process that held it and has ended is taken over at once, any other when it is
+    over. Raises InputError that says who holds the folder and until when.
+    """
+    token = uuid.uuid4().hex
+    kept = os.pread(handle, 64, 0).decode(errors="replace")
+    tag = _taken(out, token, kept)
+    os.ftruncate(handle, 0)
+    os.pwrite(handle, token.encode(), 0)
+    lease = Lease(out, token, tag, time.monotonic())
+    thread = Thread(target=_keep, args=(lease,), name="lease", daemon=True)
+    thread.start()
+    try:
+        yield lease
+    finally:
+        lease.over.set()
+        thread.join()
+        if lease.taken_by is None:
+            try:  # nothing is lost by one that stays: it is over soon
+                objects.delete([_path(out)])
+            except (FacadeError, OSError) as error:
+                log.warning("%s: its lock stays until it is over (%s)", out, error)
+
+
+def who_holds(out: S3Folder) -> tuple[str, datetime] | None:
+    """Who holds a folder in a bucket, and until when; None where nobody does."""
+    found = objects.get(_path(out))
+    held = _read(found[0]) if found else None
+    return None if held is None or held[1] <= datetime.now(UTC) else held[:2]
+
+
+def _taken(out: S3Folder, token: str, kept: str) -> str:
+    """Take the lease; the tag of what was written."""
+    for _ in range(3):
+        found = objects.get(_path(out))
+        held = _read(found[0]) if found else None
+        if held is not None and held[1] > datetime.now(UTC) and held[2] != kept:
+            owner, until, _ = held
+            raise InputError(
+                f"{out}: another run is at work in it: {owner}, whose lock lasts until {until:%H:%M:%S} UTC unless renewed; "
+                "wait for it, or name another folder with --out"
+            )
+        if (tag := objects.put_if(_path(out), _said(token), found[1] if found else None)) is not None:
+            if held is not None and held[2] != kept:
+                log.warning("%s: took over the lock of %s, which was over at %s", out, held[0], held[1])
+            return tag
+    raise InputError(f"{out}: other runs begin in it at the same time; run again")
+
+
+def _keep(lease: Lease) -> None:
+    while not lease.over.wait(RENEWED_S) and lease.taken_by is None:
+        try:
+            lease.renew()
+        except (
+            FacadeError,
+            OSError,
+        ) as error:  # tried again; who commits asks how long ago the last was that succeeded
+            log.warning("%s: its lock is not renewed (%s)", lease.out, error)
+
+
+def _said(token: str) -> bytes:
+    until = datetime.fromtimestamp(time.time() + LASTS_S, UTC)
+    held = {"host": socket.gethostname(), "pid": os.getpid(), "run": token, "until": until.isoformat()}
+    return json.dumps(held).encode()
+
+
+def _read(data: bytes) -> tuple[str, datetime, str] | None:
+    """Owner, end and token; None of what is no lease, which holds nothing."""
+    try:
+        held = json.loads(data)
+        owner = f"process {int(held['pid'])} on {str(held['host'])!r} (run {str(held['run'])[:8]})"
+        return owner, datetime.fromisoformat(held["until"]), str(held["run"])
+    except (ValueError, KeyError, TypeError):
+        return None
+
+
+def _path(out: S3Folder) -> str:
+    return f"{out.path}/{LOCK}"
