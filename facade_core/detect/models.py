@@ -51,6 +51,7 @@ def session(model: str) -> Any:
     options = onnxruntime.SessionOptions()
     options.intra_op_num_threads = _INTRA_OP_THREADS
     options.inter_op_num_threads = 1
+    options.add_session_config_entry("session.intra_op.allow_spinning", "0")
     options.log_severity_level = _ERRORS_ONLY
     try:
         content = _of_any_size(path.read_bytes()) if model == FACES else path.read_bytes()

@@ -104,7 +104,8 @@ def _children(population: np.ndarray, value: np.ndarray, seed: int) -> np.ndarra
         while j < LENGTH:
             parent = population[parents[np.random.randint(2)]]
             if j == 3:  # the priority of directions is one parameter
-                out[p, 3:8] = parent[3:8]
+                for k in range(3, 8):
+                    out[p, k] = parent[k]
                 j = 8
             else:
                 out[p, j] = parent[j]

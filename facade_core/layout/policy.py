@@ -44,7 +44,8 @@ def roll_out(policy: np.ndarray, start: Start, seed: int) -> tuple[np.ndarray, n
     capacity = observed + ROOM
     box, label = np.empty((capacity, 4)), np.empty(capacity, np.int64)
     grid, tried = np.empty(capacity, np.int64), np.zeros(capacity, np.int64)
-    box[:observed], label[:observed], grid[:observed] = start.box, start.label, start.grid
+    for i in range(observed):
+        _keep(box, label, grid, i, start.box, start.label, start.grid, i)
     n, grids = observed, start.grids
     grid_of = np.full(4, -1, np.int64)
     for i in range(observed - 1, -1, -1):
@@ -90,8 +91,29 @@ def roll_out(policy: np.ndarray, start: Start, seed: int) -> tuple[np.ndarray, n
             y = (box[seed_at, 1] + box[seed_at, 3]) / 2
             width, height = box[seed_at, 2] - box[seed_at, 0], box[seed_at, 3] - box[seed_at, 1]
             n += add(box, label, grid, n, x, y, width, height, kind, grid[seed_at], start)
-    kept = np.flatnonzero(label[:n] != NULL)
-    return box[kept], label[kept], grid[kept]
+    kept = 0
+    for i in range(n):
+        if label[i] != NULL:
+            _keep(box, label, grid, kept, box, label, grid, i)
+            kept += 1
+    return box[:kept], label[:kept], grid[:kept]
+
+
+@njit(cache=True)
+def _keep(
+    box: np.ndarray,
+    label: np.ndarray,
+    grid: np.ndarray,
+    at: int,
+    of_box: np.ndarray,
+    of_label: np.ndarray,
+    of_grid: np.ndarray,
+    i: int,
+) -> None:
+    """Write another's element i at a place: numba takes seconds to compile slices that are assigned."""
+    for k in range(4):
+        box[at, k] = of_box[i, k]
+    label[at], grid[at] = of_label[i], of_grid[i]
 
 
 @njit(cache=True)

@@ -1,7 +1,8 @@
 """What the ten scores are read from: spacings, alignment, border and symmetry of a layout's grids (Fan et al. 2014, 4.1-4.3).
 
 Compiled: `measure` is called for every candidate layout. Elements come as arrays: box (N, 4) x0, y0, x1, y1; label (N,)
-index into ELEMENT_CLASSES; grid (N,) the grid each lies in, numbered from 0 without holes.
+index into ELEMENT_CLASSES; grid (N,) the grid each lies in, numbered from 0 without holes. By loops: numba's own sort, median
+and unique, slices that are assigned and expressions of arrays each take longer to compile than what calls them.
 """
 
 from __future__ import annotations
@@ -28,7 +29,7 @@ UNARY, BINARY, OVERALL = 7, 5, 8
 @njit(cache=True)
 def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Means of runs of values that lie at most `gap` apart, ascending, and the run of each value."""
-    order = np.argsort(values)
+    order = _ascending(values)
     run = np.empty(len(values), np.int64)
     means = np.empty(len(values))
     count, total, k = 0, 0.0, -1
@@ -45,12 +46,36 @@ def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(cache=True)
+def _ascending(values: np.ndarray) -> np.ndarray:
+    """The order of a few values from the least on; equal ones as they came."""
+    order = np.empty(len(values), np.int64)
+    for i in range(len(values)):
+        j = i
+        while j > 0 and values[order[j - 1]] > values[i]:
+            order[j] = order[j - 1]
+            j -= 1
+        order[j] = i
+    return order
+
+
+@njit(cache=True)
+def _median(values: np.ndarray) -> float:
+    order = _ascending(values)
+    middle = len(values) // 2
+    if len(values) % 2:
+        return values[order[middle]]
+    return (values[order[middle - 1]] + values[order[middle]]) / 2
+
+
+@njit(cache=True)
 def measure(
     box: np.ndarray, label: np.ndarray, grid: np.ndarray, domain: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Statistics of a layout: (grids, UNARY), (pairs, BINARY) and (OVERALL,) float64, NaN where a term does not apply."""
     n = len(box)
-    grids = grid.max() + 1 if n else 0
+    grids = 0
+    for i in range(n):
+        grids = max(grids, grid[i] + 1)
     unary = np.full((grids, UNARY), np.nan)
     extent = np.empty((grids, 4))
     size = np.empty((grids, 2))
@@ -58,20 +83,30 @@ def measure(
     columns = np.empty((grids, n))
     rows = np.empty((grids, n))
     column_count, row_count = np.zeros(grids, np.int64), np.zeros(grids, np.int64)
+    middle_x, middle_y, wide, high = np.empty(n), np.empty(n), np.empty(n), np.empty(n)
     for g in range(grids):
-        index = np.flatnonzero(grid == g)
-        own = box[index]
-        of_label[g] = label[index[0]]
-        width, height = np.median(own[:, 2] - own[:, 0]), np.median(own[:, 3] - own[:, 1])
+        count = 0
+        for i in range(n):
+            if grid[i] == g:
+                x0, y0, x1, y1 = box[i, 0], box[i, 1], box[i, 2], box[i, 3]
+                if count == 0:
+                    of_label[g] = label[i]
+                    extent[g, 0], extent[g, 1], extent[g, 2], extent[g, 3] = x0, y0, x1, y1
+                extent[g, 0], extent[g, 1] = min(extent[g, 0], x0), min(extent[g, 1], y0)
+                extent[g, 2], extent[g, 3] = max(extent[g, 2], x1), max(extent[g, 3], y1)
+                middle_x[count], middle_y[count] = (x0 + x1) / 2, (y0 + y1) / 2
+                wide[count], high[count] = x1 - x0, y1 - y0
+                count += 1
+        width, height = _median(wide[:count]), _median(high[:count])
         size[g, 0], size[g, 1] = width, height
-        xs, _ = lines((own[:, 0] + own[:, 2]) / 2, ALIGNED * width)
-        ys, _ = lines((own[:, 1] + own[:, 3]) / 2, ALIGNED * height)
+        xs, _ = lines(middle_x[:count], ALIGNED * width)
+        ys, _ = lines(middle_y[:count], ALIGNED * height)
         column_count[g], row_count[g] = len(xs), len(ys)
-        columns[g, : len(xs)] = xs
-        rows[g, : len(ys)] = ys
-        extent[g, 0], extent[g, 1] = own[:, 0].min(), own[:, 1].min()
-        extent[g, 2], extent[g, 3] = own[:, 2].max(), own[:, 3].max()
-        _of_grid(unary[g], len(index), width, height, xs, ys, extent[g])
+        for k in range(len(xs)):
+            columns[g, k] = xs[k]
+        for k in range(len(ys)):
+            rows[g, k] = ys[k]
+        _of_grid(unary[g], count, width, height, xs, ys, extent[g])
         unary[g, LABEL] = of_label[g]
     pairs = np.full((grids * (grids - 1) // 2, BINARY), np.nan)
     k = 0
@@ -100,14 +135,27 @@ def _of_grid(
     """Eq. 1-4 of one grid: aspect ratio, size to spacing, spread of the spacing to the grid's extent, share of cells filled."""
     out[ASPECT] = np.log(height / width)
     if len(xs) > 1:
-        gaps = np.diff(xs)
-        out[WIDTH_RATIO] = width / gaps.mean()
-        out[REGULAR_X] = gaps.std() / (extent[2] - extent[0])
+        mean, deviation = _gaps(xs)
+        out[WIDTH_RATIO] = width / mean
+        out[REGULAR_X] = deviation / (extent[2] - extent[0])
     if len(ys) > 1:
-        gaps = np.diff(ys)
-        out[HEIGHT_RATIO] = height / gaps.mean()
-        out[REGULAR_Y] = gaps.std() / (extent[3] - extent[1])
+        mean, deviation = _gaps(ys)
+        out[HEIGHT_RATIO] = height / mean
+        out[REGULAR_Y] = deviation / (extent[3] - extent[1])
     out[COMPLETE] = count / (len(xs) * len(ys))
+
+
+@njit(cache=True)
+def _gaps(lines: np.ndarray) -> tuple[float, float]:
+    """Mean and standard deviation of the distances between lines that follow one another."""
+    count = len(lines) - 1
+    mean, spread = 0.0, 0.0
+    for k in range(count):
+        mean += lines[k + 1] - lines[k]
+    mean /= count
+    for k in range(count):
+        spread += (lines[k + 1] - lines[k] - mean) ** 2
+    return mean, np.sqrt(spread / count)
 
 
 @njit(cache=True)
@@ -168,8 +216,11 @@ def _pattern(p: np.ndarray, q: np.ndarray) -> int:
     """Index into PATTERNS of the order in which two grids' lines take turns; -1 where one lies wholly beside the other."""
     n = len(p) + len(q)
     values = np.empty(n)
-    values[: len(p)], values[len(p) :] = p, q
-    order = np.argsort(values)
+    for k in range(len(p)):
+        values[k] = p[k]
+    for k in range(len(q)):
+        values[len(p) + k] = q[k]
+    order = _ascending(values)
     turns, first = 0, order[0] >= len(p)
     runs = np.zeros(n, np.int64)
     previous = first
@@ -179,18 +230,24 @@ def _pattern(p: np.ndarray, q: np.ndarray) -> int:
             turns += 1
             previous = second
         runs[turns] += 1
-    if turns < 1:
+    if turns <= 1:
         return -1
-    lengths = runs[: turns + 1]
-    if turns == 1:
-        return -1
-    inner = lengths[1:-1]
-    if (lengths == 1).all():
+    ones, pairs, short = True, True, runs[0] <= 2 and runs[turns] <= 2
+    # of the runs at even and at odd places: whether all are one, and whether all but the first and last are two
+    single, double = np.ones(2, np.bool_), np.ones(2, np.bool_)
+    for k in range(turns + 1):
+        side = k % 2
+        ones &= runs[k] == 1
+        single[side] &= runs[k] == 1
+        if 0 < k < turns:
+            pairs &= runs[k] == 2
+        if (side == 0 and 0 < k < turns - turns % 2) or (side == 1 and k < turns - (turns + 1) % 2):
+            double[side] &= runs[k] == 2
+    if ones:
         return 1 if turns == 2 else 0
-    if (inner == 2).all() and lengths[0] <= 2 and lengths[-1] <= 2:
+    if pairs and short:
         return 3
-    odd, even = lengths[0::2], lengths[1::2]
-    if ((odd[1:-1] == 2).all() and (even == 1).all()) or ((even[:-1] == 2).all() and (odd == 1).all()):
+    if (double[0] and single[1]) or (double[1] and single[0]):
         return 2
     return 4
 
@@ -211,14 +268,20 @@ def _overall(
         out[COVERAGE] = 0.0
         return out
     out[COVERAGE] = _union(extent) / (width * height)
-    w, h = (box[:, 2] - box[:, 0]).mean(), (box[:, 3] - box[:, 1]).mean()
-    out[BORDER_LEFT], out[BORDER_RIGHT] = (box[:, 0].min() - domain[0]) / w, (domain[2] - box[:, 2].max()) / w
-    out[BORDER_TOP], out[BORDER_BOTTOM] = (box[:, 1].min() - domain[1]) / h, (domain[3] - box[:, 3].max()) / h
+    w, h = 0.0, 0.0
+    left, top, right, bottom = np.inf, np.inf, -np.inf, -np.inf
     doors, at = 0, 0.0
     for i in range(n):
+        w += box[i, 2] - box[i, 0]
+        h += box[i, 3] - box[i, 1]
+        left, top = min(left, box[i, 0]), min(top, box[i, 1])
+        right, bottom = max(right, box[i, 2]), max(bottom, box[i, 3])
         if label[i] == DOOR:
             doors += 1
             at += ((box[i, 0] + box[i, 2]) / 2 - domain[0]) / width
+    w, h = w / n, h / n
+    out[BORDER_LEFT], out[BORDER_RIGHT] = (left - domain[0]) / w, (domain[2] - right) / w
+    out[BORDER_TOP], out[BORDER_BOTTOM] = (top - domain[1]) / h, (domain[3] - bottom) / h
     out[DOOR_AT] = at / doors if doors else 0.0
     out[SYMMETRY] = symmetry(box, label, domain)
     return out
@@ -247,14 +310,20 @@ def symmetry(box: np.ndarray, label: np.ndarray, domain: np.ndarray) -> float:
 @njit(cache=True)
 def _union(rectangles: np.ndarray) -> float:
     """Area of the union of rectangles."""
-    xs = np.unique(np.concatenate((rectangles[:, 0], rectangles[:, 2])))
-    ys = np.unique(np.concatenate((rectangles[:, 1], rectangles[:, 3])))
+    count = len(rectangles)
+    xs, ys = np.empty(2 * count), np.empty(2 * count)
+    for r in range(count):
+        xs[2 * r], xs[2 * r + 1] = rectangles[r, 0], rectangles[r, 2]
+        ys[2 * r], ys[2 * r + 1] = rectangles[r, 1], rectangles[r, 3]
+    by_x, by_y = _ascending(xs), _ascending(ys)
     area = 0.0
-    for i in range(len(xs) - 1):
-        for j in range(len(ys) - 1):
-            for r in range(len(rectangles)):
+    for i in range(2 * count - 1):
+        x0, x1 = xs[by_x[i]], xs[by_x[i + 1]]
+        for j in range(2 * count - 1):
+            y0, y1 = ys[by_y[j]], ys[by_y[j + 1]]
+            for r in range(count):
                 e = rectangles[r]
-                if e[0] <= xs[i] and xs[i + 1] <= e[2] and e[1] <= ys[j] and ys[j + 1] <= e[3]:
-                    area += (xs[i + 1] - xs[i]) * (ys[j + 1] - ys[j])
+                if e[0] <= x0 and x1 <= e[2] and e[1] <= y0 and y1 <= e[3]:
+                    area += (x1 - x0) * (y1 - y0)
                     break
     return area

@@ -58,3 +58,29 @@ def test_all_kernels_are_cached_there() -> None:
             names = [node.module] if isinstance(node, ast.ImportFrom) else []
             names += [alias.name for alias in node.names] if isinstance(node, ast.Import) else []
             assert "numba" not in names or path.name == "kernels.py", path
+
+
+# What takes numba longer to compile than a kernel that calls it; loops do the same.
+SLOW_TO_COMPILE = {"argsort", "concatenate", "diff", "flatnonzero", "median", "partition", "sort", "std", "take", "unique"}
+OF_LAYOUTS = sorted((PACKAGE / "layout").glob("*.py"))
+
+
+def test_kernels_of_layouts_call_nothing_that_takes_long_to_compile() -> None:
+    kernels = 0
+    for path in OF_LAYOUTS:
+        for function in ast.walk(ast.parse(path.read_text())):
+            if not isinstance(function, ast.FunctionDef) or "njit" not in map(_called, function.decorator_list):
+                continue
+            kernels += 1
+            for node in ast.walk(function):
+                assert _called(node) not in SLOW_TO_COMPILE, (path, node.lineno)
+                if isinstance(node, ast.Subscript) and isinstance(node.ctx, ast.Store):
+                    assert not any(isinstance(part, ast.Slice) for part in ast.walk(node.slice)), (path, node.lineno)
+    assert kernels > 20
+
+
+def _called(node: ast.AST) -> str | None:
+    """The name of what is called."""
+    if not isinstance(node, ast.Call):
+        return None
+    return node.func.attr if isinstance(node.func, ast.Attribute) else getattr(node.func, "id", None)

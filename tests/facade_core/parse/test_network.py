@@ -138,3 +138,8 @@ def test_networks_of_other_versions_and_shapes_are_refused(tmp_path, model):
         parse(two_colours(), model=other)
     with pytest.raises(ModelError, match="no such file"):
         network.load(tmp_path / "none.onnx")
+
+
+def test_threads_of_the_network_do_not_spin_while_they_wait() -> None:
+    options = network.load(network.SHIPPED).session.get_session_options()
+    assert options.get_session_config_entry("session.intra_op.allow_spinning") == "0"
