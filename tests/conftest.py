@@ -11,8 +11,9 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from tasks.compute.workers import limit_threads
 from tests.pipeline import stages
-from tests.pipeline.runs import run, write_block
+from tests.pipeline.runs import TYPED, run, write_block
 
 # The same examples each time, however long one takes.
 settings.register_profile("suite", derandomize=True, deadline=None)
@@ -64,6 +65,12 @@ def _cache(common: Path) -> None:
     os.environ["XDG_CACHE_HOME"] = str(common / "cache")
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _threads() -> None:
+    """The suite's processes share the cores as workers do, and threads that wait for others' work take time from it."""
+    limit_threads()
+
+
 @pytest.fixture(scope="session")
 def block(common: Path) -> Path:
     with (common / "block.lock").open("w") as lock:
@@ -88,5 +95,5 @@ def undisturbed(block: Path, common: Path) -> tuple[Path, dict[str, Any]]:
         fcntl.flock(lock, fcntl.LOCK_EX)
         if not told.is_file():
             out.parent.mkdir()
-            told.write_text(json.dumps(run(block, out, workers=2)))
+            told.write_text(json.dumps(run(block, out, workers=2, program=TYPED)))
     return out, json.loads(told.read_text())

@@ -35,8 +35,12 @@ def write_block(folder: Path) -> Path:
     return block
 
 
-def command(block: Path, out: Path, workers: int) -> list[str]:
-    return [sys.executable, "-m", "flows", "run", str(block), "--out", str(out), "--workers", str(workers), "--json"]
+# What a user types, and the same with small views.
+TYPED, SMALL = "flows", "tests.pipeline.small_views"
+
+
+def command(block: Path, out: Path, workers: int, program: str = SMALL) -> list[str]:
+    return [sys.executable, "-m", program, "run", str(block), "--out", str(out), "--workers", str(workers), "--json"]
 
 
 def environment(home: Path) -> dict[str, str]:
@@ -54,10 +58,12 @@ os.execvp(sys.argv[1], sys.argv[1:])
 ALONE = ["unshare", "--map-root-user", "--net", sys.executable, "-c", LOOPBACK_UP]
 
 
-def run(block: Path, out: Path, workers: int = 2, expect: int = 0, within: Sequence[str] = ()) -> dict[str, Any]:
+def run(
+    block: Path, out: Path, workers: int = 2, expect: int = 0, within: Sequence[str] = (), program: str = SMALL
+) -> dict[str, Any]:
     """Run a block as a user would, `within` another command if given; returns the JSON object printed last."""
     done = subprocess.run(
-        [*within, *command(block, out, workers)],
+        [*within, *command(block, out, workers, program)],
         cwd=ROOT,
         env=environment(out.parent),
         capture_output=True,

@@ -30,6 +30,7 @@ from tasks.stages.fan_out import process_batch
 from tasks.stages.ingest import ingest_block
 from tasks.stages.streets import texture_street
 from tasks.store.redo import chosen_streets
+from tests.pipeline.small_views import VIEW_SIZE
 
 EAST, NORTH = 385_000.0, 6_671_000.0
 # South-western corner, width along x, depth along y, height of each building, so thin that only the side at the street is a
@@ -43,8 +44,6 @@ BUILDINGS: dict[str, tuple[float, ...]] = {
 }
 # Two streets that cross, and one so far away that no pixel shows it from there.
 STREETS = {"1": [(0, 0), (45, 0)], "2": [(40, -15), (40, 25)], "3": [(0, 600), (45, 600)]}
-# Views are as small as what they show.
-VIEW_SIZE = (150, 240)
 SETTINGS = {"texels_per_metre": 3, "visibility_range": 25.0, "viewpoint_spacing": 9.0, "panorama_width": 128}
 
 

@@ -38,7 +38,7 @@ from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
 from tasks.store.redo import street_chunks
 from tests.pipeline import stages
-from tests.pipeline.runs import ALONE, ROOT, command, environment, run
+from tests.pipeline.runs import ALONE, ROOT, TYPED, command, environment, run
 from tests.pipeline.stages import texture, write_photo
 
 STAGE_GROUPS = ("atlas", "charts", "mesh", "facades", "viewpoints", "streets", "buildings", "panoramas", "facade_maps")
@@ -159,7 +159,7 @@ def test_the_report_shows_every_street_front_and_no_outside_address(undisturbed:
 
 def test_again_does_no_unit_twice(block: Path, undisturbed: Run) -> None:
     out, first = undisturbed
-    again = run(block, out)
+    again = run(block, out, program=TYPED)
     assert again["units_done"] == 0
     assert again["units_skipped"] == first["units_done"]
     assert again["atlas_digest"] == first["atlas_digest"]
@@ -169,7 +169,7 @@ def test_again_does_no_unit_twice(block: Path, undisturbed: Run) -> None:
 def test_one_worker_without_a_network_makes_the_same_atlas(block: Path, undisturbed: Run, tmp_path: Path) -> None:
     """Nothing is fetched: the run sees no network but loopback, where the machine lets a test make such a place."""
     can = subprocess.run([*ALONE, "true"], capture_output=True, check=False).returncode == 0
-    alone = run(block, tmp_path / "out", workers=1, within=ALONE if can else ())
+    alone = run(block, tmp_path / "out", workers=1, within=ALONE if can else (), program=TYPED)
     assert alone["atlas_digest"] == undisturbed[1]["atlas_digest"]
     for stage in STAGES:  # of a record, too, only the fields listed as volatile may differ
         one, two = (
@@ -240,13 +240,13 @@ def test_a_run_that_is_ended_ends_and_leaves_nothing_running(
         process.kill()
     else:
         os.killpg(process.pid, number)  # as a terminal's Ctrl-C does
-    _, said = process.communicate(timeout=20)
+    _, said = process.communicate(timeout=60)
     if number != signal.SIGKILL:
         assert process.returncode == 128 + number
         assert b"run the same command to go on" in said
     if number == signal.SIGINT:  # a supervisor's SIGTERM also meets Prefect's own handler, which may be heard
         assert b"Traceback" not in said
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + 60
     while (left := [pid for pid in family if _runs(pid)]) and time.monotonic() < deadline:
         time.sleep(0.2)
     assert not left
