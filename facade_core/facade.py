@@ -74,14 +74,15 @@ class Facade:
 @dataclass(frozen=True)
 class Exemplar:
     """A facade image prepared for retargeting: evidence, image, labels and occluded as in `Facade`, cut to the facade, which
-    was the box (x0, y0, x1, y1) of the picture; its metric scale, floors and windows in the fullest row; shaded, the share of
-    its wall that lies in shadow; seconds per stage."""
+    was the box (x0, y0, x1, y1) of the picture; found, whether there is one in it; its metric scale, floors and windows in the
+    fullest row; shaded, the share of its wall that lies in shadow; seconds per stage."""
 
     evidence: np.ndarray
     image: np.ndarray
     labels: np.ndarray
     occluded: np.ndarray
     box: Box
+    found: bool
     metres_per_pixel: float
     floors: int
     columns: int
@@ -203,12 +204,13 @@ def prepare_exemplar(
     seconds: dict[str, float] = {}
     if labels is not None and not hidden.any() and (private is None or not private.any()):
         evidence = made = image
-        box, occluded = (0, 0, image.shape[1], image.shape[0]), hidden
+        box, found, occluded = (0, 0, image.shape[1], image.shape[0]), True, hidden
         with _timed(seconds, "elements"):
             seen, classes = _at_most(made, labels, COUNTED)
             floors, layout = storeys(classes), tuple(elements(classes))
     else:
         cut = cut_to_facade(image, hidden)
+        found = cut.found
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
         facade = from_photo(cut.image, cut.hidden, outside=cut.outside, private=private, seed=seed)
@@ -220,7 +222,7 @@ def prepare_exemplar(
     with _timed(seconds, "scale"):
         scale = exemplar_scale(made, labels, storey=storey)
     shaded = shaded_share(seen, classes)
-    return Exemplar(evidence, made, labels, occluded, box, scale, floors, count_columns(layout), shaded, seconds)
+    return Exemplar(evidence, made, labels, occluded, box, found, scale, floors, count_columns(layout), shaded, seconds)
 
 
 def _at_most(image: np.ndarray, labels: np.ndarray, longest: int) -> tuple[np.ndarray, np.ndarray]:

@@ -152,7 +152,7 @@ COLUMNS = (
         "quality",
         "string",
         "",
-        "good, or what to look at: mostly-hidden, no-windows, unsure-parse, floors-differ, height-assumed",
+        "good, or what to look at: mostly-hidden, no-windows, unsure-parse, floors-differ, doubtful-cut, height-assumed",
     ),
     Column(
         "parents", "string", "", "what it is made from: block/, building/, street/ with their ids, image/ with names"

@@ -84,6 +84,10 @@ class Record(TypedDict, total=False):
     # whether faces and plates were looked for, of exemplars too; what was read over shops, None where that was not looked for
     looked: bool
     shop_names: str | None
+    # of photos, `tasks.units.evidence.Fit`; of exemplars whether a facade was found in them
+    cut_kept: float
+    cut_found: bool
+    stretched: float
     provenance: list[float]
     variation_types: int
     variation_levels: int

@@ -100,12 +100,14 @@ def stages_of(facade: StoredFacade) -> Iterator[Stage]:
         image = f"exemplars/{facade.exemplars.index(exemplar)}/image"
         yield Stage(lambda: np.asarray(facade.group[image]), Shown("source", "Exemplar it is made from"))
     if photo:
-        yield Stage(partial(facade.raster, "facade_maps/evidence"), Shown("rectified", "Photo, rectified"))
+        rectified = Shown("rectified", f"Photo, rectified{_cut(record)}")
+        evidence = partial(facade.raster, "facade_maps/evidence")
+        yield Stage(evidence, rectified, None if hidden else rectified)
     if hidden:
         yield Stage(
             lambda: overlay_hidden(facade.raster("facade_maps/evidence"), facade.hidden),
             Shown("hidden", "What hides the wall"),
-            Shown("hidden", "Photo, hidden part tinted"),
+            Shown("hidden", f"Photo{_cut(record)}, hidden part tinted"),
         )
     yield Stage(lambda: colourise(facade.raster("facade_maps/labels")), Shown("parse", "Parse"))
     lattice = Lattice(tuple(record["lattice"]["rows"]), tuple(record["lattice"]["columns"]))
@@ -126,6 +128,14 @@ def stages_of(facade: StoredFacade) -> Iterator[Stage]:
     yield from _variations(facade, record.get("variation_levels") or 0)
     if facade.raster("atlas/provenance").any():  # its surface is finished
         yield Stage(partial(facade.raster, "atlas/colour"), Shown("street", "In the street: final texture"))
+
+
+def _cut(record: Mapping[str, Any]) -> str:
+    """What of a photo was cut out as the facade, in words."""
+    kept = record.get("cut_kept", 1.0)
+    if not record.get("cut_found", True):
+        return ", no facade found in it"
+    return f" and cut to {kept:.0%} of it" if kept < 1 else ""
 
 
 def _variations(facade: StoredFacade, levels: int) -> Iterator[Stage]:

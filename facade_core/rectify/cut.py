@@ -20,12 +20,14 @@ _NEITHER = 1e-4
 @dataclass(frozen=True, slots=True, eq=False)
 class Cut:
     """The part of a picture that is the facade: image (h, w, 3) uint8; hidden (h, w) bool, what does not show it; outside
-    (h, w) bool, what shows sky, street or neighbours at its borders; box (x0, y0, x1, y1) of it in the picture, half-open."""
+    (h, w) bool, what shows sky, street or neighbours at its borders; box (x0, y0, x1, y1) of it in the picture, half-open;
+    found, whether there is a facade in the picture: where there is none that is believed, it stays whole."""
 
     image: np.ndarray
     hidden: np.ndarray
     outside: np.ndarray
     box: Box
+    found: bool = True
 
 
 def cut_to_facade(image: np.ndarray, hidden: np.ndarray) -> Cut:
@@ -36,7 +38,7 @@ def cut_to_facade(image: np.ndarray, hidden: np.ndarray) -> Cut:
         outside = seen_outside(image, hidden)
         box = facade_box(outside, hidden)
     if box is None:
-        return Cut(image, hidden, np.zeros_like(hidden), (0, 0, width, height))
+        return Cut(image, hidden, np.zeros_like(hidden), (0, 0, width, height), found=False)
     x0, y0, x1, y1 = box
     part = np.s_[y0:y1, x0:x1]
     return Cut(image[part], hidden[part], _from_border(outside[part]), box)

@@ -5,6 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from facade_core.atlas.levelling import spread
+
 ITERATIONS = 400
 _SLOPE = np.tan(np.deg2rad(4.0))
 _TOLERANCE = 2.0  # px within which a shifted line meets a line
@@ -14,13 +16,19 @@ _LIKENESS = 0.15  # correlation below which there is no repetition
 
 def floor_height(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
     """RANSAC floor height in pixels from the near-horizontal lines of the visible part; None without repetition."""
+    image = _without_hole(image, mask)
     return _pitch(_horizontal_lines(image, mask), image, mask, rng)
 
 
 def bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> int | None:
     """The same, across: the spacing of window columns from near-vertical lines."""
-    turned = np.ascontiguousarray(image.transpose(1, 0, 2))
+    turned = np.ascontiguousarray(_without_hole(image, mask).transpose(1, 0, 2))
     return _pitch(_horizontal_lines(turned, mask.T), turned, mask.T, rng)
+
+
+def _without_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
+    """The image with what is around in place of what is hidden: edges and blurs reach into a hole, whose content tells nothing."""
+    return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
 
 
 def _horizontal_lines(image: np.ndarray, mask: np.ndarray) -> np.ndarray:

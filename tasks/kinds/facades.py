@@ -129,7 +129,8 @@ def exemplars_of(plan: Plan, records: Records, walls: Walls, *, seed: int) -> di
         [record["width_m"] for record in found],
         [record["height_m"] for record in found],
         [record["floors"] for record in found],
-        [record["hidden"] for record in found],
+        # where no facade was found in a picture all of it is a guess
+        [record["hidden"] if record.get("cut_found", True) else 1.0 for record in found],
         [record["shaded"] for record in found],
         [record["shop_width"] for record in found],
         [record["look"] for record in found],

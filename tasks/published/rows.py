@@ -22,6 +22,8 @@ from tasks.run import Run
 
 # A facade of which more than this share was hidden, or of whose elements the parser was less sure on average, wants a look.
 HIDDEN, SURE = 0.5, 0.5
+# So has one whose photo is so many times wider or higher than its wall once it is laid on it: windows are seen to be squeezed.
+STRETCHED = 1.5
 
 
 @dataclass(frozen=True)
@@ -160,6 +162,8 @@ def _quality(record: Mapping[str, Any], levels: int, height_source: str, role: i
         "no-windows": role == STREET and not any(element[0] == "window" for element in elements),
         "unsure-parse": bool(elements) and float(np.mean([element[5] for element in elements])) < SURE,
         "floors-differ": role == STREET and floors > 0 and not least <= levels <= most,
+        "doubtful-cut": not record.get("cut_found", True)
+        or not 1 / STRETCHED <= record.get("stretched", 1.0) <= STRETCHED,
         ASSUMED: height_source == "default",
     }
     return ", ".join(name for name, raised in flags.items() if raised) or "good"

@@ -51,6 +51,7 @@ class Evidence:
         outside: (h, w) bool, where it shows sky, street or neighbours beside the facade; None where nothing is.
         captured: the day of the newest of the pictures, where they tell.
         seen: faces, plates and text, in texels, that hidden does not hold yet.
+        fit: how a photo fits the wall; None of other pictures.
     """
 
     image: np.ndarray
@@ -63,16 +64,27 @@ class Evidence:
     outside: np.ndarray | None = None
     captured: str | None = None
     seen: Seen = field(default_factory=Seen)
+    fit: Fit | None = None
+
+
+class Fit(NamedTuple):
+    """How a photo fits its wall: the share of the rectified picture that was cut out, whether a facade was found there at all,
+    and how many times wider, for its height, the wall is than what was cut out."""
+
+    kept: float
+    found: bool
+    stretched: float
 
 
 class Photo(NamedTuple):
     """A photo of a facade, cut to it: image (h, w, 3) uint8, what it does not show of the facade and what it shows beside it,
-    (h, w) bool, and the faces, plates and text on it."""
+    (h, w) bool, the faces, plates and text on it, and how it fits the wall."""
 
     image: np.ndarray
     hidden: np.ndarray
     outside: np.ndarray
     seen: Seen
+    fit: Fit
 
 
 def evidence_of(
@@ -100,6 +112,7 @@ def evidence_of(
             outside=photo.outside,
             captured=capture_date(imagery.photo),
             seen=photo.seen,
+            fit=photo.fit,
         )
     if source == "panoramas":
         return _of_panoramas(plan, chart, size, imagery, refused)
@@ -154,8 +167,10 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> Photo:
         cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         for mask in (cut.hidden, cut.outside)
     )
-    seen = look(cut.image).scaled(size[1] / cut.image.shape[1], size[0] / cut.image.shape[0])
-    return Photo(resized(cut.image, size), hidden, outside, seen)
+    across, down = size[1] / cut.image.shape[1], size[0] / cut.image.shape[0]
+    seen = look(cut.image).scaled(across, down)
+    fit = Fit(cut.hidden.size / image[..., 0].size, cut.found, across / down)
+    return Photo(resized(cut.image, size), hidden, outside, seen, fit)
 
 
 def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> View:

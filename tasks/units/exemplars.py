@@ -72,6 +72,7 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
         "columns": prepared.columns,
         "hidden": round(float(prepared.occluded.mean()), 4),
         "shaded": round(prepared.shaded, 4),
+        "cut_found": prepared.found,
         "shop_width": round(float((labels == SHOP).any(axis=0).mean()), 4),
         "look": look_of(texture, labels, metres_per_texel),
         "metres_per_pixel": prepared.metres_per_pixel,

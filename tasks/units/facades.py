@@ -29,7 +29,7 @@ from facade_core.walls import wall_of
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
-from tasks.units.evidence import Evidence, evidence_of
+from tasks.units.evidence import Evidence, Fit, evidence_of
 from tasks.units.exemplars import read_exemplar
 from tasks.units.unit import Piece
 
@@ -48,7 +48,7 @@ Styles = dict[tuple[int, bool], tuple[Style, float]]
 class _Made(NamedTuple):
     """A facade, None where it is left to the street stage; which source it is from, by its place in the order and by name; how
     well that shows each texel, (h, w) uint8; the day it was taken, where that is known; the names of shops read on it, None
-    where none were looked for."""
+    where none were looked for; how a photo fits the wall."""
 
     depth: int
     facade: Facade | None
@@ -56,6 +56,7 @@ class _Made(NamedTuple):
     confidence: np.ndarray
     captured: str | None = None
     shop_names: str | None = None
+    fit: Fit | None = None
 
 
 def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -97,6 +98,9 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             about |= _summary(result) | {"digests": digests}
             if imagery.sources()[made.depth] in ("photo", "panoramas"):
                 about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
+            if made.fit is not None:
+                kept, found, stretched = made.fit
+                about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
         about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
         records[facade] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
@@ -161,7 +165,7 @@ def _make(
                     masked_share=evidence.masked_share + result.masked_share,
                 )
                 names = _names_on(result, evidence, source, density)
-                return _Made(depth, result, evidence.source, confidence, evidence.captured, names)
+                return _Made(depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit)
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
     if run.texture.walls == "translate":
         return _Made(depth, None, "translator", nothing)

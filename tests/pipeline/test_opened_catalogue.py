@@ -17,6 +17,8 @@ from facade_core.atlas import PHOTO, open_atlas
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository
 from facade_core.errors import InputError
+from facade_core.labels import BALCONY, SHOP, WINDOW
+from facade_core.parse import parse
 from facade_core.privacy import CELL_M
 from tasks.keys.runs import run_of
 from tasks.stages.publish import publish_block
@@ -54,6 +56,34 @@ def test_search_and_facade(undisturbed: tuple[Path, dict[str, Any]]) -> None:
         np.testing.assert_array_equal(same[name], facade[name])
     for name in ("origin", "axis_x", "axis_y", "crs", "elements"):
         assert same.attrs[name] == facade.attrs[name]
+
+
+def test_labels_layout_and_picture_of_a_facade_agree(undisturbed: tuple[Path, dict[str, Any]]) -> None:
+    """Read back from what is published: the columns, the boxes of elements, the label raster and the texture say the same."""
+    catalogue = catalogs.open(undisturbed[0])
+    fronts = catalogue.search("role = 'street' and status = 'done'")
+    parsed = 0
+    for _, row in fronts.iterrows():
+        facade = catalogue.facade(row["id"])
+        labels, texture = facade.labels.values, facade.texture.values
+        assert float((labels == WINDOW).mean()) == pytest.approx(row["window_to_wall"], abs=1e-3)
+        assert float((labels == SHOP).any(axis=0).mean()) == pytest.approx(row["shop_width"], abs=1e-3)
+        found = json.loads(facade.attrs["elements"])
+        in_boxes = np.zeros(labels.shape, bool)
+        for name, x0, y0, x1, y1, _ in found:
+            box = np.s_[max(0, round(y0)) : round(y1), max(0, round(x0)) : round(x1)]
+            if name == "window":
+                # a balcony may hide a part of it
+                assert np.isin(labels[box], (WINDOW, BALCONY)).mean() > 0.8, f"a window of {row['id']} without its label"
+                in_boxes[box] = True
+        windows = labels == WINDOW
+        assert (in_boxes & windows).sum() > 0.8 * windows.sum(), f"{row['id']} has windows that are no elements"
+        if parsed < 2 and windows.any():
+            parsed += 1
+            again = parse(texture).labels
+            both = (again == WINDOW) & windows
+            assert both.sum() > 0.6 * windows.sum(), f"where {row['id']} is labelled window its texture shows one"
+    assert parsed
 
 
 def test_a_later_snapshot_is_published_beside_the_first(

@@ -70,6 +70,7 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
     found = cut_to_facade(image, hidden)
+    assert found.found
     assert found.box == (0, 10, 50, 60)
     assert (found.image == image[10:]).all()
     assert (found.hidden == hidden[10:]).all()
@@ -88,5 +89,6 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     image = np.zeros((60, 50, 3), np.uint8)
     found = cut_to_facade(image, nothing)
     assert found.box == (0, 0, 50, 60)
+    assert not found.found
     assert not found.outside.any()
     assert cut_to_facade(image, ~nothing).box == (0, 0, 50, 60), "nothing of it is looked at"

@@ -7,6 +7,7 @@ from PIL import Image
 
 from facade_core.errors import ImageError
 from facade_core.labels import ROOF, SHOP, WINDOW
+from facade_core.synth import facade as paint
 from facade_core.texture import inpaint
 from facade_core.texture.pitch import bay_width, floor_height
 from facade_core.texture.seams import diffused, least_path
@@ -165,6 +166,17 @@ def test_what_a_hole_was_painted_with_does_not_show(facade, method):
     one, other = (
         inpaint(np.where(mask[..., None], np.uint8(paint), facade.image), mask, labels=facade.labels, method=method)
         for paint in (0, 255)
+    )
+    np.testing.assert_array_equal(one, other)
+
+
+def test_nor_is_the_pitch_read_from_it():
+    small = paint((10.0, 10.0), floors=3, columns=3, style="brick", metres_per_pixel=0.1, seed=4)
+    mask = np.zeros(small.labels.shape, bool)
+    mask[40:60, 10:30] = True
+    one, other = (
+        inpaint(np.where(mask[..., None], np.uint8(colour), small.image), mask, labels=small.labels)
+        for colour in ((255, 0, 255), (0, 255, 0))
     )
     np.testing.assert_array_equal(one, other)
 

@@ -33,7 +33,7 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
     for page in pages:
         (legend,) = page.find_class("legend")
         assert [span.text_content() for span in legend.iter("span")] == list(CLASSES)
-    files = set()
+    files, photos = set(), 0
     for index, facade in enumerate(view.tables.facades.id):
         if view.tables.facades.role[index] != STREET:
             assert facade not in shown
@@ -42,12 +42,16 @@ def test_the_report_has_the_stages_in_their_order_and_stac_has_their_names(
         assert [figure.findtext("figcaption") for figure in shown[facade]] == [stage.title for stage in declared]
         names = [f"{file_stem(facade)}-{stage.name}.webp" for stage in declared]
         assert [figure.find("img").get("src") for figure in shown[facade]] == [f"../../images/{name}" for name in names]
+        if "cut_kept" in view.records[index]:
+            assert sum(stage.title.startswith("Photo") for stage in declared) == 1, "what was cut out is shown"
+            photos += 1
         files |= set(names)
         building = view.tables.buildings[int(view.tables.facades.building[index])]
         item = report.parents[1] / "stac" / "facades" / file_stem(building) / f"{file_stem(facade)}.json"
         assets = json.loads(item.read_text())["assets"]
         assert set(assets) == {stage.name for stage in declared}
         assert [name for name, asset in assets.items() if "thumbnail" in asset["roles"]] == ["result"]
+    assert photos
     of_exemplars = {path.name for path in (report.parent / "images").glob("exemplar-*.webp")}
     assert files == {path.name for path in (report.parent / "images").glob("*.webp")} - of_exemplars
 

@@ -11,6 +11,7 @@ from PIL import ExifTags, Image
 
 from facade_core.detect import Seen, looked_for
 from facade_core.errors import ImageError
+from facade_core.rectify.cut import Cut
 from facade_core.synth import facade as paint
 from tasks.units.evidence import evidence_of, photo_of
 from tasks.units.imagery import Imagery
@@ -91,5 +92,23 @@ def test_what_is_private_on_a_photo_comes_to_its_texels(tmp_path: Path, monkeypa
     photo = photo_of(path, True, size)
     factor = np.array([size[1] / looks[0][1], size[0] / looks[0][0]] * 2)
     assert np.allclose(photo.seen.faces, np.array([40, 60, 60, 84]) * factor)
+    assert photo.fit.found
+    assert photo.fit.stretched == pytest.approx(1, abs=0.2)
     evidence = evidence_of("photo", None, 0, size, Imagery(photo=path), (), [])
+    assert evidence.fit == photo.fit
     assert evidence.masked == evidence.seen.boxes(size) != ()
+
+
+def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = tmp_path / "w1-f4.png"
+    image = np.zeros((200, 100, 3), np.uint8)
+    Image.fromarray(image).save(path)
+    box = np.s_[:150, 20:70]
+    hidden = np.zeros((150, 50), bool)
+    cut = Cut(image[box], hidden, hidden, (20, 0, 70, 150), found=False)
+    monkeypatch.setattr("tasks.units.evidence.cut_to_facade", lambda image, hidden: cut)
+    monkeypatch.setattr("tasks.units.evidence.look", lambda image: Seen())
+    kept, found, stretched = photo_of(path, True, (300, 200)).fit
+    assert kept == pytest.approx(150 * 50 / (200 * 100))
+    assert not found
+    assert stretched == pytest.approx(2.0), "the wall is 2 by 3, what was cut out 1 by 3"

@@ -1,0 +1,38 @@
+"""Which exemplar a wall without pictures takes."""
+
+from __future__ import annotations
+
+from types import SimpleNamespace
+from typing import Any, cast
+
+import numpy as np
+
+from facade_core.style import Walls
+from tasks.kinds.facades import exemplars_of
+
+
+def test_a_picture_in_which_no_facade_was_found_is_used_last() -> None:
+    one = np.ones(1)
+    walls = Walls(12 * one, 10 * one, 3 * one, 7 * one.astype(int), one.astype(int), np.zeros((1, 2, 2)), -one)
+    plan = cast(Any, SimpleNamespace(facades=_Facades()))
+    fits = {
+        "status": "done",
+        "width_m": 12.0,
+        "height_m": 10.0,
+        "floors": 3,
+        "hidden": 0.0,
+        "shaded": 0.0,
+        "shop_width": 0.0,
+    }
+    smaller = fits | {"width_m": 10.0}
+    records = [fits | {"unit": "a", "look": [0.0] * 9}, smaller | {"unit": "b", "look": [0.0] * 9}]
+    assert exemplars_of(plan, cast(Any, records), walls, seed=1) == {0: (0, "a")}
+    records[0]["cut_found"] = False
+    assert exemplars_of(plan, cast(Any, records), walls, seed=1) == {0: (1, "b")}
+
+
+class _Facades:
+    house = np.array([7])
+
+    def __len__(self) -> int:
+        return 1
