@@ -30,7 +30,8 @@ HIDDEN_SHARE = 0.3
 # What the parser sees in front of a facade counts from this share of the image on, and hides a rim of this share of
 # its side more: leaves and mirrors reach beyond what a mask holds.
 LEAST_THING, THING_RIM = 0.0005, 0.006
-# The parser, which sees a hole filled from its border, takes some of that border for a thing: not within this share.
+# The parser, which sees a hole filled from its border, takes some of that border for a thing: what reaches no farther than
+# this share from the hole is none.
 SPILL = 0.05
 
 # Pixels of the longer side at which an exemplar that comes with labels is counted and looked at: windows are large there.
@@ -111,7 +112,7 @@ def from_photo(
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]))
-        found = np.zeros_like(hidden) if clean else parsing.occluded & ~_grown(hidden, SPILL)
+        found = np.zeros_like(hidden) if clean else _no_spill(parsing.occluded, hidden)
         in_front, masked = things_in_front(found)
         if private is not None:
             in_front |= private
@@ -179,6 +180,16 @@ def things_in_front(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
     return _grown(kept, THING_RIM), tuple(
         (thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things
     )
+
+
+def _no_spill(occluded: np.ndarray, hidden: np.ndarray) -> np.ndarray:
+    """What the parser takes for in front (h, w) bool, without the parts that only line a hole (h, w) bool. A car that the
+    hole's border crosses is no such part: it is believed up to there."""
+    from skimage.measure import label
+
+    parts = label(occluded & ~hidden)
+    beyond = np.unique(parts[~_grown(hidden, SPILL)])
+    return np.isin(parts, beyond[beyond > 0])
 
 
 def _grown(mask: np.ndarray, share: float) -> np.ndarray:

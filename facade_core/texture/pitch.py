@@ -27,7 +27,7 @@ def bay_width(image: np.ndarray, mask: np.ndarray, rng: np.random.Generator) -> 
 
 
 def _without_hole(image: np.ndarray, mask: np.ndarray) -> np.ndarray:
-    """The image with what is around in place of what is hidden: edges and blurs reach into a hole, whose content tells nothing."""
+    """The image with what is around in place of what is hidden: edges and blurs reach into a hole, whose content is chance."""
     return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
 
 

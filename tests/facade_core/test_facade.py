@@ -8,7 +8,7 @@ import pytest
 import facade_core.facade
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
-from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
+from facade_core.facade import _no_spill, count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
 from facade_core.labels import SKY, WALL, WINDOW
 from facade_core.synth import facade as paint
 from facade_core.texture import Wall, style_of
@@ -171,3 +171,14 @@ def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPa
     assert not made.occluded[:100].any()
     assert (made.provenance[160:190, 50:80] == INPAINTED).all()
     np.testing.assert_array_equal(made.image[~made.occluded], clean.image[~made.occluded])
+
+
+def test_a_thing_that_a_hole_crosses_is_hidden_up_to_it_and_what_lines_the_hole_is_none() -> None:
+    hidden, occluded = np.zeros((2, 200, 200), bool)
+    hidden[190:] = True  # where a rectified photo shows nothing
+    occluded[150:, 40:120] = True  # a car
+    occluded[184:, 150:180] = True  # the filling, seen as a thing
+    believed = _no_spill(occluded, hidden)
+    assert believed[150:190, 40:120].all()
+    assert not believed[:, 130:].any()
+    assert not believed[hidden].any()

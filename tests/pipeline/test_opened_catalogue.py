@@ -74,7 +74,9 @@ def test_labels_layout_and_picture_of_a_facade_agree(undisturbed: tuple[Path, di
             box = np.s_[max(0, round(y0)) : round(y1), max(0, round(x0)) : round(x1)]
             if name == "window":
                 # a balcony may hide a part of it
-                assert np.isin(labels[box], (WINDOW, BALCONY)).mean() > 0.8, f"a window of {row['id']} without its label"
+                assert np.isin(labels[box], (WINDOW, BALCONY)).mean() > 0.8, (
+                    f"a window of {row['id']} without its label"
+                )
                 in_boxes[box] = True
         windows = labels == WINDOW
         assert (in_boxes & windows).sum() > 0.8 * windows.sum(), f"{row['id']} has windows that are no elements"
