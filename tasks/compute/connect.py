@@ -19,13 +19,25 @@ from tasks.compute.cluster import OVERRAN, Cluster, ClusterGone, RunOverran
 from tasks.compute.leases import Forget
 from tasks.compute.patience import USUAL, Patience
 from tasks.compute.scheduler_view import UNITS_SHARE
-from tasks.compute.workers import ONE_THREAD, TOPIC, limit_threads, make, prepared, run_unit, standing, unlike
+from tasks.compute.workers import (
+    ONE_THREAD,
+    TOPIC,
+    forgotten,
+    limit_threads,
+    make,
+    prepared,
+    run_unit,
+    standing,
+    unlike,
+)
 
 if TYPE_CHECKING:
     from distributed import Client, LocalCluster
 
 log = logging.getLogger(__name__)
 
+# Where Dask reads what TLS needs.
+TLS = "DASK_DISTRIBUTED__COMM__TLS__CA_FILE, ..__TLS__CLIENT__CERT and ..__TLS__CLIENT__KEY"
 REMEDY = "start one with `dask scheduler` and `dask worker ADDRESS`, or leave --dask out to use local processes"
 
 
@@ -110,8 +122,8 @@ def connect(
         patience: how long the scheduler, its workers and units are waited for.
         make: says what this process computes with, which workers must be made of too.
 
-    Raises InputError where the scheduler does not answer, has no worker, or its workers do not see the folder or have another
-    version of the code.
+    Raises InputError where the scheduler does not answer, where no worker has this version of the code, and where one that has
+    it does not see the folder.
     """
     if dask is None and workers <= 1:
         limit_threads()
@@ -209,8 +221,13 @@ def require_scheduler(address: str, within: float = USUAL.greeting) -> None:
 
     A client that finds no scheduler is long in ending, and so is a name or a connection that nobody answers.
     """
+    from distributed.security import Security
+
+    arguments = Security().get_connection_args("client")
+    if address.startswith("tls:") and not arguments.get("ssl_context"):
+        raise InputError(f"--dask {address}: a certificate is needed; name its files by {TLS}")
     answer: Queue[Exception | None] = Queue()
-    threading.Thread(target=_greet, args=(address, answer, within), daemon=True).start()
+    threading.Thread(target=_greet, args=(address, arguments, answer, within), daemon=True).start()
     try:
         error: Exception | None = answer.get(timeout=within)
     except Empty:
@@ -219,7 +236,7 @@ def require_scheduler(address: str, within: float = USUAL.greeting) -> None:
         raise InputError(f"--dask {address}: no scheduler answers there; {REMEDY}") from error
 
 
-def _greet(address: str, answer: Queue[Exception | None], within: float) -> None:
+def _greet(address: str, arguments: dict[str, Any], answer: Queue[Exception | None], within: float) -> None:
     import asyncio
     import socket
 
@@ -227,7 +244,7 @@ def _greet(address: str, answer: Queue[Exception | None], within: float) -> None
     from distributed.comm.addressing import parse_address, parse_host_port
 
     async def hello() -> None:
-        (await greet(address)).abort()
+        (await greet(address, **arguments)).abort()
 
     try:
         scheme, place = parse_address(address)
@@ -271,13 +288,17 @@ def _check_workers(client: Client, address: str, folder: str, wanted: dict[str, 
         raise InputError(
             f"--dask {address}: its workers cannot run this version ({error}); start them in the same environment"
         ) from error
-    for worker, (sees, theirs) in sorted(answers.items()):
-        if not sees:
+    others = {worker: said for worker, (_, theirs) in sorted(answers.items()) if (said := unlike(wanted, theirs))}
+    if len(others) == len(answers):
+        worker, said = next(iter(others.items()))
+        raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")
+    for worker, (sees, _) in sorted(answers.items()):
+        if not sees and worker not in others:
             raise InputError(
                 f"--dask {address}: worker {worker} does not see {folder}, or cannot write there; "
                 "name a folder with --out that all workers share, or a bucket that their environment leads to"
             )
-        if said := unlike(wanted, theirs):
-            raise InputError(f"--dask {address}: worker {worker} {said}; start them in the same environment")
     client.subscribe_topic(TOPIC, lambda event: log.warning("%s", event[1]))
-    client.register_plugin(prepared(wanted), name="streetloom")
+    name = f"streetloom {client.id}"  # of this run alone: another one on the same scheduler has its own
+    client.register_plugin(forgotten(client.id, name), name=name)
+    client.register_plugin(prepared(wanted), name=name)

@@ -106,6 +106,24 @@ def prepared(asked: dict[str, str] | None = None) -> Any:
     return Prepared()
 
 
+def forgotten(client: str, name: str) -> Any:
+    """A plugin of the scheduler, which takes the plugin `name` of workers off it when a client leaves, however that ends.
+
+    Else workers of a newer make, which join when the run is over, would close.
+    """
+    from distributed import SchedulerPlugin
+
+    class Forgotten(SchedulerPlugin):  # sent by value, being local: a scheduler need not have this code
+        def remove_client(self, scheduler: Any, client: str) -> None:
+            if client == gone:
+                scheduler.loop.add_callback(scheduler.remove_plugin, name)
+                if name in scheduler.worker_plugins:
+                    scheduler.loop.add_callback(scheduler.unregister_worker_plugin, None, name)
+
+    gone = client
+    return Forgotten()
+
+
 def make() -> dict[str, str]:
     """What this process computes with: versions of Python and of libraries, then of the code of all stages."""
     from tasks.keys.stage_code import code_version

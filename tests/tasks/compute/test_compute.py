@@ -294,6 +294,24 @@ def test_workers_with_other_code_are_refused(workers: LocalCluster, tmp_path: Pa
         pass
 
 
+def test_what_a_run_asks_of_workers_leaves_the_scheduler_with_it(workers: LocalCluster, tmp_path: Path) -> None:
+    """Else a worker of a newer make, which joins afterwards, would be closed for a run that is over."""
+
+    def asked() -> list[str]:
+        return [name for name in workers.scheduler.worker_plugins if "streetloom" in name]
+
+    def looked_after() -> list[str]:
+        return [name for name in workers.scheduler.plugins if "streetloom" in name]
+
+    with connect(1, workers.scheduler_address, str(tmp_path)), connect(1, workers.scheduler_address, str(tmp_path)):
+        assert len(asked()) == len(looked_after()) == 2  # each its own
+    deadline = time.monotonic() + 30
+    while (asked() or looked_after()) and time.monotonic() < deadline:
+        time.sleep(0.05)
+    assert not asked()
+    assert not looked_after()
+
+
 def test_workers_that_cannot_write_where_units_do_are_refused(workers: LocalCluster, tmp_path: Path) -> None:
     from tasks.compute.workers import standing
 
