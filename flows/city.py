@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
+from dataclasses import replace
 from datetime import datetime, timedelta
 from functools import partial
 from pathlib import Path
@@ -22,12 +24,16 @@ from flows.asked import Asked
 from flows.cli.console import tell
 from flows.lock import locked
 from flows.markdown import plain
-from tasks.city.account import Ended, known, version, write_account, write_summary
+from tasks.city.account import Account, Ended, known, write_account, write_summary
 from tasks.city.over import write_over
 from tasks.city.running import TIME_IS_UP, run_block
+from tasks.city.sources import version
 
 # Blocks at a time at most.
 MOST_AT_ONCE = 64
+
+# Of the time a run spends at most so much on what lies over all blocks, which grows with them; it is written at the end anyway.
+OVER_SHARE = 0.05
 
 # Starts the run of a block; what it returns calls back when that has ended.
 Submit = Callable[..., Any]
@@ -94,18 +100,18 @@ def _run(city_file: Path, out: Path, asked: Asked, submit: Submit) -> dict[str, 
     ends = None if asked.until is None else ends_at(asked.until, datetime.now()).timestamp()
     with locked(out):
         account, files = known(city_file, out)
-        due = account.due(out)
+        due = account.due(out, tiles=asked.tiles)
         estimate = account.estimate(due, asked.workers, asked.at_once)
         lasting = f", about {estimate['hours']:.2g} h" if due else ""
         tell(f"{len(account.blocks)} blocks, {len(due)} of them due{lasting}")
         ended: SimpleQueue[tuple[str, Any]] = SimpleQueue()
-        waiting, running = list(due), 0
+        waiting, running, over_at = deque(due), 0, 0.0
         while waiting or running:
             while waiting and running < asked.at_once and (ends is None or time.time() < ends):
-                name = waiting.pop(0)
-                digest = account.digests[name]
+                name = waiting.popleft()
+                before, digest = account.blocks[name], account.digests[name]
                 future = submit(
-                    run_block, out, name, files[name], asked.of_a_block(), digest, version(), ends, asked.tiles
+                    run_block, out, name, files[name], asked.of_a_block(), before, digest, version(), ends, asked.tiles
                 )
                 future.add_done_callback(lambda future, name=name: ended.put((name, future)))
                 running += 1
@@ -116,14 +122,27 @@ def _run(city_file: Path, out: Path, asked: Asked, submit: Submit) -> dict[str, 
             how: Ended = future.result()
             account = account.ended(name, how)
             write_account(out, account)
-            write_over(out, list(account.blocks), tell)
             tell(f"block {name}: {_said(how)}; {len(waiting) + running} to go")
+            if time.monotonic() >= over_at:
+                account, took = _over(out, account)
+                over_at = time.monotonic() + took / OVER_SHARE
+        account, _ = _over(out, account)
         left = [name for name in account.blocks if name in waiting or account.blocks[name].code == TIME_IS_UP]
         summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
         summary["seconds"] = round(time.monotonic() - begun, 2)
         summary["estimate"] = estimate | {"hours_taken": float(f"{summary['seconds'] / 3600:.3g}")}
         write_summary(out, summary)
     return summary
+
+
+def _over(out: Path, account: Account) -> tuple[Account, float]:
+    """Write what lies over all blocks where it is not of what they published last. Says of what it is, and the seconds that
+    took."""
+    begun = time.monotonic()
+    if account.over != (of := account.snapshots()) and write_over(out, list(account.blocks), tell):
+        account = replace(account, over=of)
+        write_account(out, account)
+    return account, time.monotonic() - begun
 
 
 def ends_at(until: str, now: datetime) -> datetime:
@@ -137,6 +156,7 @@ def ends_at(until: str, now: datetime) -> datetime:
 
 
 def _said(ended: Ended) -> str:
-    if ended.code == 0:
-        return f"done in {ended.seconds:.0f} s, {ended.summary.get('facades_done', 0)} facades"
+    if ended.code in (0, 1):
+        failed = f"; {ended.reason}" if ended.code else ""
+        return f"done in {ended.seconds:.0f} s, {ended.summary.get('facades_done', 0)} facades{failed}"
     return f"ended with {ended.code} ({ended.reason})"

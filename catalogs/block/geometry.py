@@ -74,7 +74,7 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
     built = block_buildings(sources, frame, area=area, storey=keys.storey)
     if not built.items:
         raise _nothing("buildings", keys, files, bounds, built.faults, file)
-    extent = _extent(built.items)
+    extent = extent_of(built.items)
     shops = _shops(files, frame, extent)
     if centrelines is None:
         return Geometry(frame, built, (), Ground(outline=area), extent, notes, built.faults, shops)
@@ -209,7 +209,7 @@ def _named_streets(source: Centrelines, names: list[str], file: BlockFile) -> Ce
     return replace(source, items=tuple(piece for piece in source.items if piece.name in names))
 
 
-def _extent(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
+def extent_of(buildings: Iterable[Building]) -> tuple[float, float, float, float]:
     """The buildings' surroundings in the frame: (xmin, ymin, xmax, ymax)."""
     xmin, ymin, xmax, ymax = shapely.total_bounds([building.footprint for building in buildings]).tolist()
     return xmin - SURROUNDINGS_M, ymin - SURROUNDINGS_M, xmax + SURROUNDINGS_M, ymax + SURROUNDINGS_M

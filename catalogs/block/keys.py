@@ -118,18 +118,14 @@ class ImageryKeys(_Keys):
     privacy: Privacy = "blur"
 
 
-class PartKeys(_Keys):
-    buildings: Annotated[list[str], Field(min_length=1)]
-    streets: list[str] = []
-    context: list[str] = []
-    passing: list[str] = []
-    beyond: list[str] = []
+# Characters of a block's name.
+LONGEST_NAME = 80
 
 
 class BlockKeys(_Keys):
     """A block file as written, checked key by key; no file has been looked at."""
 
-    name: Annotated[str, Field(pattern=r"^\w[\w.-]{0,79}$")]
+    name: Annotated[str, Field(pattern=rf"^\w[\w.-]{{0,{LONGEST_NAME - 1}}}$")]
     crs: str | None = None
     area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_box)] | None = None
     buildings: BuildingKeys
@@ -140,7 +136,7 @@ class BlockKeys(_Keys):
     storey: Annotated[float, _between(2, 8)] = 3.2
     geoid_separation: Annotated[float, _between(-120, 120)] | None = None
     failed_limit: Annotated[float, _between(0, 1)] = 0.2
-    part: PartKeys | None = None
+    part: PathKeys | None = None
     seed: Annotated[int, _whole(0, 2**32 - 1)] = 0
 
 

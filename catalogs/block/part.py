@@ -2,19 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from catalogs.block.keys import PartKeys
 from catalogs.block.segments import segments
 from catalogs.features import file_stem
-from facade_core.types import Building, Ground, Street
+from facade_core.types import Building, Ground, Shell, Street
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from catalogs.block.reading import Block
 
 # A map puts a shop into its building, or so far before it, metres.
@@ -40,48 +41,105 @@ class Part:
     shops: tuple[int, ...]
 
 
-def restricted(block: Block, keys: PartKeys) -> Block:
-    """The part of a city that `keys` names, of the whole of it.
+@dataclass(frozen=True)
+class Chosen:
+    """What of a city is of a block, by ids: its own buildings and segments of streets; context and passing, those around it;
+    beyond, buildings before whose choice of an exemplar none of its own can be made."""
 
-    Raises ValueError, "part.KEY: problem; remedy", for an id that the city does not have.
+    buildings: tuple[str, ...]
+    streets: tuple[str, ...]
+    context: tuple[str, ...] = ()
+    passing: tuple[str, ...] = ()
+    beyond: tuple[str, ...] = ()
+
+
+class Whole:
+    """A city that is read as one block, and what is looked up in it for every part: worked out once.
+
+    segments: its streets cut at junctions; fronts: the name of the street next to each building, shops: as of `Part`, both in
+    the order of its buildings.
     """
-    buildings = {building.id: building for building in block.buildings}
-    cut = {street.id: street for street in segments(block.streets)}
-    for name, ids, known in (
-        ("buildings", [*keys.buildings, *keys.context, *keys.beyond], buildings),
-        ("streets", [*keys.streets, *keys.passing], cut),
-    ):
-        if unknown := [one for one in ids if one not in known]:
-            raise ValueError(
-                f"part.{name}: {unknown[0]} is not in the city any more; `streetloom city` cuts it again by itself"
-            )
-    own, held = set(keys.buildings), {*keys.buildings, *keys.context}
-    kept = tuple(building for building in block.buildings if building.id in held)
-    lines = tuple(street for street in cut.values() if street.id in {*keys.streets, *keys.passing})
-    mine = [building for building in block.buildings if building.id in own]
-    named = [*mine, *(buildings[one] for one in keys.beyond)]
-    part = Part(
-        tuple(building.id for building in mine),
-        tuple(street.id for street in lines if street.id in set(keys.streets)),
-        tuple(buildings[one] for one in keys.beyond),
-        tuple(fronts_of(named, tuple(cut.values()))),
-        tuple(with_shops(named, block.buildings, block.shops)),
-    )
-    around = shapely.box(
-        *shapely.total_bounds([*(one.footprint for one in kept), *(one.line for one in lines)])
-    ).buffer(GROUND_M, join_style="mitre")
-    near = shapely.union_all([one.footprint for one in mine]).buffer(PICTURE_M)
-    return replace(
-        block,
-        buildings=kept,
-        streets=lines,
-        shops=None,
-        ground=_ground(block.ground, around),
-        photos={name: path for name, path in block.photos.items() if _of_own(name, own)},
-        panoramas=tuple(one for one in block.panoramas if near.covers(shapely.Point(one.pose.x, one.pose.y))),
-        notes=(),
-        faults=tuple(fault for fault in block.faults if fault.kind not in ("building", "street", "photo")),
-        part=part,
+
+    def __init__(self, block: Block) -> None:
+        self.block = block
+        self.segments = segments(block.streets)
+        self.fronts = fronts_of(block.buildings, self.segments)
+        self.shops = _with_shops(block.buildings, block.shops)
+        self._building = {building.id: index for index, building in enumerate(block.buildings)}
+        self._segment = {street.id: index for index, street in enumerate(self.segments)}
+        self._photos: dict[str, list[str]] = {}
+        for facade in block.photos:
+            self._photos.setdefault(facade.rpartition("-")[0], []).append(facade)
+        places = [shapely.Point(one.pose.x, one.pose.y) for one in block.panoramas]
+        self._panoramas = shapely.STRtree(places)
+        self._ways = shapely.STRtree([way.line for way in block.ground.ways])
+        self._areas = shapely.STRtree([area.outline for area in block.ground.areas])
+
+    def part(self, chosen: Chosen) -> Block:
+        """The part of the city that is chosen."""
+        block = self.block
+        own = sorted(self._building[one] for one in chosen.buildings)
+        mine = [block.buildings[i] for i in own]
+        kept = [block.buildings[i] for i in sorted({*own, *(self._building[one] for one in chosen.context)})]
+        walked = {self._segment[one] for one in chosen.streets}
+        lines = [self.segments[i] for i in sorted({*walked, *(self._segment[one] for one in chosen.passing)})]
+        beyond = [self._building[one] for one in chosen.beyond]
+        part = Part(
+            tuple(building.id for building in mine),
+            tuple(self.segments[i].id for i in sorted(walked)),
+            tuple(block.buildings[i] for i in beyond),
+            tuple(self.fronts[i] for i in (*own, *beyond)),
+            tuple(self.shops[i] for i in (*own, *beyond)),
+        )
+        around = shapely.box(
+            *shapely.total_bounds([*(one.footprint for one in kept), *(one.line for one in lines)])
+        ).buffer(GROUND_M, join_style="mitre")
+        near = shapely.union_all([one.footprint for one in mine]).buffer(PICTURE_M)
+        pictured = np.sort(self._panoramas.query(near, predicate="covers"))
+        names = {name for one in mine for name in (one.id, file_stem(one.id))}
+        photos = {facade for name in names for facade in self._photos.get(name, ())}
+        kept, textures = _with_textures(kept, block.textures)
+        return replace(
+            block,
+            buildings=tuple(kept),
+            streets=tuple(lines),
+            shops=None,
+            ground=self._ground(around),
+            photos={facade: block.photos[facade] for facade in sorted(photos)},
+            panoramas=tuple(block.panoramas[i] for i in pictured.tolist()),
+            textures=textures,
+            notes=(),
+            faults=tuple(fault for fault in block.faults if fault.kind not in ("building", "street", "photo")),
+            part=part,
+        )
+
+    def _ground(self, around: shapely.Polygon) -> Ground:
+        ground = self.block.ground
+        ways, areas = (np.sort(tree.query(around, predicate="intersects")) for tree in (self._ways, self._areas))
+        return replace(
+            ground,
+            ways=tuple(ground.ways[i] for i in ways.tolist()),
+            areas=tuple(ground.areas[i] for i in areas.tolist()),
+        )
+
+
+def _with_textures(
+    buildings: Sequence[Building], textures: tuple[Path, ...]
+) -> tuple[list[Building], tuple[Path, ...]]:
+    """Buildings whose shells count only the pictures that they have, and these."""
+    shells = [one.shell.texture for one in buildings if one.shell is not None]
+    used = np.unique(np.concatenate([*shells, np.empty(0, np.int32)]))
+    used = used[used >= 0]
+    if len(used) == len(textures):
+        return list(buildings), textures
+
+    def counted(shell: Shell) -> Shell:
+        found = np.where(shell.texture < 0, shell.texture, np.searchsorted(used, shell.texture))
+        return replace(shell, texture=found.astype(shell.texture.dtype))
+
+    return (
+        [one if one.shell is None else replace(one, shell=counted(one.shell)) for one in buildings],
+        tuple(textures[i] for i in used.tolist()),
     )
 
 
@@ -97,32 +155,11 @@ def fronts_of(buildings: Sequence[Building], streets: Sequence[Street]) -> list[
     return [min(streets[one].name or streets[one].id for one in nearest[i]) for i in range(len(buildings))]
 
 
-def with_shops(
-    chosen: Sequence[Building], every: Sequence[Building], places: Sequence[tuple[float, float]] | None
-) -> list[int]:
-    """Whether each of some of a city's buildings has a shop: 1, or 0; -1 where no map tells."""
+def _with_shops(buildings: Sequence[Building], places: Sequence[tuple[float, float]] | None) -> list[int]:
+    """Whether each building of a city has a shop: 1, or 0; -1 where no map tells."""
     if places is None:
-        return [-1] * len(chosen)
-    tree = shapely.STRtree([building.footprint for building in every])
-    points = shapely.points(np.array(places).reshape(-1, 2))
-    at = tree.query_nearest(points, max_distance=SHOP_M)[1]
-    found = {every[index].id for index in at.tolist()}
-    return [int(building.id in found) for building in chosen]
-
-
-def _ground(ground: Ground, around: shapely.Polygon) -> Ground:
-    def near(things: Iterable, shapes: Sequence) -> tuple:
-        meets = shapely.intersects(np.array(shapes, object), around) if len(shapes) else ()
-        return tuple(thing for thing, one in zip(things, meets, strict=True) if one)
-
-    return replace(
-        ground,
-        ways=near(ground.ways, [way.line for way in ground.ways]),
-        areas=near(ground.areas, [area.outline for area in ground.areas]),
-    )
-
-
-def _of_own(facade: str, own: set[str]) -> bool:
-    """Whether a facade, as a photo names it, is of one of some buildings."""
-    building = facade.rpartition("-")[0]
-    return building in own or building in set(map(file_stem, own))
+        return [-1] * len(buildings)
+    tree = shapely.STRtree([building.footprint for building in buildings])
+    at = tree.query_nearest(shapely.points(np.array(places).reshape(-1, 2)), max_distance=SHOP_M)[1]
+    found = set(at.tolist())
+    return [int(index in found) for index in range(len(buildings))]

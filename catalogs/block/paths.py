@@ -26,6 +26,7 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
     for key, holder in (
         ("streets.path", keys.streets),
         ("terrain.path", keys.terrain),
+        ("part.path", keys.part),
         ("imagery.exemplars.path", imagery.exemplars),
         ("imagery.photos.path", imagery.photos),
         ("imagery.panoramas.path", imagery.panoramas),

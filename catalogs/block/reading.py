@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import shapely
 
 from catalogs.block.digest import block_digest
 from catalogs.block.file import BlockFile
-from catalogs.block.geometry import Files, read_geometry
+from catalogs.block.geometry import Files, extent_of, read_geometry
 from catalogs.block.keys import BlockKeys, TextureSettings, check_keys
-from catalogs.block.part import Part, restricted
+from catalogs.block.part import Part
 from catalogs.block.paths import named_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.features import Fault, by_reason, notes_by_reason
@@ -101,14 +101,12 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
             "texture.panorama_width", "the neural translator takes multiples of 8; 512 is what it learnt at"
         )
 
+    if keys.part is not None:
+        return _part_of(keys, files, file)
     exemplars, photos, broken_pictures = _pictures(keys, files, file)
     geometry = read_geometry(keys, files, file)
     frame, built, extent = geometry.crs, geometry.built, geometry.extent
-    terrain = None
-    if "terrain.path" in files:
-        from catalogs.readers.pictures.elevation import read_elevation
-
-        terrain = file.read("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
+    terrain = _terrain(files, frame, extent, file)
     panoramas: tuple[PosedPanorama, ...] = ()
     broken_panoramas: tuple[Fault, ...] = ()
     far: tuple[str, ...] = ()
@@ -135,9 +133,7 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         textures=built.textures,
         aerial=_aerial(keys, files, frame, built.items, file),
         roof_material=_roof_material(keys, files, file),
-        materials=file.read("texture.materials", material_pictures, *files["texture.materials"])
-        if "texture.materials" in files
-        else (),
+        materials=_materials(files, file),
         texture=keys.texture,
         storey=keys.storey,
         geoid_separation=keys.geoid_separation,
@@ -147,12 +143,63 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
     )
-    if keys.part is not None:
-        try:
-            return with_digest(restricted(block, keys.part), file)
-        except ValueError as error:
-            raise BlockFileError(f"{file.path}: {error}") from error
     return with_digest(block, file)
+
+
+# What a part of a city is beside its settings; the frame and the extent of the city, in which terrain is read, come with it.
+OF_PART = (
+    "buildings", "streets", "ground", "exemplars", "photos", "panoramas", "textures", "aerial", "faults", "part",
+)  # fmt: skip
+
+
+def extract_of(part: Block, whole: Block) -> dict[str, Any]:
+    """What the file of a part of a city holds, which `part` of a block file names: as `catalogs.block.extract` keeps it."""
+    return {
+        "crs": part.crs.to_string(),
+        "extent": extent_of(whole.buildings),
+        **{name: getattr(part, name) for name in OF_PART},
+    }
+
+
+def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
+    """The part of a city that a block file names, with the settings of that."""
+    from catalogs.block.extract import read_extract
+
+    values = file.read("part.path", read_extract, *files["part.path"])
+    frame = file.read("part.path", known_frame, values.pop("crs"))
+    terrain = _terrain(files, frame, values.pop("extent"), file)
+    part = Block(
+        name=keys.name,
+        crs=frame,
+        shops=None,
+        terrain=terrain,
+        photos_rectified=keys.imagery.photos is None or keys.imagery.photos.rectified,
+        privacy=keys.imagery.privacy,
+        roof_material=_roof_material(keys, files, file),
+        materials=_materials(files, file),
+        texture=keys.texture,
+        storey=keys.storey,
+        geoid_separation=keys.geoid_separation,
+        failed_limit=keys.failed_limit,
+        seed=keys.seed,
+        notes=(),
+        digest="",
+        **values,
+    )
+    return with_digest(part, file)
+
+
+def _terrain(files: Files, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile) -> Elevation | None:
+    if "terrain.path" not in files:
+        return None
+    from catalogs.readers.pictures.elevation import read_elevation
+
+    return file.read("terrain.path", read_elevation, *files["terrain.path"], frame, extent)
+
+
+def _materials(files: Files, file: BlockFile) -> tuple[MaterialPicture, ...]:
+    found = files.get("texture.materials")
+    return file.read("texture.materials", material_pictures, *found) if found else ()
 
 
 def with_digest(block: Block, file: BlockFile) -> Block:

@@ -2,19 +2,42 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 from catalogs.block.keys import BlockKeys, check_keys
+from catalogs.block.yaml_files import read_yaml
+from catalogs.city.tiles import files_of_tiles
+from facade_core.errors import InputError
 
 # A block's side, metres.
 SIDE_M, LEAST_M, MOST_M = 400.0, 20.0, 20_000.0
-# Keys that only a city has.
-CUT, BLOCKS = "cut", "blocks"
+# Keys that only a city has; of its buildings, an index of tiles in place of their paths.
+CUT, BLOCKS, TILES = "cut", "blocks", "tiles"
 
 
-def check_city(values: Any) -> tuple[BlockKeys, float] | str:
-    """The keys of a city and metres of a block's side, or the folder of its block files.
+@dataclass(frozen=True)
+class Whole:
+    """A city that is cut: its keys as a block's, `values` as they would be written for one, metres of a block's side, and the
+    indexes of tiles that were asked which files there are."""
+
+    keys: BlockKeys
+    values: Mapping[str, Any]
+    metres: float
+    indexes: tuple[Path, ...] = ()
+
+
+def name_of(path: Path) -> str:
+    """The name of a city. Raises ValueError as `check_city`."""
+    values = read_yaml(path)
+    return str(values.get("name", path.stem)) if isinstance(values, Mapping) else path.stem
+
+
+def check_city(values: Any, path: Path) -> Whole | str:
+    """The keys of the city in the file `path`, or the folder of its block files.
 
     Raises ValueError with one line "key: problem; remedy".
     """
@@ -29,9 +52,9 @@ def check_city(values: Any) -> tuple[BlockKeys, float] | str:
         if not isinstance(folder["path"], str) or not folder["path"]:
             raise ValueError(f"{BLOCKS}.path: is no folder; write {BLOCKS}: {{path: FOLDER}}")
         return folder["path"]
-    rest = {key: value for key, value in values.items() if key != CUT}
-    if "part" in rest:
+    if "part" in values:
         raise ValueError("part: is a key of the blocks that a city is cut into; leave it out")
+    rest, indexes = _with_files({key: value for key, value in values.items() if key != CUT}, path)
     keys = check_keys(rest)
     if keys.streets is None:
         raise ValueError("streets: missing, and a city is cut along its streets; write streets: {path: FILE}")
@@ -41,4 +64,22 @@ def check_city(values: Any) -> tuple[BlockKeys, float] | str:
         raise ValueError(
             f"{CUT}: {side!r} is not understood; write {CUT}: {{metres: 400}}, {LEAST_M:g} to {MOST_M:.0f}"
         )
-    return keys, float(metres)
+    return Whole(keys, rest, float(metres), indexes)
+
+
+def _with_files(values: dict[str, Any], path: Path) -> tuple[dict[str, Any], tuple[Path, ...]]:
+    """Values with the files that an index of tiles names in its place, relative to the city file, and the index."""
+    buildings = values.get("buildings")
+    if not isinstance(buildings, Mapping) or TILES not in buildings:
+        return values, ()
+    named = buildings[TILES]
+    if "path" in buildings or not isinstance(named, str) or not named:
+        raise ValueError("buildings.tiles: names an index of tiles in place of path; write buildings: {tiles: FILE}")
+    index = path.parent / Path(named).expanduser()
+    try:
+        files = files_of_tiles(index, values.get("area"))
+    except InputError as error:
+        raise ValueError(f"buildings.tiles: {error}") from error
+    paths = [os.path.relpath(file, path.parent) for file in files]
+    rest = {key: value for key, value in buildings.items() if key != TILES}
+    return values | {"buildings": {"path": paths, **rest}}, (index,)

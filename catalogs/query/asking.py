@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.published.items import COLUMNS, arrow_type
+from catalogs.published.joined import Joined, joined_in
 from catalogs.published.places import Folder
 from catalogs.published.runs import Run, runs_in
 from catalogs.published.s3 import S3Folder, filesystem, folder_at, reached
@@ -50,22 +51,25 @@ def query(
 
     box, start = _checked_box(bbox), None if since is None else parse_since(since)
     with ExitStack() as holds, duckdb.connect(":memory:", config=_SETTINGS) as connection:
-        found, schema = _published(out, note, holds)
-        local = [path for _, path, _ in found if isinstance(path, Path)]
+        files, found, schema = _published(out, note, holds)
+        local = [*(one.path for one, _ in files), *(path for _, path, _ in found if isinstance(path, Path))]
         connection.execute("SET TimeZone = 'UTC'")
         # of the world the condition may see these files and no others, and only the columns that it names are read of all rows
         connection.execute(
             "SET allowed_paths = $1", [[form for p in local for form in (str(p.resolve()), _pattern(p))]]
         )
         parts = []
+        for joined, stale in files:
+            but = [f"run NOT IN ({', '.join(map(_text, stale))})"] if stale else []
+            rows = _select(None, joined.columns, schema, _read(joined.path))
+            parts.append(rows + _conditions(joined.columns, box, start, but))
         for number, (run, path, columns) in enumerate(found):
             if isinstance(path, S3Folder):
                 # DuckDB speaks S3 by an extension that it would download: Arrow reads, and skips what box and time rule out
                 connection.register(f"run_{number}", _dataset(path, columns, box, start))
                 parts.append(_select(run, columns, schema, f"run_{number}"))
             else:
-                source = f"read_parquet({_text(_pattern(path))}, hive_partitioning = false)"
-                parts.append(_select(run, columns, schema, source) + _conditions(columns, box, start))
+                parts.append(_select(run, columns, schema, _read(path)) + _conditions(columns, box, start))
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
@@ -91,17 +95,25 @@ def _checked_box(bbox: Sequence[float] | None) -> list[float]:
     return box
 
 
+# A joined file, and the runs in it that have published since.
+Files = list[tuple[Joined, list[str]]]
+
+
 def _published(
     out: Folder | str, note: Callable[[str], None] | None, holds: ExitStack
-) -> tuple[list[tuple[Run, Folder, pa.Schema]], pa.Schema]:
-    """The catalogues of the runs in `out`, and all their columns; of several runs, those that cannot be read are left out.
-    holds keeps them from being pruned."""
+) -> tuple[Files, list[tuple[Run, Folder, pa.Schema]], pa.Schema]:
+    """The catalogues of the runs in `out`, as far as they are joined in files and else one by one, and all their columns; of
+    several runs, those that cannot be read are left out. holds keeps them from being pruned."""
     import pyarrow as pa
 
-    runs, left_out = runs_in(folder_at(out))
+    folder = folder_at(out)
+    runs, left_out = runs_in(folder)
     united = pa.schema(pa.field(c.name, arrow_type(c)) for c in COLUMNS)
+    files, rest = _joined(folder, runs) if isinstance(folder, Path) and len(runs) > 1 else ([], runs)
+    for one, _ in files:
+        united = pa.unify_schemas([united, one.columns], promote_options="permissive")
     readable = []
-    for run in runs:
+    for run in rest:
         try:
             path = holds.enter_context(current(run.folder).being_read()).items
             try:
@@ -114,13 +126,34 @@ def _published(
             if len(runs) == 1:
                 raise
             left_out.append(f"{run.name} is left out: {error}")
-    if not readable:
+    if not readable and not files:
         raise InputError(f"{out}: no run can be read; {left_out[-1]}")
     for line in left_out:
         if note:
             note(line)
     fields = [pa.field(field.name, field.type) for field in united if field.name != "run"]
-    return readable, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
+    return files, readable, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
+
+
+def _joined(out: Path, runs: Sequence[Run]) -> tuple[Files, list[Run]]:
+    """The files in which runs are joined, and the runs that are not, or have published since."""
+    here = {run.name: run for run in runs}
+    files: Files = []
+    fresh: set[str] = set()
+    for joined in joined_in(out):
+        stands = {name for name, of in joined.runs.items() if name in here and _names(here[name].folder, of)} - fresh
+        if stands:
+            files.append((joined, sorted(joined.runs.keys() - stands)))
+            fresh |= stands
+    return files, [run for run in runs if run.name not in fresh]
+
+
+def _names(folder: Path, snapshot: str) -> bool:
+    """Whether `current` of a run names a snapshot."""
+    try:
+        return (folder / "current").read_text(encoding="utf-8", errors="replace").strip() == snapshot
+    except OSError:
+        return False
 
 
 def _schema(path: Folder) -> pa.Schema:
@@ -137,14 +170,14 @@ def _unreadable(run: Run, path: Folder, error: Exception) -> str:
     return f"{path} cannot be read as Parquet; `streetloom run` publishes again"
 
 
-def _select(run: Run, columns: pa.Schema, schema: pa.Schema, source: str) -> str:
-    """SQL for the rows of one run, with all columns."""
+def _select(run: Run | None, columns: pa.Schema, schema: pa.Schema, source: str) -> str:
+    """SQL for the rows of one run, or of those that a file names, with all columns."""
     return f"SELECT {', '.join(_column(name, run, columns) for name in schema.names)} FROM {source}"
 
 
-def _conditions(columns: pa.Schema, box: Sequence[float], start: datetime | None) -> str:
+def _conditions(columns: pa.Schema, box: Sequence[float], start: datetime | None, more: Sequence[str] = ()) -> str:
     """SQL for what lies within the box and was made since the start."""
-    conditions = []
+    conditions = list(more)
     if start is not None:
         conditions.append(
             f"updated >= TIMESTAMPTZ {_text(start.isoformat())}" if "updated" in columns.names else "false"
@@ -173,10 +206,14 @@ def _dataset(path: S3Folder, columns: pa.Schema, box: Sequence[float], start: da
     return rows
 
 
-def _column(name: str, run: Run, columns: pa.Schema) -> str:
-    if name == "run":
+def _column(name: str, run: Run | None, columns: pa.Schema) -> str:
+    if name == "run" and run is not None:
         return f"{_text(run.name)} AS run"
     return _name(name) if name in columns.names else f"NULL AS {_name(name)}"
+
+
+def _read(path: Path) -> str:
+    return f"read_parquet({_text(_pattern(path))}, hive_partitioning = false)"
 
 
 def _pattern(path: Path) -> str:

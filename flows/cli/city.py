@@ -130,7 +130,7 @@ def _textured(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
     from flows.server.starting import ServerDown, server
     from tasks.city.account import known
 
-    if not known(city_file, out)[0].due(out):
+    if not known(city_file, out)[0].due(out, tiles=asked.tiles):
         from flows.city import unrecorded_city
 
         return unrecorded_city(city_file, out, asked)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import json
 import os
 import shutil
@@ -11,21 +10,19 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.block.paths import named_paths
-from catalogs.block.yaml_files import read_yaml
-from catalogs.city.keys import check_city
-from catalogs.file_digest import file_digest
+from catalogs.city.keys import name_of
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import unit_key
-from facade_core.errors import BlockFileError
-from tasks.city.blocks import City, read_city
+from facade_core.errors import BlockFileError, InputError
+from tasks.city.blocks import City, CityBlock, read_city
 from tasks.city.cost import shipped
 from tasks.city.counting import Counts
-from tasks.keys.stage_code import code_version
-from tasks.kinds.order import CODED
+from tasks.city.sources import source_digest, version
 
 # In a city's folder: the runs of its blocks, and what is known of them.
 BLOCKS, ACCOUNT, SUMMARY = "blocks", "city.json", "summary.json"
+# A block's own 3D Tiles, in its folder.
+OF_BLOCK = Path("exports") / "3dtiles" / "tileset.json"
 # Those of blocks that there were before it was cut otherwise: hidden from who looks for runs.
 GONE = ".gone"
 # What of a block's summary is added up.
@@ -35,59 +32,38 @@ ADDED = ("facades_done", "facades_failed", "viewpoints", "units_done", "units_sk
 @dataclass(frozen=True)
 class Ended:
     """How the run of a block ended: by which code (None: it was not begun), what it was of (digest of the block, version of the
-    code), which snapshot it published; its summary, without paths and failures; why it failed, in a line; seconds."""
+    code), which snapshot it published, and of which its 3D Tiles are; its summary, without paths and failures; why it
+    failed, in a line; seconds of the clock, and of processors."""
 
     code: int | None = None
     digest: str = ""
     version: str = ""
     snapshot: str = ""
+    tiles: str = ""
     summary: Mapping[str, Any] = field(default_factory=dict)
     reason: str = ""
     seconds: float = 0.0
+    processor: float = 0.0
 
 
-def source_digest(path: Path) -> str:
-    """The sha256 of a city file and of all files that it names, those beside them with the same stem included, as some formats
-    are of several; empty where it names block files, of which each names others. Raises ValueError where it cannot be used."""
-    values = read_yaml(path)
-    asked = check_city(values)
-    if isinstance(asked, str):
-        return ""
-    named = [one for paths in named_paths(asked[0], path).values() for one in paths]
-    files = sorted({file for one in named for file in _files_of(one)})
-    digest = hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode())
-    for file in files:
-        digest.update(f"{file.name} {file_digest(file)}\n".encode())
-    return digest.hexdigest()
+def stands(out: Path, name: str, ended: Ended, digest: str, *, tiles: bool = False) -> bool:
+    """Whether a block is done and published as it is now, units that its input spoils aside: these fail again, as they did.
 
-
-def _files_of(path: Path) -> list[Path]:
-    if path.is_dir():
-        return [one for one in path.rglob("*") if one.is_file()]
-    return [one for one in path.parent.glob(f"{_plain(path.stem)}*") if one.is_file()] or [path]
-
-
-def _plain(stem: str) -> str:
-    return "".join(f"[{sign}]" if sign in "*?[" else sign for sign in stem)
-
-
-def version() -> str:
-    """The version of the code by which blocks are run."""
-    return code_version(CODED)
-
-
-def stands(out: Path, name: str, ended: Ended, digest: str) -> bool:
-    """Whether a block is done and published as it is now."""
-    if ended.code != 0 or ended.digest != digest or ended.version != version():
+    tiles: whether its 3D Tiles are asked for too.
+    """
+    if ended.code not in (0, 1) or not digest or ended.digest != digest or ended.version != version():
         return False
     snapshot = current_if_any(out / BLOCKS / name)
-    return snapshot is not None and snapshot.id == ended.snapshot
+    if snapshot is None or snapshot.id != ended.snapshot:
+        return False
+    return not tiles or (ended.tiles == snapshot.id and (out / BLOCKS / name / OF_BLOCK).is_file())
 
 
 @dataclass(frozen=True)
 class Account:
-    """What is known of a city's blocks, by name; source: the digest of what they were cut from; told: by the map of each, as
-    `tasks.city.counting.Counts` has it."""
+    """What is known of a city's blocks, by name; source: the digest of what they were cut from, sources: of those that are
+    files of the user's; told: by the map of each, as `tasks.city.counting.Counts` has it; over: which snapshots what lies over
+    all was written of."""
 
     name: str
     source: str = ""
@@ -95,13 +71,16 @@ class Account:
     digests: Mapping[str, str] = field(default_factory=dict)
     set_aside: Sequence[Sequence[str]] = ()
     told: Mapping[str, Mapping[str, float]] = field(default_factory=dict)
+    sources: Mapping[str, str] = field(default_factory=dict)
+    over: str = ""
 
     def of(self, city: City, source: str) -> Account:
         """The same of a city as it was read now."""
         kept = {block.name: self.blocks.get(block.name, Ended()) for block in city.blocks}
         digests = {block.name: block.digest for block in city.blocks}
         told = {block.name: asdict(block.told) for block in city.blocks}
-        return Account(city.name, source, kept, digests, city.set_aside, told)
+        sources = {block.name: block.source for block in city.blocks if block.source}
+        return Account(city.name, source, kept, digests, city.set_aside, told, sources, self.over)
 
     def estimate(self, names: Sequence[str], workers: int, at_once: int) -> dict[str, Any]:
         """What some blocks will take, by the model."""
@@ -110,9 +89,15 @@ class Account:
     def ended(self, name: str, how: Ended) -> Account:
         return replace(self, blocks={**self.blocks, name: how})
 
-    def due(self, out: Path) -> list[str]:
+    def due(self, out: Path, *, tiles: bool = False) -> list[str]:
         """The blocks that do not stand, in their order."""
-        return [name for name in self.blocks if not stands(out, name, self.blocks[name], self.digests[name])]
+        return [
+            name for name, ended in self.blocks.items() if not stands(out, name, ended, self.digests[name], tiles=tiles)
+        ]
+
+    def snapshots(self) -> str:
+        """Of which snapshots what lies over all blocks would be, as a digest."""
+        return unit_key([f"{name} {ended.snapshot} {ended.tiles}" for name, ended in sorted(self.blocks.items())])
 
     def summary(self, out: Path) -> dict[str, Any]:
         """What all blocks come to."""
@@ -122,7 +107,7 @@ class Account:
             "city": self.name,
             "out": str(out),
             "blocks": len(self.blocks),
-            "blocks_done": sum(ended.code == 0 for ended in self.blocks.values()),
+            "blocks_done": sum(ended.code in (0, 1) for ended in self.blocks.values()),
             **{key: sum(int(summary.get(key, 0)) for summary in found) for key in ADDED},
             "atlas_digest": unit_key(digests),
             "failures": [
@@ -136,17 +121,31 @@ class Account:
 
 
 def known(city_file: Path, out: Path) -> tuple[Account, dict[str, Path]]:
-    """What is known of a city's blocks, and their block files; it is read and cut again where a file of it changed."""
+    """What is known of a city's blocks, and their block files; it is read and cut again where a file of it changed.
+
+    Raises InputError where the folder is another city's or a block's.
+    """
     try:
         source = source_digest(city_file)
+        name = name_of(city_file)
     except ValueError as error:
         raise BlockFileError(f"{city_file}: {error}") from error
     account = read_account(out)
+    if (out / "store").is_dir():
+        raise InputError(f"{out}: holds the run of a block; give city {name} a folder of its own with --out")
+    if account.blocks and account.name != name:
+        raise InputError(f"{out}: holds city {account.name}; give city {name} a folder of its own with --out")
     files = {name: out / "input" / f"{name}.yaml" for name in account.blocks}
-    whole = account.told.keys() == account.blocks.keys() and all(file.is_file() for file in files.values())
+    whole = account.told.keys() == account.blocks.keys() and all(
+        file.is_file() and file.with_suffix(".npz").is_file() for file in files.values()
+    )
     if source and whole and account.source == f"{source} {version()}":
         return account, files
-    found = read_city(city_file, out)
+    before = {
+        one: CityBlock(one, Path(), account.digests[one], Counts(**account.told[one]), of)
+        for one, of in account.sources.items()
+    }
+    found = read_city(city_file, out, before)
     account = account.of(found, f"{source} {version()}" if source else "")
     write_account(out, account)
     _put_away(out, account.blocks)

@@ -3,27 +3,29 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections import defaultdict
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import yaml
 
+from catalogs.block.extract import write_extract
 from catalogs.block.file import BlockFile
-from catalogs.block.keys import PartKeys
-from catalogs.block.part import fronts_of, restricted
-from catalogs.block.reading import Block, block_of, read_block, with_digest
-from catalogs.block.segments import segments
+from catalogs.block.keys import LONGEST_NAME
+from catalogs.block.part import Chosen, Whole
+from catalogs.block.reading import block_of, extract_of, read_block, with_digest
 from catalogs.block.yaml_files import read_yaml
 from catalogs.city.cutting import Cut, cut_city, reach_of
-from catalogs.city.keys import CUT, check_city
+from catalogs.city.keys import check_city
 from facade_core.errors import BlockFileError, InputError
 from facade_core.fronts import outlines_as_walls
 from facade_core.naming import number_of
 from facade_core.style import order_of
 from tasks.city.counting import NOTHING, Counts, counts_of
+from tasks.city.sources import source_of_block
 
 # Keys of a block file that name paths, dotted.
 _PATHS = (
@@ -35,13 +37,14 @@ _PATHS = (
 
 @dataclass(frozen=True)
 class CityBlock:
-    """A block of a city: its name, its block file, the digest of all that it reads, and how much its map
-    tells of."""
+    """A block of a city: its name, its block file, the digest of all that it reads, and how much its map tells of; source: of a
+    file of the user's the digest of what that names, empty where it cannot be used."""
 
     name: str
     file: Path
     digest: str
     told: Counts = NOTHING
+    source: str = ""
 
 
 @dataclass(frozen=True)
@@ -53,87 +56,90 @@ class City:
     set_aside: tuple[tuple[str, str, str], ...]
 
 
-def read_city(path: Path, out: Path) -> City:
+def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = None) -> City:
     """Read a city file, cut the city, and write the block files of which it is made into out/input.
 
+    before: blocks that are files of the user's, as they were read last: those of the same source are not read again.
     Raises BlockFileError, as for a block file; InputError where its folder of block files holds none.
     """
     values, asked = _asked(path)
     if isinstance(asked, str):
-        return _of_files(path, values, asked)
-    keys, metres = asked
+        return _of_files(path, values, asked, before or {})
+    keys = asked.keys
     file = BlockFile(path)
-    whole = block_of(keys, file)
-    cuts = cut_whole(whole, metres)
+    whole = Whole(block_of(keys, file))
+    cuts = cut_whole(whole, asked.metres)
     folder = out / "input"
     folder.mkdir(parents=True, exist_ok=True)
+    rest = _moved(asked.values, path.parent, folder)
     blocks = []
-    for cut, part in zip(cuts, parts_of_city(whole, cuts), strict=True):
-        block_file = folder / f"{cut.name}.yaml"
-        rest = {key: value for key, value in values.items() if key != CUT}
-        named = _moved(rest, path.parent, folder) | {"name": f"{keys.name}-{cut.name}", "part": part.model_dump()}
+    for chosen, cut in zip(chosen_of(whole, cuts), cuts, strict=True):
+        block_file, extract = folder / f"{cut.name}.yaml", f"{cut.name}.npz"
+        named = rest | {"name": _named(keys.name, cut.name), "part": {"path": extract}}
+        part = whole.part(chosen)
+        write_extract(folder / extract, extract_of(part, whole.block))
         _write(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
-        block = with_digest(restricted(whole, part), file)
+        block = with_digest(replace(part, name=named["name"]), file)
         blocks.append(CityBlock(cut.name, block_file, block.digest, counts_of(block)))
-    return City(keys.name, tuple(blocks), tuple((one.kind, one.id, one.reason) for one in whole.faults))
+    return City(keys.name, tuple(blocks), tuple((one.kind, one.id, one.reason) for one in whole.block.faults))
 
 
-def cut_whole(whole: Block, metres: float) -> tuple[Cut, ...]:
-    """A city, read as one block, cut into blocks of so many metres a side."""
-    texture = whole.texture
+def _named(city: str, block: str) -> str:
+    """The name of a block of a city, no longer than a name may be."""
+    return f"{city[: LONGEST_NAME - 1 - len(block)]}-{block}"
+
+
+def cut_whole(whole: Whole, metres: float) -> tuple[Cut, ...]:
+    """A city cut into blocks of so many metres a side."""
+    texture = whole.block.texture
     reach = reach_of(
-        sun=texture.sun is not None, panoramas=bool(whole.panoramas), visibility_range=texture.visibility_range
+        sun=texture.sun is not None, panoramas=bool(whole.block.panoramas), visibility_range=texture.visibility_range
     )
-    return cut_city(whole.buildings, segments(whole.streets), metres=metres, reach=reach)
+    return cut_city(whole.block.buildings, whole.segments, metres=metres, reach=reach)
 
 
-def parts_of_city(whole: Block, cuts: Sequence[Cut]) -> list[PartKeys]:
-    """What the block files of a city say of its parts: with the buildings beyond, on which the choice of exemplars stands."""
-    fronts = fronts_of(whole.buildings, segments(whole.streets))
-    walls = outlines_as_walls(whole.buildings, fronts, [-1] * len(whole.buildings), whole.storey)
-    order = order_of(walls, seed=whole.seed)
-    numbers = {building.id: number_of(building.house) for building in whole.buildings}
-    parts = []
+def chosen_of(whole: Whole, cuts: Sequence[Cut]) -> Iterator[Chosen]:
+    """What is of each block of a city: with the buildings beyond, on which the choice of exemplars stands."""
+    block = whole.block
+    walls = outlines_as_walls(block.buildings, whole.fronts, [-1] * len(block.buildings), block.storey)
+    order = order_of(walls, seed=block.seed)
+    numbers = {building.id: number_of(building.house) for building in block.buildings}
+    numbered = defaultdict(list)
+    for building, number in numbers.items():
+        numbered[number].append(building)
     for cut in cuts:
-        mine = np.array([numbers[one] for one in cut.buildings], np.int64)
-        needed = set(order.needed(mine).tolist())
-        beyond = sorted({one for one, number in numbers.items() if number in needed} - set(cut.buildings))
-        parts.append(
-            PartKeys(
-                buildings=list(cut.buildings),
-                streets=list(cut.streets),
-                context=list(cut.context),
-                passing=list(cut.passing),
-                beyond=beyond,
-            )
-        )
-    return parts
+        needed = order.needed(np.array([numbers[one] for one in cut.buildings], np.int64)).tolist()
+        beyond = {building for number in needed for building in numbered[number]} - set(cut.buildings)
+        yield Chosen(cut.buildings, cut.streets, cut.context, cut.passing, tuple(sorted(beyond)))
 
 
 def _asked(path: Path) -> tuple[Mapping[str, Any], Any]:
     try:
         values = read_yaml(path)
-        return values, check_city(values)
+        return values, check_city(values, path)
     except ValueError as error:
         raise BlockFileError(f"{path}: {error}") from error
 
 
-def _of_files(path: Path, values: Mapping[str, Any], named: str) -> City:
+def _of_files(path: Path, values: Mapping[str, Any], named: str, before: Mapping[str, CityBlock]) -> City:
     folder = path.parent / Path(named).expanduser()
     files = sorted(folder.glob("*.yaml")) if folder.is_dir() else []
     if not files:
         raise InputError(f"{path}: blocks.path: {folder} holds no block file (*.yaml); name a folder that does")
     name = str(values.get("name", path.stem))
-    return City(name, tuple(map(_of_file, files)), ())
+    return City(name, tuple(_of_file(file, before.get(file.stem)) for file in files), ())
 
 
-def _of_file(block_file: Path) -> CityBlock:
+def _of_file(block_file: Path, before: CityBlock | None) -> CityBlock:
     """A block file of the user's; what is wrong with one its run will say."""
+    source = source_of_block(block_file)
+    if before is not None and source and before.source == source:
+        return replace(before, file=block_file)
     try:
         block = read_block(block_file)
     except BlockFileError:
         return CityBlock(block_file.stem, block_file, "")
-    return CityBlock(block_file.stem, block_file, block.digest, counts_of(block))
+    return CityBlock(block_file.stem, block_file, block.digest, counts_of(block), source)
 
 
 def _moved(values: Mapping[str, Any], before_: Path, now: Path) -> dict[str, Any]:

@@ -37,11 +37,14 @@ NOTHING = Counts(0, 0, 0, 0, 0)
 
 def counts_of(block: Block) -> Counts:
     """What a block, or a part of a city, has of its own by its outlines and lines."""
-    mine = [b for b in block.buildings if block.part is None or b.id in set(block.part.buildings)]
-    lines = [s.line for s in block.streets if block.part is None or s.id in set(block.part.streets)]
+    part = block.part
+    own = {b.id for b in block.buildings} if part is None else set(part.buildings)
+    walked = {s.id for s in block.streets} if part is None else set(part.streets)
+    mine = [building for building in block.buildings if building.id in own]
+    lines = [street.line for street in block.streets if street.id in walked]
     spacing = block.texture.viewpoint_spacing
     viewpoints = sum(max(1, int(np.ceil((line.length - spacing / 2) / spacing))) for line in lines)
-    ground = _ground(block, {b.id for b in mine}, {s.id for s in block.streets if s.line in lines})
+    ground = _ground(block, own, walked)
     exemplars = len(block.exemplars) if block.texture.walls == "exemplar" else 0
     return Counts(_free_walls(block, mine), viewpoints, ground, exemplars)
 
@@ -77,8 +80,5 @@ def _ground(block: Block, buildings: set[str], streets: set[str]) -> int:
     first, last = (np.floor((low - reach) / GROUND_M).astype(int), np.ceil((high + reach) / GROUND_M).astype(int))
     x, y = (np.arange(a, b) * GROUND_M + GROUND_M / 2 for a, b in zip(first, last, strict=True))
     cells = shapely.points(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-    near, away = shapely.STRtree(shapes).query_nearest(
-        cells, max_distance=max(reach, AROUND_M), all_matches=False, return_distance=True
-    )
-    del away
+    near = shapely.STRtree(shapes).query_nearest(cells, max_distance=max(reach, AROUND_M), all_matches=False)
     return int(own[near[1]].sum())

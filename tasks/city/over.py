@@ -10,33 +10,45 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published.snapshot import current_if_any
-from catalogs.stac.catalog import write_catalog
+from catalogs.published.joined import FOLDER as JOINED
+from catalogs.published.joined import join_runs
+from catalogs.published.runs import Run
+from catalogs.published.snapshot import Snapshot, current_if_any
+from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.errors import InputError
 from facade_core.export.joined import join_glbs, part_of_file
-from tasks.city.account import BLOCKS
+from tasks.city.account import BLOCKS, OF_BLOCK
 
 TILESET, OVERVIEW = "tileset.json", "overview.glb"
-# A block's own 3D Tiles, in its folder.
-OF_BLOCK = Path("exports") / "3dtiles" / TILESET
 # The overview is written where it has no more bytes than this; viewers can take those of the blocks one by one.
 OVERVIEW_BYTES = 512_000_000
 
 
-def write_over(out: Path, names: Sequence[str], note: Callable[[str], None]) -> None:
-    """Write out/catalog.json, out/tileset.json and out/overview.glb of the blocks that have published, each in one step.
+def write_over(out: Path, names: Sequence[str], note: Callable[[str], None]) -> bool:
+    """Write out/catalog.json, out/items/, out/tileset.json and out/overview.glb of the blocks that have published, each in one
+    step.
 
-    note: is told of what is left out, in a line each.
+    note: is told of what cannot be written or is left out, in a line each: no block waits for that. Returns whether all
+    could be written.
     """
-    folders = [out / BLOCKS / name for name in names if current_if_any(out / BLOCKS / name)]
-    if not folders:
-        return
-    try:
-        write_catalog(out, note=lambda line: None)
-    except InputError as error:
-        note(str(error))
-    _write_tileset(out, [folder / OF_BLOCK for folder in folders if (folder / OF_BLOCK).is_file()])
-    _write_overview(out, folders, note)
+    found = [(out / BLOCKS / name, current_if_any(out / BLOCKS / name)) for name in names]
+    published = [(folder, snapshot) for folder, snapshot in found if snapshot is not None]
+    folders = [folder for folder, _ in published]
+    runs = [(Run(folder, f"{BLOCKS}/{folder.name}"), snapshot.id) for folder, snapshot in published]
+    steps: list[tuple[str, Callable[[], object]]] = [
+        (CATALOG, lambda: write_catalog(out, note=lambda line: None)),
+        (JOINED, lambda: join_runs(out, runs)),
+        (TILESET, lambda: _write_tileset(out, [one / OF_BLOCK for one in folders if (one / OF_BLOCK).is_file()])),
+        (OVERVIEW, lambda: _write_overview(out, [snapshot for _, snapshot in published], note)),
+    ]
+    whole = True
+    for name, write in steps if folders else ():
+        try:
+            write()
+        except (InputError, OSError, ValueError, KeyError) as error:
+            note(f"{out / name} is not written ({' '.join(str(error).split())[:200]}); the next run tries again")
+            whole = False
+    return whole
 
 
 def _write_tileset(out: Path, tilesets: Sequence[Path]) -> None:
@@ -79,11 +91,9 @@ def _sphere(root: dict[str, Any]) -> np.ndarray:
     return np.append(centre, np.linalg.norm(box[3:].reshape(3, 3).sum(axis=0)))
 
 
-def _write_overview(out: Path, folders: Sequence[Path], note: Callable[[str], None]) -> None:
+def _write_overview(out: Path, snapshots: Sequence[Snapshot[Path]], note: Callable[[str], None]) -> None:
     """The overviews of all blocks as one model, around the first one's origin."""
-    files = [
-        snapshot.overview for folder in folders if (snapshot := current_if_any(folder)) and snapshot.overview.is_file()
-    ]
+    files = [snapshot.overview for snapshot in snapshots if snapshot.overview.is_file()]
     if sum(file.stat().st_size for file in files) > OVERVIEW_BYTES:
         note(f"{OVERVIEW} would be too large: {TILESET} leads to the blocks")
         return

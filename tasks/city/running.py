@@ -4,23 +4,29 @@ from __future__ import annotations
 
 import ctypes
 import json
+import logging
+import os
+import select
 import signal
 import subprocess
 import sys
+import tempfile
 import time
 from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
 from catalogs.published.snapshot import current_if_any
-from tasks.city.account import BLOCKS, Ended
-from tasks.city.over import OF_BLOCK
+from tasks.city.account import BLOCKS, OF_BLOCK, Ended
 
-# How a block ends, by sysexits.h, whose time is up: it is run again.
-TIME_IS_UP = 75
+log = logging.getLogger(__name__)
+
+# How a block ends, by sysexits.h, whose time is up, and one that the machine fails: both are run again.
+TIME_IS_UP, MACHINE = 75, 70
 # A block whose time is up has so long to end, seconds: it ends at once, as every unit is committed whole.
 PATIENCE_S = 30.0
 # Of a block's summary, what says nothing of what was made.
@@ -33,70 +39,109 @@ def run_block(
     name: str,
     block_file: Path,
     options: Sequence[str],
+    before: Ended,
     digest: str,
     version: str,
     ends: float | None,
     tiles: bool,
 ) -> Ended:
-    """Run a block of the city in folder `out` and say how it ended: by what it is of (digest, version), as is asked for.
+    """Run a block of the city in folder `out` and say how it ended: by what it is of (digest, version), as is asked for. What
+    keeps it from being run is one of the ways.
 
-    options: of `streetloom run`. ends: when it is ended, done or not, seconds since 1970. tiles: whether its 3D Tiles are
-    exported too, where they are not those of what it published.
+    options: of `streetloom run`. before: how it ended last. ends: when it is ended, done or not, seconds since 1970. tiles:
+    whether its 3D Tiles are exported too, where they are not those of what it published.
     """
-    folder, begun = out / BLOCKS / name, time.time()
-    before = current_if_any(folder)
-    command = ["run", str(block_file), "--out", str(folder), *options, "--json"]
-    code, said, printed = _called(command, ends)
+    begun = time.time()
     try:
-        summary: dict[str, Any] = json.loads(printed.strip().splitlines()[-1])
+        ended = _run(out / BLOCKS / name, block_file, options, before, ends, tiles)
+    except Exception as error:  # no process more, no memory: the others go on
+        log.debug("block %s could not be run", name, exc_info=True)
+        ended = Ended(MACHINE, reason=f"could not be run: {' '.join(str(error).split())[:200]}")
+    return replace(ended, digest=digest, version=version, seconds=round(time.time() - begun, 1))
+
+
+def _run(
+    folder: Path, block_file: Path, options: Sequence[str], before: Ended, ends: float | None, tiles: bool
+) -> Ended:
+    ran = _called(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
+    code, processor = ran.code, ran.processor
+    try:
+        summary: dict[str, Any] = json.loads(ran.printed.strip().splitlines()[-1])
     except (IndexError, ValueError):
         summary = {}
     failures = [f"{one['unit']}: {one['reason']}" for one in summary.get("failures", ())]
+    reason = "" if code == 0 else _reason(failures, ran.said)
     published = current_if_any(folder)
-    anew = published is not None and (before is None or before.id != published.id or not (folder / OF_BLOCK).is_file())
-    if code in (0, 1) and tiles and anew:
-        exported, why, _ = _called(["export", str(folder), "--format", "3dtiles"], ends)
-        if exported:
-            code, said = (exported, why) if exported == TIME_IS_UP else (1, f"3D Tiles: {why}")
-    return Ended(
-        code=code,
-        digest=digest,
-        version=version,
-        snapshot=published.id if published else "",
-        summary={key: value for key, value in summary.items() if key not in _LEFT_OUT},
-        reason="" if code == 0 else _reason(failures, said),
-        seconds=round(time.time() - begun, 1),
-    )
+    snapshot = published.id if published else ""
+    tiled = before.tiles if before.tiles == snapshot and (folder / OF_BLOCK).is_file() else ""
+    if code in (0, 1) and tiles and snapshot and not tiled:
+        exported = _called(["export", str(folder), "--format", "3dtiles"], ends)
+        processor += exported.processor
+        if exported.code:
+            code = TIME_IS_UP if exported.code == TIME_IS_UP else MACHINE
+            reason = f"3D Tiles: {exported.said}"
+        else:
+            tiled = snapshot
+    told = {key: value for key, value in summary.items() if key not in _LEFT_OUT}
+    return Ended(code=code, snapshot=snapshot, tiles=tiled, summary=told, reason=reason, processor=round(processor, 1))
 
 
-def _called(arguments: Sequence[str], ends: float | None) -> tuple[int, str, str]:
-    """The command line with some arguments: its code, the last line of what it said, and what it printed."""
-    process = subprocess.Popen(
-        [sys.executable, "-m", "flows", *arguments],
-        stdin=subprocess.DEVNULL,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        preexec_fn=_follow,
-    )
-    try:
-        printed, said = process.communicate(timeout=None if ends is None else max(ends - time.time(), 0.0))
-        code = process.returncode
-    except subprocess.TimeoutExpired:
-        process.terminate()
+@dataclass(frozen=True)
+class Called:
+    """How a command ended: its code, the last line of what it said, what it printed, and processor seconds of it and of all
+    processes that it waited for."""
+
+    code: int
+    said: str
+    printed: str
+    processor: float
+
+
+def _called(arguments: Sequence[str], ends: float | None) -> Called:
+    """The command line with some arguments."""
+    with tempfile.TemporaryFile() as printed, tempfile.TemporaryFile() as said:
+        process = subprocess.Popen(
+            [sys.executable, "-m", "flows", *arguments],
+            stdin=subprocess.DEVNULL,
+            stdout=printed,
+            stderr=said,
+            preexec_fn=_follow,
+        )
+        handle = os.pidfd_open(process.pid)
         try:
-            printed, said = process.communicate(timeout=PATIENCE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            printed, said = process.communicate()
-        return TIME_IS_UP, "its time was up; what is done is kept", printed
-    lines = [line.removeprefix("streetloom: ") for line in said.strip().splitlines()]
-    return code if code >= 0 else 128 - code, lines[-1] if lines else "", printed
+            in_time = _has_ended(handle, None if ends is None else max(ends - time.time(), 0.0))
+            if not in_time:
+                signal.pidfd_send_signal(handle, signal.SIGTERM)
+                if not _has_ended(handle, PATIENCE_S):
+                    signal.pidfd_send_signal(handle, signal.SIGKILL)
+            _, status, used = os.wait4(process.pid, 0)
+        finally:
+            os.close(handle)
+        code = process.returncode = os.waitstatus_to_exitcode(status)
+        output, lines = _text(printed), [line.removeprefix("streetloom: ") for line in _text(said).strip().splitlines()]
+    processor = used.ru_utime + used.ru_stime
+    if not in_time:
+        return Called(TIME_IS_UP, "its time was up; what is done is kept", output, processor)
+    return Called(code if code >= 0 else 128 - code, lines[-1] if lines else "", output, processor)
+
+
+def _has_ended(handle: int, seconds: float | None) -> bool:
+    """Whether a process ends within some seconds; None: however long that takes."""
+    return bool(select.select([handle], [], [], seconds)[0])
+
+
+def _text(file: IO[bytes]) -> str:
+    file.seek(0)
+    return file.read().decode(errors="replace")
+
+
+# Loaded before a process is forked, of which only one thread goes on.
+_LIBC = ctypes.CDLL(None)
 
 
 def _follow() -> None:
     """A block does not outlive the city's process, however that ends."""
-    ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+    _LIBC.prctl(1, signal.SIGTERM)
 
 
 def _reason(failures: Sequence[str], said: str) -> str:

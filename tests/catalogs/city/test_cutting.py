@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from pathlib import Path
 
 import pytest
 import shapely
@@ -95,4 +96,4 @@ def test_context_reaches_as_far_as_what_is_asked_for_reads() -> None:
 )
 def test_what_is_wrong_with_a_city_file_is_said_in_a_line(values: dict, said: str) -> None:
     with pytest.raises(ValueError, match=said):
-        check_city(values)
+        check_city(values, Path("city.yaml"))

@@ -9,7 +9,10 @@ from pathlib import Path
 import pytest
 import yaml
 
+from catalogs.block import read_block
+from facade_core.errors import InputError
 from tasks.city import account as accounts
+from tasks.city import blocks
 from tasks.city.account import Account, Ended, known, read_account, stands, version
 from tests.pipeline.stages import write_block
 
@@ -31,7 +34,7 @@ def town(folder: Path, houses: dict[str, tuple[float, ...]] = HOUSES, **keys: ob
 def test_a_house_that_changes_makes_those_due_that_read_it(tmp_path: Path) -> None:
     before, files = known(town(tmp_path), tmp_path / "out")
     assert len(before.blocks) == 4
-    assert all(yaml.safe_load(file.read_text())["part"]["buildings"] for file in files.values())
+    assert all((file.parent / yaml.safe_load(file.read_text())["part"]["path"]).is_file() for file in files.values())
     after, _ = known(town(tmp_path, HOUSES | {"h1": (340, 5, 12, 6, 9.0)}), tmp_path / "out")
     changed = [name for name in before.digests if before.digests[name] != after.digests[name]]
     assert len(changed) == 1
@@ -41,7 +44,7 @@ def test_a_city_is_read_again_only_where_a_file_of_it_changed(tmp_path: Path, mo
     file, out = town(tmp_path), tmp_path / "out"
     found, _ = known(file, out)
 
-    def read_city(path: Path, out: Path) -> None:
+    def read_city(path: Path, out: Path, before: object) -> None:
         raise AssertionError("read again")
 
     monkeypatch.setattr(accounts, "read_city", read_city)
@@ -69,7 +72,13 @@ def test_a_block_stands_where_it_was_done_by_this_code_of_what_it_reads(tmp_path
     (tmp_path / "blocks" / "a" / "current").write_text("S1\n")
     done = Ended(code=0, digest="d", version=version(), snapshot="S1")
     assert stands(tmp_path, "a", done, "d")
-    others = [{"code": 1}, {"digest": "e"}, {"version": "0"}, {"snapshot": "S0"}]
+    assert stands(tmp_path, "a", replace(done, code=1), "d"), "what its input spoils fails again"
+    assert not stands(tmp_path, "a", done, "d", tiles=True)
+    (tmp_path / "blocks" / "a" / "exports" / "3dtiles").mkdir(parents=True)
+    (tmp_path / "blocks" / "a" / "exports" / "3dtiles" / "tileset.json").touch()
+    assert stands(tmp_path, "a", replace(done, tiles="S1"), "d", tiles=True)
+    assert not stands(tmp_path, "a", replace(done, tiles="S0"), "d", tiles=True), "of what it published before"
+    others = [{"code": 2}, {"digest": "e"}, {"version": "0"}, {"snapshot": "S0"}]
     assert not any(stands(tmp_path, "a", replace(done, **one), "d") for one in others)  # type: ignore[arg-type]
 
 
@@ -84,3 +93,41 @@ def test_failed_blocks_are_told_and_the_others_added_up(tmp_path: Path) -> None:
     assert (summary["blocks"], summary["blocks_done"], summary["facades_done"]) == (3, 1, 3)
     assert summary["failures"] == [{"unit": "block b", "reason": "no streets", "code": 2}]
     assert summary["left"] == ["c"]
+
+
+def test_two_cities_do_not_share_a_folder(tmp_path: Path) -> None:
+    known(town(tmp_path / "a"), tmp_path / "out")
+    with pytest.raises(InputError, match="holds city small; give city other a folder"):
+        known(town(tmp_path / "b", name="other"), tmp_path / "out")
+    (tmp_path / "run" / "store").mkdir(parents=True)
+    with pytest.raises(InputError, match="holds the run of a block"):
+        known(town(tmp_path / "a"), tmp_path / "run")
+
+
+def test_block_files_of_the_users_are_read_again_only_where_they_changed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, height in (("a", 7.0), ("b", 9.0)):
+        write_block(tmp_path / name, buildings={"h": (4, 5, 12, 6, height)}, streets={"1": [(0, 0), (45, 0)]})
+        (tmp_path / name / "block.yaml").rename(tmp_path / name / f"{name}.yaml")
+    (tmp_path / "blocks").mkdir()
+    for name in "ab":
+        keys = yaml.safe_load((tmp_path / name / f"{name}.yaml").read_text())
+        for one in (keys["buildings"], keys["streets"], keys["imagery"]["exemplars"]):
+            one["path"] = f"../{name}/{one['path']}"
+        (tmp_path / "blocks" / f"{name}.yaml").write_text(yaml.safe_dump(keys))
+    (tmp_path / "blocks" / "none.yaml").write_text("name: none")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "city.yaml").write_text("name: c\nblocks: {path: blocks}")
+    found, files = known(tmp_path / "city.yaml", tmp_path / "out")
+    assert list(files) == ["a", "b", "none"]
+    assert found.digests["none"] == ""
+    read: list[str] = []
+    monkeypatch.setattr(blocks, "read_block", lambda file: (read.append(file.stem), read_block(file))[1])
+    assert known(tmp_path / "city.yaml", tmp_path / "out")[0] == found
+    assert read == ["none"]
+    write_block(tmp_path / "b", buildings={"h": (4, 5, 12, 6, 12.0)}, streets={"1": [(0, 0), (45, 0)]})
+    after, _ = known(tmp_path / "city.yaml", tmp_path / "out")
+    assert read == ["none", "b", "none"]
+    assert after.digests["a"] == found.digests["a"]
+    assert after.digests["b"] != found.digests["b"]

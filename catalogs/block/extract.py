@@ -1,0 +1,121 @@
+"""What a part of a city is, kept in a file of its own: its run reads that, and nothing of the city's files.
+
+The values are those that were read of the city, bit for bit: a block has the same digest either way. Geometries are WKB, arrays
+their bytes, paths relative to the file; of classes only those of _CLASSES are made.
+"""
+
+from __future__ import annotations
+
+import io
+import json
+import os
+import zipfile
+import zlib
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import shapely
+
+from catalogs.block.part import Part
+from catalogs.features import Fault
+from catalogs.readers.pictures.aerial import Aerial
+from catalogs.readers.pictures.panoramas import PosedPanorama
+from facade_core.errors import InputError
+from facade_core.types import Area, Building, Finish, Ground, Pose, Roof, Shell, Street, Way
+
+_CLASSES = {
+    one.__name__: one
+    for one in (
+        Aerial, Area, Building, Fault, Finish, Ground, Part, Pose, PosedPanorama, Roof, Shell, Street, Way,
+    )
+}  # fmt: skip
+FORMAT = 1
+
+
+def write_extract(path: Path, values: Mapping[str, Any]) -> None:
+    """Keep the values of a part of a city in a file, in one step; a file that holds them already is left as it is."""
+    blob = bytearray()
+    text = json.dumps({"format": FORMAT, "values": _said(dict(values), blob, path.parent)}, ensure_ascii=False)
+    buffer = io.BytesIO()
+    np.savez_compressed(buffer, text=np.frombuffer(text.encode(errors="surrogatepass"), np.uint8), blob=_octets(blob))
+    if path.is_file() and path.read_bytes() == buffer.getvalue():
+        return
+    temporary = path.with_name(f".{path.name}.tmp")
+    temporary.write_bytes(buffer.getvalue())
+    os.replace(temporary, path)
+
+
+def read_extract(path: Path) -> dict[str, Any]:
+    """The values of a part of a city. Raises InputError, one line with the remedy, where the file does not hold them."""
+    try:
+        with np.load(path, allow_pickle=False) as held:
+            text, blob = held["text"].tobytes(), held["blob"].tobytes()
+        document = json.loads(text.decode(errors="surrogatepass"))
+        if document["format"] != FORMAT:
+            raise ValueError(f"format {document['format']}")
+        return _made(document["values"], blob, path.parent)
+    except FileNotFoundError:
+        raise InputError(f"{path} is missing; `streetloom city` writes it") from None
+    except (
+        OSError,
+        ValueError,
+        KeyError,
+        TypeError,
+        EOFError,
+        zipfile.BadZipFile,
+        zlib.error,
+        shapely.GEOSException,
+    ) as e:
+        why = " ".join(str(e).split())[:100]
+        raise InputError(f"{path} holds no part of a city that can be read ({why}); remove it, and `streetloom city` "
+                         "writes it again") from e  # fmt: skip
+
+
+def _said(value: Any, blob: bytearray, folder: Path) -> Any:
+    """A value as JSON can say it; what is bytes goes to the end of `blob`."""
+    value = value.item() if isinstance(value, np.generic) else value
+    if value is None or isinstance(value, bool | str | int | float):
+        return value
+    if isinstance(value, Path):
+        return {"path": os.path.relpath(value, folder)}
+    if isinstance(value, shapely.Geometry):
+        octets = shapely.to_wkb(value)
+        blob += octets
+        return {"shape": [len(blob) - len(octets), len(octets)]}
+    if isinstance(value, np.ndarray):
+        blob += np.ascontiguousarray(value).tobytes()
+        return {"array": [value.dtype.str, list(value.shape), len(blob) - value.nbytes]}
+    if is_dataclass(value) and type(value).__name__ in _CLASSES:
+        return {type(value).__name__: [_said(getattr(value, field.name), blob, folder) for field in fields(value)]}
+    if isinstance(value, Mapping):
+        return {"map": [[name, _said(one, blob, folder)] for name, one in value.items()]}
+    if isinstance(value, list | tuple):
+        return [_said(one, blob, folder) for one in value]
+    raise TypeError(f"no part of a city holds a {type(value).__name__}")
+
+
+def _made(said: Any, blob: bytes, folder: Path) -> Any:
+    if isinstance(said, list):
+        return tuple(_made(one, blob, folder) for one in said)
+    if not isinstance(said, dict):
+        return said
+    ((kind, held),) = said.items()
+    if kind == "path":
+        return Path(os.path.abspath(folder / held))
+    if kind == "shape":
+        return shapely.from_wkb(blob[held[0] : held[0] + held[1]])
+    if kind == "array":
+        form, shape, start = np.dtype(held[0]), tuple(held[1]), held[2]
+        if form.hasobject:
+            raise ValueError("an array of objects")
+        return np.frombuffer(blob, form, int(np.prod(shape, dtype=np.int64)), start).reshape(shape).copy()
+    if kind == "map":
+        return {name: _made(one, blob, folder) for name, one in held}
+    return _CLASSES[kind](*(_made(one, blob, folder) for one in held))
+
+
+def _octets(blob: bytearray) -> np.ndarray:
+    return np.frombuffer(bytes(blob), np.uint8)

@@ -1,0 +1,130 @@
+"""An index of tiles as a city's source: STAC, or outlines in GeoParquet, GeoPackage or GeoJSON with each one's path.
+
+Paths in it are relative to the file that states them. Nothing is fetched: what is not on this machine is named.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from urllib.parse import unquote, urlparse
+
+from catalogs.frames import LONLAT
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    import pystac
+
+# Columns that name a tile's file, the first that there is; `location` is what gdaltindex writes.
+LOCATIONS = ("location", "href", "path", "url", "file")
+Box = tuple[float, float, float, float]
+
+
+def files_of_tiles(index: Path, area: Sequence[float] | None) -> list[Path]:
+    """The files of an index's tiles, ordered, of those alone that meet `area` (west, south, east, north in degrees).
+
+    Raises InputError, one line with the remedy, where the index cannot be read, names no tile there, or one that is missing.
+    """
+    if not index.is_file():
+        raise InputError(f"{index} does not exist; paths are relative to the city file")
+    tiles = list(_of_stac(index) if _is_stac(index) else _of_table(index))
+    if not tiles:
+        raise InputError(f"{index} names no tile; give one that does")
+    chosen = sorted({file for file, box in tiles if area is None or box is None or _meet(box, area)})
+    if not chosen:
+        raise InputError(f"{index}: none of its {len(tiles)} tiles meets area {list(area or ())}; mend area")
+    if missing := [file for file in chosen if not file.is_file()]:
+        more = f", nor are {len(missing) - 1} more" if len(missing) > 1 else ""
+        raise InputError(f"{index}: its tile {missing[0]} is not there{more}; bring the tiles to where it names them")
+    return chosen
+
+
+def _meet(box: Box, area: Sequence[float]) -> bool:
+    return box[0] <= area[2] and box[2] >= area[0] and box[1] <= area[3] and box[3] >= area[1]
+
+
+def _is_stac(index: Path) -> bool:
+    if index.suffix.lower() != ".json":
+        return False
+    try:
+        said = json.loads(index.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{index} is no JSON ({error}); give an index of tiles") from error
+    return isinstance(said, dict) and ("stac_version" in said or any("stac_version" in one for one in _features(said)))
+
+
+def _features(said: dict[str, Any]) -> list[dict[str, Any]]:
+    found = said.get("features")
+    return [one for one in found if isinstance(one, dict)] if isinstance(found, list) else []
+
+
+def _of_stac(index: Path) -> Iterator[tuple[Path, Box | None]]:
+    """The tiles of a STAC catalogue, collection, item, or collection of items."""
+    import pystac
+    from pystac.stac_io import DefaultStacIO
+
+    class OnThisMachine(DefaultStacIO):
+        def read_text_from_href(self, href: str) -> str:
+            return _local(href, index.parent).read_text(encoding="utf-8")
+
+    reader = OnThisMachine()
+    try:
+        if "features" in json.loads(index.read_text(encoding="utf-8")):
+            items = list(pystac.ItemCollection.from_file(str(index), stac_io=reader))
+        else:
+            root: Any = pystac.read_file(str(index), stac_io=reader)
+            items = list(root.get_items(recursive=True)) if isinstance(root, pystac.Catalog) else [root]
+    except InputError:
+        raise
+    except Exception as error:  # what JSON can hold, the library meets with errors of every kind
+        why = " ".join(str(error).split())[:120]
+        raise InputError(f"{index} cannot be read as STAC ({type(error).__name__}: {why}); mend it") from error
+    for item in items:
+        href = _data_of(item, index).get_absolute_href() or _data_of(item, index).href
+        box = tuple(item.bbox) if item.bbox else None
+        yield _local(href, index.parent), None if box is None else _flat(box)
+
+
+def _flat(box: tuple[float, ...]) -> Box:
+    """A box without heights."""
+    half = len(box) // 2
+    return box[0], box[1], box[half], box[half + 1]
+
+
+def _data_of(item: pystac.Item, index: Path) -> pystac.Asset:
+    """The asset that is the tile: the one with the role `data`, else the only one."""
+    assets = list(item.assets.values())
+    data = [asset for asset in assets if "data" in (asset.roles or ())] or assets
+    if len(data) != 1:
+        raise InputError(f"{index}: item {item.id} has {len(data)} assets that may be its tile; give one the role data")
+    return data[0]
+
+
+def _of_table(index: Path) -> Iterator[tuple[Path, Box | None]]:
+    """The tiles of a table of outlines."""
+    import geopandas as gpd
+
+    try:
+        parquet = index.suffix.lower() in (".parquet", ".geoparquet")
+        table = gpd.read_parquet(index) if parquet else gpd.read_file(index)
+    except Exception as error:  # of damaged files libraries say what they like
+        why = " ".join(str(error).split())[:120]
+        raise InputError(f"{index} cannot be read as an index of tiles ({why}); give STAC or GeoParquet") from error
+    column = next((name for name in LOCATIONS if name in table.columns), None)
+    if column is None:
+        raise InputError(f"{index} has no column that names the tiles' files; call it {LOCATIONS[0]}")
+    if table.crs is None:
+        raise InputError(f"{index} states no frame; write it with one, such as {LONLAT}")
+    boxes = table.to_crs(LONLAT).bounds.to_numpy().tolist()
+    for place, box in zip(table[column].astype(str), boxes, strict=True):
+        yield _local(place, index.parent), (box[0], box[1], box[2], box[3])
+
+
+def _local(href: str, folder: Path) -> Path:
+    """The file that a link names. Raises InputError for one that is elsewhere."""
+    said = urlparse(href)
+    if said.scheme in ("", "file"):
+        return (folder / (unquote(said.path) if said.scheme else href)).resolve()
+    raise InputError(f"tile {href[:120]} is not on this machine; bring it here and name the copy")

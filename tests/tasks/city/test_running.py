@@ -1,0 +1,42 @@
+"""How a block's process ended is what is said of it, whichever way that was."""
+
+from __future__ import annotations
+
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+
+from tasks.city import running
+from tasks.city.account import Ended
+from tasks.city.running import MACHINE, TIME_IS_UP, run_block
+
+
+def ended(folder: Path, ends: float | None = None) -> Ended:
+    return run_block.fn(folder, "a", folder / "none.yaml", ["--workers", "1"], Ended(), "d", "v", ends, tiles=True)
+
+
+def test_what_a_block_says_is_why_it_failed(tmp_path: Path) -> None:
+    how = ended(tmp_path)
+    assert how.code == 2
+    assert "none.yaml" in how.reason
+    assert (how.digest, how.version, how.snapshot, how.tiles) == ("d", "v", "", "")
+    assert 0 < how.processor < 60
+
+
+def test_a_block_that_cannot_be_run_stops_no_other(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def full(*arguments: object, **options: object) -> None:
+        raise OSError("no process more")
+
+    monkeypatch.setattr(subprocess, "Popen", full)
+    how = ended(tmp_path)
+    assert (how.code, how.reason, how.digest) == (MACHINE, "could not be run: no process more", "d")
+
+
+def test_a_block_whose_time_is_up_is_ended(tmp_path: Path) -> None:
+    begun = time.time()
+    how = ended(tmp_path, begun + 0.05)
+    assert how.code == TIME_IS_UP
+    assert how.reason == "its time was up; what is done is kept"
+    assert time.time() - begun < running.PATIENCE_S
