@@ -75,6 +75,14 @@ class Facades:
         own = self._by_run.of(int(self.run[facade]))
         return own[np.argsort(self.along[own], kind="stable")]
 
+    def of_building(self, facade: int) -> np.ndarray:
+        """The facades (k,) of a facade's building, ascending."""
+        return self._by_building.of(int(self.building[facade]))
+
+    @cached_property
+    def _by_building(self) -> Grouped:
+        return Grouped(self.building)
+
     @cached_property
     def _by_run(self) -> Grouped:
         return Grouped(self.run)

@@ -1,14 +1,25 @@
-"""A facade's wall as its building's storeys lie on it, and what of it stands free."""
+"""A facade's wall as its building's storeys lie on it, what of it stands free, and whether one enters by it."""
 
 from __future__ import annotations
 
+import numpy as np
 import shapely
 from shapely.affinity import translate
 
 from facade_core.facades import Facades
-from facade_core.geometry.walls import BACK, STREET, free_part
+from facade_core.geometry.charts import Charts
+from facade_core.geometry.walls import BACK, LEVEL_M, MEETING_M, SIDE, STREET, free_part
 from facade_core.street.scene import Scene
 from facade_core.texture import Wall
+
+# Where a wall begins and ends at its foot, as shares of its chart.
+_FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
+# A narrow wall turns a corner where both walls beside it are turned from it by 15 to 75 degrees (cosines).
+TURNED = (0.26, 0.966)
+# A back narrower than this has no door.
+DOOR_WALL_M = 1.6
+# Of a building's backs so many have one: the widest, and one more where there are at least so many.
+MANY_BACKS = 5
 
 
 def wall_of(scene: Scene, facades: Facades, facade: int) -> Wall:
@@ -29,4 +40,40 @@ def wall_of(scene: Scene, facades: Facades, facade: int) -> Wall:
         free=shapely.union_all(parts),
         raised=bool(facades.raised[facade]),
         seams=tuple(facades.along[own][1:].tolist()),
+        corner=turns_corner(scene.charts, facades, facade),
+        door=has_back_door(facades, facade),
     )
+
+
+def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
+    """Whether a facade is a narrow wall, in sight, on the ground, that cuts off the corner between two of its building on
+    streets."""
+    if facades.role[facade] != SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_M:
+        return False
+    others = facades.of_building(facade)
+    others = others[facades.role[others] == STREET]
+    foot = charts.at_shares(facades.chart[others], _FOOT)[..., :2]
+    own = charts.at_shares(facades.chart[[facade]], _FOOT)[0, :, :2]
+    normal = charts.normal()[facades.chart[others]]
+    turn = normal @ charts.normal()[facades.chart[facade]]
+    turned = (turn > TURNED[0]) & (turn < TURNED[1])
+    # those on its left end where it begins, and face away from its right: the corner is no nook
+    along = (own[1] - own[0]) / np.hypot(*(own[1] - own[0]))
+    left = turned & (np.hypot(*(foot[:, 1] - own[0]).T) < MEETING_M) & (normal[:, :2] @ along < 0)
+    right = turned & (np.hypot(*(foot[:, 0] - own[1]).T) < MEETING_M) & (normal[:, :2] @ along > 0)
+    return bool(left.any() and right.any())
+
+
+def has_back_door(facades: Facades, facade: int) -> bool:
+    """Whether a building is entered by a back: by the widest that stands on the ground, or one more of many."""
+    if facades.role[facade] != BACK:
+        return False
+    own = facades.of_building(facade)
+    backs = own[(facades.role[own] == BACK) & (np.abs(facades.foot[own]) < LEVEL_M) & ~facades.raised[own]]
+    runs = np.unique(facades.run[backs])
+    wide = np.array(
+        [(facades.along[one] + facades.width[one]).max() for one in map(facades.laid_out_with, runs.tolist())]
+    )
+    order = np.argsort(-wide, kind="stable")
+    chosen = runs[order][: 2 if len(runs) >= MANY_BACKS else 1]
+    return bool(facades.run[facade] in chosen[wide[order][: len(chosen)] >= DOOR_WALL_M])

@@ -29,7 +29,8 @@ _LEAST_M2 = 12.0
 
 def repeats(output: Output) -> dict[str, Any]:
     """For ground of the roadway and walls of material alone, of the largest charts: the median and highest peak of single
-    patches, which chance alone makes .2 of small ones, and the one that all patches share."""
+    patches, which chance alone makes .2 of small ones, the one that all patches share, and that of a period, which stands out
+    both ways."""
     area = output.charts.size.prod(axis=1)
     ground = np.flatnonzero(output.charts.kind == GROUND)
     return {
@@ -67,10 +68,13 @@ def _peaks(output: Output, charts: np.ndarray, mask_of: Any) -> dict[str, Any]:
     values = [value for value, _, _ in found]
     worst = found[int(np.argmax(values))]
     shared, *shift = highest_peak(standing_out(np.array(maps)))
+    period, *its = highest_peak(standing_out(np.array(maps), both=True))
     return {
         "patches": len(found),
         "shared": round(shared, 3),
         "its_shift_m": [round(value, 2) for value in shift],
+        "period": round(period, 3),
+        "shift_of_period_m": [round(value, 2) for value in its],
         "median": round(float(np.median(values)), 3),
         "highest": round(worst[0], 3),
         "shift_of_highest_m": [round(worst[1], 2), round(worst[2], 2)],
@@ -120,11 +124,12 @@ def autocorrelation(grey: np.ndarray, mask: np.ndarray) -> np.ndarray | None:
     return np.where(ask, likeness, np.nan)
 
 
-def standing_out(maps: np.ndarray) -> np.ndarray:
+def standing_out(maps: np.ndarray, *, both: bool = False) -> np.ndarray:
     """By how much shifts stand out of those around them in the mean of autocorrelations (k, n, n), NaN if half are unknown.
 
-    A material's period is the same in all patches; what two places of one share by chance is not, and the length of streaks is
-    no period.
+    A material's period is the same in all patches; what two places of one share by chance is not. both: of those in their row
+    and of those in their column; else of all around. A line that a wall has from side to side, and a streak, are like
+    themselves however far they are shifted along, and of those shifts none stands out.
     """
     import cv2
 
@@ -132,8 +137,12 @@ def standing_out(maps: np.ndarray) -> np.ndarray:
     mean = np.where(known, maps, 0).sum(axis=0) / np.maximum(known.sum(axis=0), 1)
     enough = known.sum(axis=0) >= len(maps) / 2
     weight = enough.astype(np.float64)
-    around, own = (cv2.GaussianBlur(values, (0, 0), _RING_M * _PIXELS) for values in (mean * weight, weight))
-    return np.where(enough, mean - around / np.maximum(own, 1e-9), np.nan)
+    wide = _RING_M * _PIXELS
+    means = []
+    for across, down in ((wide, 1e-6), (1e-6, wide)) if both else ((wide, wide),):
+        around, own = (cv2.GaussianBlur(values, (0, 0), across, None, down) for values in (mean * weight, weight))
+        means.append(around / np.maximum(own, 1e-9))
+    return np.where(enough, mean - np.maximum.reduce(means), np.nan)
 
 
 def highest_peak(likeness: np.ndarray) -> tuple[float, float, float]:

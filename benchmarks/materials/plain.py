@@ -67,7 +67,7 @@ def tiling(x: np.ndarray, y: np.ndarray, other: np.ndarray, seed: int) -> np.nda
 
 def plaster(x: np.ndarray, y: np.ndarray, other: np.ndarray, seed: int) -> np.ndarray:
     dirt = np.maximum(1 - np.maximum(other, 0) / 11.2, 0) ** 16
-    streaks = 0.025 * noise(x / 0.35, y / 6.0, seed + 17)
+    streaks = 0.025 * noise(x / 0.3, y / 1.1, seed + 17)
     return 1 + 0.06 * _mottle(x, y, seed + 13, (0.25, 1.2, 5.0)) + streaks - 0.16 * dirt
 
 

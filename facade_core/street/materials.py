@@ -282,7 +282,7 @@ def plaster(x: np.ndarray, y: np.ndarray, above: np.ndarray, side: np.ndarray, s
         out[k] = 1 - 0.16 * dirt
     for number, cell in enumerate((0.25, 1.2, 5.0)):
         add_noise(x, y, side, (cell, cell), 0.02, seed + 13 + number, out)
-    add_noise(x, y, side, (0.35, 6.0), 0.025, seed + 17, out)
+    add_noise(x, y, side, (0.3, 1.1), 0.025, seed + 17, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -2,27 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import lru_cache
 from itertools import pairwise
 
 import numpy as np
 import shapely
 from numpy.lib.stride_tricks import sliding_window_view
-from shapely.geometry.base import BaseGeometry
 
 from facade_core.errors import ImageError
-from facade_core.geometry.walls import STOREY_M
 from facade_core.labels import BALCONY, WALL
 from facade_core.texture.compose import compose
+from facade_core.texture.entrances import DOOR_M, door_place, put_door, turn_corner
 from facade_core.texture.genetic import POPULATION
-from facade_core.texture.retargeting import NOISE, Style, elastic, first_tiles, refined, rows_of, shown_storeys
+from facade_core.texture.retargeting import NOISE, Style, elastic, first_tiles, refined
+from facade_core.texture.storeys import Storey, Wall, on_ground, plainest, storeys_on
 from facade_core.types import Lattice
 
-# What of a storey is left at a wall's foot or top belongs to the storey beside it where it is lower than this.
-LEAST_STOREY_M = 2.2
-# A wall ends at the eaves where it ends this near to them: there it shows what crowns the exemplar.
-EAVES_M = 0.3
 # Wall on either side of a window, to the wall's edge or to a neighbour.
 BESIDE_WINDOW_M = 0.25
 # Bays of backs are so many times as wide.
@@ -32,49 +27,10 @@ BARE, EVEN = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
 # Walls between seams that are as wide as so many bays have whole ones. A window lies beside a seam within a bay by so much,
 # metres, and may be so much narrower for it.
 WHOLE, BESIDE_SEAM_M, NARROWER = 0.75, 0.08, 0.8
-# The topmost storey has bare wall over it where it is so many times as high as its exemplar's.
-LOFTY = 1.15
 # A ground floor goes on over a narrow wall where at least so much of it is wall.
 WALLED = 0.6
-
-
-@dataclass(frozen=True, slots=True)
-class Wall:
-    """A wall, or several that are laid out as one, in metres.
-
-    width, height; foot over the base of its building; eaves of that over its base, and storeys up to there. street: whether it
-    shows doors and shops; plain: whether it is a back, without what adorns a front. free: where it stands against no
-    neighbour, x right and y down. raised: whether its building begins above the ground, and so with an upper floor.
-    seams: where one of several walls ends and the next begins, metres from the left.
-    """
-
-    width: float
-    height: float
-    foot: float
-    eaves: float
-    storeys: int
-    street: bool
-    plain: bool
-    free: BaseGeometry
-    raised: bool = False
-    seams: tuple[float, ...] = ()
-
-    @classmethod
-    def alone(cls, height: float, width: float, floors: int) -> Wall:
-        """One on a street, that nothing stands against, of a building as high."""
-        return cls(width, height, 0.0, height, floors, street=True, plain=False, free=shapely.box(0, 0, width, height))
-
-
-@dataclass(frozen=True, slots=True)
-class Storey:
-    """One of a wall, from the top: the exemplar's floor that it shows, -1 for a ground floor without windows; the three heights
-    above, across and below its windows, or the one of a floor without, and of the bare wall over it, in metres; whether it is
-    crowned by the exemplar's top."""
-
-    floor: int
-    heights: tuple[float, ...]
-    attic: float
-    crowned: bool
+# And over a corner that shows no shop.
+BARE_CORNER = 0.97
 
 
 def on_wall(
@@ -91,7 +47,7 @@ def on_wall(
     if min(size) < 2 or wall.storeys < 1:
         raise ImageError(f"on_wall: {size} px and {wall.storeys} storeys; pass at least 2 px a side and 1 storey")
     rng = np.random.default_rng(seed)
-    plain = _plainest(style)
+    plain = plainest(style)
     stack, scale = storeys_on(style, wall, metres_per_pixel, like)
     floors = [storey.floor for storey in stack]
 
@@ -130,6 +86,17 @@ def on_wall(
     attic = stack[0].attic
     down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
     _leave_out(style, wall, stack, source, down, across, plain, blank)
+    ground = len(stack[-1].heights)
+    if wall.corner:
+        _bare_ground(style, stack[-1], source, plain)
+    middle = door_place(wall.free, (wall.width, wall.height), across, wall.seams, rng) if wall.door else None
+    if middle is not None:
+        bay = np.flatnonzero((across[:-1] < middle + DOOR_M[0]) & (across[1:] > middle - DOOR_M[0]))
+        bays = np.unique(bay // 3 * 3) if not blank else []
+        own = 3 * plain + np.arange(3) if ground == 3 else np.array([3 * plain + 1])
+        for left in bays:
+            source[0, -ground:, left : left + 3] = own[:, None]
+            source[1, -ground:, left : left + 3] = wide + 1
     if attic > 0:
         bare = np.broadcast_to(np.array([3 * plain + 1, wide + 1])[:, None, None], (2, 1, source.shape[2]))
         source, down = np.concatenate([bare, source], axis=1), np.append(0.0, down)
@@ -137,9 +104,23 @@ def on_wall(
     rows[-1], columns[-1] = size
     # behind the last column of the lattice one more that shows bare wall
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare(style, plain))
-    return compose(
+    image, labels = compose(
         style.image, style.labels, lattice, (source[0] * (wide + 2) + source[1]).astype(np.int32), rows, columns
     )
+    if wall.corner and on_ground(style, stack[-1]):
+        turn_corner(style, image, labels, int(rows[-1 - ground]), scale, metres_per_pixel)
+    if middle is not None:
+        put_door(image, labels, middle, metres_per_pixel, rng)
+    return image, labels
+
+
+def _bare_ground(style: Style, storey: Storey, source: np.ndarray, plain: int) -> None:
+    """Show bare wall all over the lowest storey, in `source` as of `_leave_out`: that of the ground floor where it has any."""
+    count, bare = len(storey.heights), len(style.grid.columns)
+    if not (on_ground(style, storey) and _walled(style, source[0, -count:, 0], plain, BARE_CORNER)):
+        own = 3 * plain + np.arange(count) if count == 3 else np.array([3 * plain + 1])
+        source[0, -count:] = own[:, None]
+    source[1, -count:] = bare
 
 
 def _sections(wall: Wall, bay: float) -> list[float]:
@@ -173,17 +154,6 @@ def _off_seams(across: np.ndarray, seams: tuple[float, ...]) -> np.ndarray:
     return across
 
 
-def _plainest(style: Style) -> int:
-    """The exemplar's floor for where nothing adorns a wall: with the fewest balconies, not the topmost
-    or the lowest if there is another: cornices and shops reach into these."""
-    exemplar = style.exemplar
-    middle = [k for k, kind in enumerate(exemplar.kinds) if kind == "middle"]
-    cuts = exemplar.floor_cuts
-    ends = {middle[0]: 2.0, middle[-1]: 1.0}
-    adorned = [ends.get(k, 0.0) + (style.labels[cuts[k] : cuts[k + 1]] == BALCONY).mean() for k in middle]
-    return middle[int(np.argmin(adorned))]
-
-
 def _plain_bays(style: Style, plain: int) -> np.ndarray:
     """The bays (k,) of the exemplar that show the fewest balconies on its plainest floor; not those at its edges if there are
     others."""
@@ -193,74 +163,6 @@ def _plain_bays(style: Style, plain: int) -> np.ndarray:
     plainest = np.flatnonzero(adorned <= adorned.min() + 0.002)
     inner = plainest[(plainest > 0) & (plainest < len(adorned) - 1)]
     return inner if len(inner) else plainest
-
-
-def storeys_on(
-    style: Style, wall: Wall, metres_per_pixel: float, like: Style | None = None
-) -> tuple[list[Storey], float]:
-    """The storeys of a wall from its top, whose borders are those of its building, and the metres that a pixel of the exemplar
-    takes on them."""
-    pixels = round(wall.eaves / metres_per_pixel)
-    own, scale = shown_storeys(style, pixels, wall.storeys, np.random.default_rng(0), 0.0)
-    scale, plain = scale * metres_per_pixel, _plainest(style)
-    kinds, grid = style.exemplar.kinds, np.asarray(style.grid.rows)
-    heights = _floor_heights(style, own)
-    if like is not None:
-        theirs, _ = shown_storeys(like, pixels, wall.storeys, np.random.default_rng(0), 0.0)
-        heights = _floor_heights(like, theirs) if len(theirs) == len(own) else heights
-    heights = _within(heights * (wall.eaves / heights.sum()))
-    lines = np.concatenate([[0.0], np.cumsum(heights[::-1])])
-    pitch, top = wall.eaves / len(own), wall.foot + wall.height
-    beyond = np.arange(1, 2 + int((abs(wall.foot) + top) / pitch)) * pitch
-    every = np.concatenate([-beyond[::-1], lines, wall.eaves + beyond])
-    inner = every[(every > wall.foot + LEAST_STOREY_M) & (every < top - LEAST_STOREY_M)]
-    borders = np.concatenate([[wall.foot], inner, [top]])
-    at_eaves = abs(top - wall.eaves) < EAVES_M
-    stack = []
-    for number, (low, high) in enumerate(zip(borders[:-1], borders[1:], strict=True)):
-        place = int(np.searchsorted(lines, (low + high) / 2)) - 1
-        floor = own[len(own) - 1 - place] if 0 <= place < len(own) else plain
-        lowest, highest = number == 0, number == len(borders) - 2
-        kind = "ground" if floor < 0 else kinds[floor]
-        if lowest and wall.street and not wall.raised and (own[-1] < 0 or kinds[own[-1]] == "ground"):
-            floor = own[-1]
-        elif kind == "ground" or (kind == "roof" and not at_eaves):
-            floor = plain
-        crowned = highest and at_eaves and not wall.plain
-        if not wall.street and not crowned and kind == "middle":
-            floor = plain
-        natural = scale * float(grid[rows_of(style, floor).stop] - grid[rows_of(style, floor).start])
-        attic = high - low - natural if highest and not crowned and high - low > LOFTY * natural else 0.0
-        stack.append(Storey(floor, _heights(style, floor, high - low - attic, scale), attic, crowned))
-    return stack[::-1], scale
-
-
-def _floor_heights(style: Style, floors: list[int]) -> np.ndarray:
-    """How high floors (n,) of an exemplar are, (n,) pixels."""
-    rows = [rows_of(style, floor) for floor in floors]
-    return np.array([style.grid.rows[row.stop] - style.grid.rows[row.start] for row in rows], float)
-
-
-def _within(heights: np.ndarray) -> np.ndarray:
-    """Heights of storeys (n,) with the same sum, made as alike as it takes for all to be within STOREY_M."""
-    mean = heights.mean()
-    off = heights - mean
-    low, high = STOREY_M
-    if not low <= mean <= high or not off.any():
-        return heights
-    room = np.where(off > 0, high - mean, mean - low)
-    return mean + off * min(1.0, float((room[off != 0] / np.abs(off[off != 0])).min()))
-
-
-def _heights(style: Style, floor: int, height: float, scale: float) -> tuple[float, ...]:
-    """What a storey of some height, metres, has above, across and below its windows, which keep theirs where they can."""
-    rows = rows_of(style, floor)
-    sizes = scale * np.diff(np.asarray(style.grid.rows)[rows.start : rows.stop + 1])
-    if len(sizes) < 3:
-        return tuple((sizes * (height / sizes.sum())).tolist())
-    above, window, below = sizes.tolist()
-    window = min(window, 0.75 * height)
-    return (height - window) * above / (above + below), window, (height - window) * below / (above + below)
 
 
 def _leave_out(
@@ -320,8 +222,8 @@ def _bare(style: Style, plain: int) -> tuple[int, int]:
     return found
 
 
-def _walled(style: Style, rows: np.ndarray, plain: int) -> bool:
-    """Whether some rows (k,) of the exemplar's lattice mostly show wall where its plainest floor is bare."""
+def _walled(style: Style, rows: np.ndarray, plain: int, least: float = WALLED) -> bool:
+    """Whether more than a share of some rows (k,) of the exemplar's lattice is wall where its plainest floor is bare."""
     left, right = _bare(style, plain)
     shown = [style.labels[style.grid.rows[row] : style.grid.rows[row + 1], left:right] == WALL for row in rows.tolist()]
-    return float(np.mean([part.mean() for part in shown])) > WALLED
+    return float(np.mean([part.mean() for part in shown])) > least

@@ -19,6 +19,7 @@ from facade_core.geometry.charts import CORNERS
 from facade_core.geometry.walls import JOINT_M
 from facade_core.plan import Plan
 from facade_core.types import Pose
+from facade_core.walls import has_back_door, turns_corner
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 from tasks.units.imagery import Imagery
@@ -108,6 +109,7 @@ def facade_keys(
         int(table.role[facade]),
     ]
     house += [bool(table.raised[facade]), int(table.house[facade])]
+    house += [turns_corner(plan.scene.charts, table, facade), has_back_door(table, facade)]
     parts: dict[str, Any] = {
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],

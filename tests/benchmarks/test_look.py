@@ -10,6 +10,7 @@ from benchmarks.look.likeness import _wall_distance, gradient_energy, relative_e
 from benchmarks.look.photos import panorama_places, perspective
 from benchmarks.look.repeats import autocorrelation, highest_peak, material, standing_out
 from benchmarks.look.walls import _in_triangle, _likeness, _roof_shape, _to_boxes
+from facade_core.street.materials import plaster
 
 KEY = {"pairs": {"1": {"A": "out", "B": "against"}, "2": {"A": "against", "B": "out"}}}
 
@@ -31,6 +32,37 @@ def test_tiles_are_found_at_their_period_and_noise_is_not() -> None:
     assert peak > 0.7
     assert {abs(value) % 4 for value in shift} == {0.0}
     assert shared(False)[0] < 0.1
+
+
+def test_lines_and_streaks_are_no_period_and_a_tile_is() -> None:
+    rng = np.random.default_rng(1)
+    everywhere = np.ones((192, 192), bool)
+    found = {}
+    for name in ("tile", "line", "streak"):
+        maps = []
+        for _ in range(4):
+            grain = rng.normal(0, 20, (192, 192))
+            if name == "tile":
+                grain = np.tile(rng.normal(0, 20, (32, 32)), (6, 6))
+            elif name == "line":
+                grain[90:93] += 120
+            else:
+                grain += np.repeat(rng.normal(0, 30, (1, 192)), 192, 0)
+            maps.append(autocorrelation((128 + grain).astype(np.float32), everywhere))
+        found[name] = highest_peak(standing_out(np.array(maps), both=True))[0]
+    assert found["tile"] > 0.7
+    assert found["line"] < 0.1
+    assert found["streak"] < 0.1
+
+
+def test_plaster_is_not_like_itself_farther_down() -> None:
+    y, x = (np.mgrid[:576, :768] + 0.5) / 32 + 100
+    tones = np.ones(x.size)
+    plaster(x.ravel(), y.ravel(), np.full(x.size, 9.0), np.full(x.size, 1 / 32), 7, tones)
+    grey = 150 * tones.reshape(144, 4, 192, 4).mean(axis=(1, 3))
+    likeness = autocorrelation(grey.astype(np.float32), np.ones(grey.shape, bool))
+    assert likeness is not None
+    assert highest_peak(likeness)[0] < 0.2
 
 
 def test_what_is_even_or_marked_is_no_material() -> None:
