@@ -61,7 +61,18 @@ def test_all_kernels_are_cached_there() -> None:
 
 
 # What takes numba longer to compile than a kernel that calls it; loops do the same.
-SLOW_TO_COMPILE = {"argsort", "concatenate", "diff", "flatnonzero", "median", "partition", "sort", "std", "take", "unique"}
+SLOW_TO_COMPILE = {
+    "argsort",
+    "concatenate",
+    "diff",
+    "flatnonzero",
+    "median",
+    "partition",
+    "sort",
+    "std",
+    "take",
+    "unique",
+}
 OF_LAYOUTS = sorted((PACKAGE / "layout").glob("*.py"))
 
 
