@@ -14,6 +14,7 @@ import shapely
 from catalogs.block.file import BlockFile
 from catalogs.block.ground import block_ground
 from catalogs.block.keys import BlockKeys
+from catalogs.block.likely_shops import likely_shops
 from catalogs.block.streets import block_streets, followed
 from catalogs.buildings.extents import Bounds, Source, check_area, places_of, together
 from catalogs.buildings.outlines import Buildings, block_buildings
@@ -49,7 +50,8 @@ FOLLOWED_M = 1000.0
 @dataclass(frozen=True)
 class Geometry:
     """What a block is made of. crs: its frame; extent: (xmin, ymin, xmax, ymax) around the buildings and their surroundings;
-    shops: where a map has some within it, (x, y) in the frame, None where no map tells."""
+    shops: where a map has some within it, and where its streets make some likely, (x, y) in the frame, None where no map
+    tells."""
 
     crs: CRS
     built: Buildings
@@ -80,6 +82,8 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
         return Geometry(frame, built, (), Ground(outline=area), extent, notes, built.faults, shops)
     around = shapely.box(*extent) if area is None else area.buffer(AROUND_M, join_style="mitre")
     ground = file.read("streets.path", block_ground, centrelines, frame, around, area)
+    if shops is not None:
+        shops += tuple(likely_shops(built.items, ground.ways, shops))
     streets, cut, broken = _streets(keys, files, centrelines, frame, area, extent, file)
     return Geometry(frame, built, streets, ground, extent, notes + cut, (*built.faults, *broken), shops)
 

@@ -41,8 +41,8 @@ class Block:
 
     crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
     streets they are derived from the gaps between the buildings when the block is ingested. ground: what a map says of it;
-    shops: where it has some, (x, y), None where none tells. photos: facade id -> file, as taken from the street unless
-    photos_rectified; privacy: what is kept of things in front; textures: the pictures that the buildings' own texture
+    shops: where some are or are likely, (x, y), None where none tells. photos: facade id -> file, as taken from the street
+    unless photos_rectified; privacy: what is kept of things in front; textures: the pictures that the buildings' own texture
     indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres per pixel;
     materials: pictures whose grain takes the place of what is shipped. notes says what was left out or assumed, one line each;
     faults are the units that are broken. part: what is its own where it is a part of a city. digest is the sha256 of all of

@@ -1,0 +1,66 @@
+"""Shops on streets whose class suggests them, at buildings where the map has none: few, by the building's id."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from hashlib import blake2b
+
+import numpy as np
+import shapely
+
+from facade_core.types import Building, Way
+
+# The share of the buildings on a road that have a shop, by its rank: tertiary, secondary and primary roads.
+SHARES = {5: 0.2, 6: 0.3, 7: 0.35}
+# They stand so near to the carriageway's edge, and cover so much, metres and square metres; lower ones have none.
+BEFORE_M, LEAST_M2, LEAST_M = 8.0, 80.0, 5.0
+# A shop that the map has is the nearest building's, at most so far.
+SHOP_M = 15.0
+# Of edges that are no farther from the road than the nearest and this, the longest is the front.
+FRONT_M = 3.0
+
+
+def likely_shops(
+    buildings: Sequence[Building], ways: Sequence[Way], places: Sequence[tuple[float, float]]
+) -> list[tuple[float, float]]:
+    """Where shops are likely beside those at `places`: (x, y) in the middle of a building's front. What a building has depends
+    on it, on the road nearest to it and on whether a place is its own."""
+    roads = [way for way in ways if way.kind == "road"]
+    if not roads or not buildings:
+        return []
+    footprints = [building.footprint for building in buildings]
+    has = np.zeros(len(buildings), bool)
+    if len(places):
+        points = shapely.points(np.array(places).reshape(-1, 2))
+        has[shapely.STRtree(footprints).query_nearest(points, max_distance=SHOP_M)[1]] = True
+    houses = {building.house for building, one in zip(buildings, has, strict=True) if one}
+    _, road = shapely.STRtree([way.line for way in roads]).query_nearest(footprints, all_matches=False)
+    found = []
+    for building, nearest in zip(buildings, road.tolist(), strict=True):
+        way = roads[nearest]
+        low = building.raised > 0 or building.height < LEAST_M or building.footprint.area < LEAST_M2
+        if low or building.house in houses or _chance(building.house) >= SHARES.get(way.rank, 0.0):
+            continue
+        front = _front(building, way)
+        if front is not None:
+            found.append(front)
+    return found
+
+
+def _front(building: Building, way: Way) -> tuple[float, float] | None:
+    """The middle of a building's front on a road; None where it stands back from it."""
+    rings = [np.asarray(part.exterior.coords)[:, :2] for part in shapely.get_parts(building.footprint).tolist()]
+    ends = np.concatenate([np.stack([ring[:-1], ring[1:]], axis=1) for ring in rings])
+    middles = ends.mean(axis=1)
+    away = shapely.distance(shapely.points(middles), way.line)
+    if shapely.distance(building.footprint, way.line) > way.width / 2 + BEFORE_M:
+        return None
+    length = np.where(away <= away.min() + FRONT_M, np.hypot(*(ends[:, 1] - ends[:, 0]).T), 0.0)
+    x, y = middles[int(length.argmax())].tolist()
+    return x, y
+
+
+def _chance(id: str) -> float:
+    """A number from 0 to 1 that an id always has."""
+    digest = blake2b(id.encode(errors="surrogatepass"), digest_size=4, person=b"shop").digest()
+    return int.from_bytes(digest, "big") / 2**32
