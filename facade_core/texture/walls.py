@@ -90,11 +90,10 @@ def on_wall(
     if wall.corner:
         _bare_ground(style, stack[-1], source, plain)
     middle = door_place(wall.free, (wall.width, wall.height), across, wall.seams, rng) if wall.door else None
-    if middle is not None:
-        bay = np.flatnonzero((across[:-1] < middle + DOOR_M[0]) & (across[1:] > middle - DOOR_M[0]))
-        bays = np.unique(bay // 3 * 3) if not blank else []
+    if middle is not None and not blank:
+        beside = np.flatnonzero((across[:-1] < middle + DOOR_M[0]) & (across[1:] > middle - DOOR_M[0]))
         own = 3 * plain + np.arange(3) if ground == 3 else np.array([3 * plain + 1])
-        for left in bays:
+        for left in np.unique(beside // 3 * 3).tolist():
             source[0, -ground:, left : left + 3] = own[:, None]
             source[1, -ground:, left : left + 3] = wide + 1
     if attic > 0:
