@@ -135,7 +135,7 @@ def _cut(record: Mapping[str, Any]) -> str:
     kept = record.get("cut_kept", 1.0)
     if not record.get("cut_found", True):
         return ", no facade found in it"
-    return f" and cut to {kept:.0%} of it" if kept < 1 else ""
+    return f" and cut to {100 * kept:.0f} % of it" if kept < 1 else ""
 
 
 def _variations(facade: StoredFacade, levels: int) -> Iterator[Stage]:
