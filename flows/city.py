@@ -130,7 +130,9 @@ def _run(city_file: Path, out: Path, asked: Asked, submit: Submit) -> dict[str, 
         left = [name for name in account.blocks if name in waiting or account.blocks[name].code == TIME_IS_UP]
         summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
         summary["seconds"] = round(time.monotonic() - begun, 2)
-        summary["estimate"] = estimate | {"hours_taken": float(f"{summary['seconds'] / 3600:.3g}")}
+        spent = sum(account.blocks[name].processor for name in due if name not in waiting) / 3600
+        taken = {"hours_taken": summary["seconds"] / 3600, "processor_hours_taken": spent}
+        summary["estimate"] = estimate | {name: float(f"{value:.3g}") for name, value in taken.items()}
         write_summary(out, summary)
     return summary
 

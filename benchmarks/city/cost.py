@@ -1,11 +1,10 @@
-"""The model by which `streetloom plan` estimates a city: fitted on runs of cities, checked on one that it was not fitted on.
+"""The model by which `streetloom plan` estimates a city: fitted on blocks of several sizes and densities, checked on one that
+it was not fitted on. Seconds are those of the processor, so other work on the machine does not count.
 
-    streetloom city a.yaml --out out/a; streetloom city b.yaml --out out/b
-    python -m benchmarks.city.cost out/a --check out/b [--write]
+    python -m benchmarks.city.cost [--blocks 1x1@3 3x1@3 1x1@8] [--check 2x1@5] [--write]
 
-What a facade, a viewpoint, a piece of ground, an exemplar takes is the mean over the records of units (of a viewpoint
-the rays of the ingest too); of the clock, how much slower than that a block is, and what it takes beside, are a least-squares
-fit over blocks. So are bytes. Only blocks that were done in one go count. `--write` keeps the model in the project.
+A block is so many tiles of a town (`benchmarks.city.reading`) at so many texels a metre. Its stages are run one after the other
+in this process, after one that compiles; what the command takes beside, for starting and ending, is measured on the first.
 """
 
 from __future__ import annotations
@@ -14,7 +13,9 @@ import argparse
 import json
 import os
 import platform
-from collections.abc import Mapping, Sequence
+import tempfile
+import time
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from datetime import UTC, datetime
 from pathlib import Path
@@ -22,100 +23,75 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.city.reading import write_town
 from benchmarks.decisions.timing import bytes_in, figures
 from catalogs.block import read_block
-from tasks.city.account import BLOCKS, read_account
+from facade_core.atlas.store import BRANCH, open_repository
+from tasks.city.account import Ended
 from tasks.city.cost import COEFFICIENTS, WHAT, Cost, cost_of
 from tasks.city.counting import NOTHING, Counts, counts_of
-from tasks.kinds.order import KINDS
+from tasks.city.running import run_block
+from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
-from tasks.store.standing import recorded_source
+from tests.pipeline.stages import texture
 
-# Whose seconds are whose; surfaces are the facades' but for those of the ground.
-OF = {
-    "facades": "facades",
-    "textures": "facades",
-    "poses": "facades",
-    "surfaces": "facades",
-    "pages": "facades",
-    "tiles": "facades",
-    "pictures": "facades",
-    "viewpoints": "viewpoints",
-    "streets": "viewpoints",
-    "ingest": "viewpoints",
-    "exemplars": "exemplars",
-}
-# Viewpoints that begin within a second are one commit; pictures are made eight together.
-COMMIT_S, TOGETHER = 1.0, 8
+# What a block's seconds, bytes and commits are laid to, by least squares that are not negative: few enough for few blocks.
+OF = {"seconds": ("facades", "viewpoints", "megatexels"), "bytes": ("viewpoints", "megatexels"), "commits": WHAT[:3]}
 
 
 @dataclass(frozen=True)
-class Block:
-    """A block that was run: what its map told, what it had; seconds of workers and commits, by what they were of; bytes;
-    seconds of the clock; texels a metre."""
+class Ran:
+    """A block that was run: its name, texels a metre; what its map told, what it had; seconds, bytes, commits."""
 
+    name: str
+    density: float
     told: Counts
     had: Counts
-    spent: Counts
-    commits: Counts
-    bytes: int
     seconds: float
-    density: float
+    bytes: float
+    commits: float
 
 
-def blocks_of(out: Path) -> list[Block]:
-    """The blocks of a city that were done in one go."""
-    found = []
-    for name, ended in read_account(out).blocks.items():
-        folder = out / BLOCKS / name
-        source = recorded_source(folder)
-        if ended.code == 0 and source is not None and len(list((folder / "logs").glob("*.jsonl"))) == 1:
-            found.append(_block(folder, source, ended.seconds))
-    return found
+def run(folder: Path, name: str) -> Ran:
+    """Run a block, such as 3x1@8: tiles along and across, texels a metre."""
+    tiles, _, density = name.partition("@")
+    columns, rows = map(int, tiles.split("x"))
+    write_town(folder, columns, rows, texels=float(density))
+    told = counts_of(read_block(folder / "block.yaml"))
+    begun = time.process_time()
+    done = texture(folder / "block.yaml", folder / "out").run
+    repository = open_repository(done.store)
+    commits = len(list(repository.ancestry(branch=BRANCH))) - 1
+    publish_block.fn(done, folder / "block.yaml")
+    seconds = time.process_time() - begun
 
+    def count(stage: str, start: str = "") -> int:
+        return sum(record is not None and record["unit"].startswith(start) for record in journal(done.store, stage))
 
-def _block(folder: Path, source: Path, seconds: float) -> Block:
-    units = [(kind.stage, r) for kind in KINDS for r in journal(folder / "store", kind.stage) if r and "seconds" in r]
-    spent, commits = dict.fromkeys(WHAT, 0.0), dict.fromkeys(WHAT, 0.0) | {"blocks": 3.0}  # ingest, streets, publishing
-    ended: dict[str, float] = {}
-    for stage, record in units:
-        ground = stage == "surfaces" and record["unit"].startswith("ground-")
-        of = "ground" if ground else OF[stage]
-        spent[of] += sum(record["seconds"].values())
-        if stage == "viewpoints":
-            street = record["unit"].rpartition("/")[0]
-            if record["started"] - ended.get(street, -np.inf) < COMMIT_S:
-                continue
-            ended[street] = record["started"]
-        commits[of] += 1 / TOGETHER if stage == "pictures" else 1
-    for said in map(json.loads, next((folder / "logs").glob("*.jsonl")).read_text("utf-8").splitlines()):
-        if said.get("stage") == "ingest" and "worker" in said:
-            spent[OF["ingest"]] += sum(said["seconds"].values())
-    count = {stage: sum(one == stage for one, _ in units) for stage, _ in units}
-    pieces = sum(stage == "surfaces" and r["unit"].startswith("ground-") for stage, r in units)
-    had = Counts(count.get("facades", 0), count.get("viewpoints", 0), pieces, count.get("exemplars", 0))
-    block = read_block(source)
-    size, density = bytes_in(folder), block.texture.texels_per_metre
-    return Block(counts_of(block), had, Counts(**spent), Counts(**commits), size, seconds, density)
-
-
-def fit(blocks: Sequence[Block], workers: int, machine: str = "") -> Cost:
-    """The model of some blocks, run on a machine of these words."""
-    from scipy.optimize import nnls
-
-    told, had, spent, commits = (
-        sum((getattr(block, name) for block in blocks), NOTHING) for name in ("told", "had", "spent", "commits")
+    had = Counts(
+        count("facades"), count("viewpoints"), count("surfaces", "ground-"), count("exemplars"), told.megatexels
     )
+    return Ran(name, float(density), told, had, seconds, float(bytes_in(folder / "out")), float(commits))
 
-    def each(total: Counts, by: Counts) -> dict[str, float]:
-        return {name: getattr(total, name) / max(getattr(by, name), 1.0) for name in WHAT}
 
-    seconds = each(spent, had)
-    workers_s = np.array([sum(asdict(block.spent).values()) for block in blocks])
-    clock = np.column_stack([workers_s / workers, np.ones(len(blocks))])
-    (slower, fixed), _ = nnls(clock, np.array([block.seconds for block in blocks]))
-    columns = np.array([[getattr(block.had, name) for name in WHAT] for block in blocks])
-    kept, _ = nnls(columns, np.array([float(block.bytes) for block in blocks]))
+def starting(folder: Path, name: str, units: float) -> float:
+    """What the command takes of a block beside its units, its 3D Tiles included, seconds of the processor."""
+    tiles, _, density = name.partition("@")
+    columns, rows = map(int, tiles.split("x"))
+    write_town(folder, columns, rows, texels=float(density))
+    options = ["--workers", "1"]
+    ended = run_block.fn(folder, "one", folder / "block.yaml", options, Ended(), "", "", None, tiles=True)
+    if ended.code:
+        raise SystemExit(f"{name}: {ended.reason}")
+    return max(0.0, ended.processor - units)
+
+
+def fit(blocks: Sequence[Ran], start: float, machine: str = "") -> Cost:
+    """The model of some blocks, run on a machine of these words."""
+    told, had = (sum((getattr(block, name) for block in blocks), NOTHING) for name in ("told", "had"))
+    each = {name: getattr(had, name) / max(getattr(told, name), 1e-9) for name in WHAT}
+    parts = {what: _laid(blocks, what, names) for what, names in OF.items()}
+    parts["seconds"]["blocks"] = start
     return cost_of(
         {
             "fitted": {
@@ -125,53 +101,56 @@ def fit(blocks: Sequence[Block], workers: int, machine: str = "") -> Cost:
                 "facades": int(had.facades),
                 "texels_per_metre": sorted({block.density for block in blocks}),
             },
-            "counted": _rounded(each(had, told) | {"blocks": 1.0}),
-            "seconds": _rounded(seconds | {"blocks": float(fixed)}),
-            "bytes": _rounded(dict(zip(WHAT, kept.tolist(), strict=True))),
-            "commits": _rounded(each(commits, had)),
-            "slower": figures(float(slower)),
+            "counted": {name: figures(value) for name, value in each.items()},
+            **parts,
         }
     )
 
 
-def _rounded(values: Mapping[str, float]) -> dict[str, float]:
-    return {name: figures(value) for name, value in values.items()}
+def _laid(blocks: Sequence[Ran], what: str, names: Sequence[str]) -> dict[str, float]:
+    """Least squares of shares: a block that is off by a tenth counts the same whatever its size."""
+    from scipy.optimize import nnls
+
+    took = np.array([getattr(block, what) for block in blocks])
+    columns = np.array([[getattr(block.had, name) for name in names] for block in blocks])
+    found, _ = nnls(columns / took[:, None], np.ones(len(blocks)))
+    return dict.fromkeys(WHAT, 0.0) | {name: figures(one) for name, one in zip(names, found.tolist(), strict=True)}
 
 
-def checked(cost: Cost, blocks: Sequence[Block], workers: int) -> dict[str, Any]:
-    """What the model says of blocks that were run, beside what they took."""
-    said = cost.estimate([block.told for block in blocks], workers)
-    took = {
-        "facades": sum(block.had.facades for block in blocks),
-        "viewpoints": sum(block.had.viewpoints for block in blocks),
-        "ground": sum(block.had.ground for block in blocks),
-        "hours": sum(block.seconds for block in blocks) / 3600,
-        "gigabytes": sum(block.bytes for block in blocks) / 1e9,
-        "commits": sum(sum(asdict(block.commits).values()) for block in blocks),
-    }
+def checked(cost: Cost, blocks: Sequence[Ran]) -> dict[str, Any]:
+    """What the model says of the units of blocks that were run, beside what they took."""
+    said = sum((block.told.times(cost.counted) for block in blocks), NOTHING)
+    pairs = {name: (getattr(said, name), sum(getattr(b.had, name) for b in blocks)) for name in WHAT[:3]}
+    for what in OF:
+        spent = asdict(said.times(getattr(cost, what))) | ({"blocks": 0.0} if what == "seconds" else {})
+        pairs[what] = sum(spent.values()), sum(getattr(block, what) for block in blocks)
     return {
-        name: {"said": said[name], "took": figures(value), "of_it": figures(said[name] / value)}
-        for name, value in took.items()
+        name: {"said": figures(one), "took": figures(took), "of_it": figures(one / took)}
+        for name, (one, took) in pairs.items()
     }
 
 
 def main() -> None:
-    """Fit the model, check it, print both as JSON."""
+    """Run the blocks, fit the model, check it, print all of that as JSON."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("cities", nargs="+", type=Path, metavar="OUT", help="cities that were run, to fit on")
-    parser.add_argument("--check", type=Path, metavar="OUT", help="one that was run, to check on")
-    parser.add_argument("--workers", type=int, default=2, help="by which they were run [2]")
+    parser.add_argument("--blocks", nargs="+", default=["1x1@3", "3x1@3", "1x1@8"], help="to fit on")
+    parser.add_argument("--check", nargs="*", default=["2x1@5"], help="to check on")
     machine = f"{os.cpu_count()} cores, {platform.machine()}"
-    parser.add_argument("--machine", default=machine, help=f"on which they were run, in words [{machine}]")
+    parser.add_argument("--machine", default=machine, help=f"on which they are run, in words [{machine}]")
     parser.add_argument("--write", action="store_true", help="keep the model in the project")
     asked = parser.parse_args()
-    blocks = [block for out in asked.cities for block in blocks_of(out)]
-    if not blocks:
-        raise SystemExit("no block of these cities was done in one go")
-    cost = fit(blocks, asked.workers, asked.machine)
-    held = blocks_of(asked.check) if asked.check else []
-    result = asdict(cost) | {"fitted_on_itself": checked(cost, blocks, asked.workers)}
-    print(json.dumps(result | ({"check": checked(cost, held, asked.workers)} if held else {}), indent=1))
+    ran: dict[str, Ran] = {}
+    with tempfile.TemporaryDirectory() as name:
+        run(Path(name) / "compiles", asked.blocks[0])
+        for block in (*asked.blocks, *asked.check):
+            ran[block] = run(Path(name) / block, block)
+            print(json.dumps(asdict(ran[block])), flush=True)
+        start = starting(Path(name) / "command", asked.blocks[0], ran[asked.blocks[0]].seconds)
+    fitted_on = [ran[block] for block in asked.blocks]
+    cost = fit(fitted_on, figures(start), asked.machine)
+    result = {"model": asdict(cost), "fitted_on_itself": checked(cost, fitted_on)}
+    held = {block: checked(cost, [ran[block]]) for block in asked.check}
+    print(json.dumps(result | {"check": held}, indent=1))
     if asked.write:
         COEFFICIENTS.write_text(json.dumps(asdict(cost), indent=1) + "\n", encoding="utf-8")
 

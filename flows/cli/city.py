@@ -92,7 +92,8 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
     fitted = said["fitted"]
     counts = f"{said['facades']} facades, {said['viewpoints']} viewpoints, {said['ground']} pieces of ground"
     say(f"{account.name}: {said['blocks']} blocks, {counts}")
-    say(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers})")
+    alone = f"{said['processor_hours']:.2g} h of a processor"
+    say(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers}), {alone}")
     say(f"  kept   {said['gigabytes']:.2g} GB, {said['commits']} commits")
     say(f"  most   {said['bottleneck_share']:.0%} of the time: {said['bottleneck']}")
     densities = ", ".join(f"{one:g}" for one in fitted["texels_per_metre"])

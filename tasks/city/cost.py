@@ -17,6 +17,7 @@ WORDS = {
     "facades": "facades",
     "viewpoints": "viewpoints of streets",
     "ground": "ground",
+    "megatexels": "texels: half as many a metre are a quarter",
     "exemplars": "exemplars, prepared by each block",
     "blocks": "starting blocks and publishing them, which workers wait for",
 }
@@ -27,8 +28,7 @@ class Cost:
     """The model. fitted: when, on which machine, by how many blocks of which density (texels a metre).
 
     counted: of each of WHAT how many there are for one that the map tells of; seconds, bytes, commits: what one takes: seconds
-    of a worker, bytes kept in store and published; of blocks the seconds are of the clock, and a worker's seconds take `slower`
-    seconds of it.
+    of a processor that does nothing else, bytes kept in store and published.
     """
 
     fitted: Mapping[str, Any]
@@ -36,21 +36,19 @@ class Cost:
     seconds: Counts
     bytes: Counts
     commits: Counts
-    slower: float
 
     def seconds_of(self, counts: Counts, workers: int) -> float:
-        """Seconds of the clock that blocks take one after the other."""
+        """Seconds of the clock that blocks take one after the other: workers share the units, and wait as a block starts and
+        ends."""
         spent = counts.times(self.seconds)
-        return spent.blocks + (sum(asdict(spent).values()) - spent.blocks) * self.slower / workers
+        return spent.blocks + (sum(asdict(spent).values()) - spent.blocks) / workers
 
     def estimate(self, told: Sequence[Counts], workers: int, at_once: int = 1) -> dict[str, Any]:
-        """What blocks will take, by what the map tells of each: facades and the like, hours, gigabytes, commits, and where most
-        of the time goes."""
+        """What blocks will take, by what the map tells of each: facades and the like, hours on processors that do nothing else,
+        gigabytes, commits, and where most of the time goes."""
         counts = sum((one.times(self.counted) for one in told), NOTHING)
         spent = counts.times(self.seconds)
-        shares = asdict(spent) | {
-            name: getattr(spent, name) * self.slower / workers for name in WHAT if name != "blocks"
-        }
+        shares = asdict(spent) | {name: getattr(spent, name) / workers for name in WHAT if name != "blocks"}
         longest = max((self.seconds_of(one.times(self.counted), workers) for one in told), default=0.0)
         hours = max(self.seconds_of(counts, workers) / max(1, min(at_once, len(told))), longest) / 3600
         most = max(shares, key=lambda name: shares[name])
@@ -58,6 +56,7 @@ class Cost:
             **{name: round(getattr(counts, name)) for name in WHAT},
             "workers": workers * at_once,
             "hours": float(f"{hours:.3g}"),
+            "processor_hours": float(f"{sum(asdict(spent).values()) / 3600:.3g}"),
             "gigabytes": float(f"{sum(asdict(counts.times(self.bytes)).values()) / 1e9:.3g}"),
             "commits": round(sum(asdict(counts.times(self.commits)).values())),
             "bottleneck": WORDS[most],
@@ -75,4 +74,4 @@ def shipped() -> Cost:
 def cost_of(held: Mapping[str, Any]) -> Cost:
     """A model as it is kept in a file."""
     parts = {name: Counts(**held[name]) for name in ("counted", "seconds", "bytes", "commits")}
-    return Cost(fitted=held["fitted"], slower=held["slower"], **parts)
+    return Cost(fitted=held["fitted"], **parts)

@@ -17,12 +17,14 @@ GROUND_M, AROUND_M = 32.0, 22.0
 
 @dataclass(frozen=True)
 class Counts:
-    """Of a block, or of some: facades, viewpoints, pieces of ground, exemplars (once for each block), blocks."""
+    """Of a block, or of some: facades, viewpoints, pieces of ground, exemplars (once for each block), millions of texels at the
+    full density, blocks."""
 
     facades: float
     viewpoints: float
     ground: float
     exemplars: float
+    megatexels: float
     blocks: float = 1.0
 
     def __add__(self, other: Counts) -> Counts:
@@ -32,7 +34,7 @@ class Counts:
         return Counts(*(getattr(self, f.name) * getattr(factors, f.name) for f in fields(self)))
 
 
-NOTHING = Counts(0, 0, 0, 0, 0)
+NOTHING = Counts(0, 0, 0, 0, 0, 0)
 
 
 def counts_of(block: Block) -> Counts:
@@ -46,7 +48,9 @@ def counts_of(block: Block) -> Counts:
     viewpoints = sum(max(1, int(np.ceil((line.length - spacing / 2) / spacing))) for line in lines)
     ground = _ground(block, own, walked)
     exemplars = len(block.exemplars) if block.texture.walls == "exemplar" else 0
-    return Counts(_free_walls(block, mine), viewpoints, ground, exemplars)
+    walls = sum(building.footprint.length * building.height + building.footprint.area for building in mine)
+    megatexels = (walls + ground * GROUND_M**2) * block.texture.texels_per_metre**2 / 1e6
+    return Counts(_free_walls(block, mine), viewpoints, ground, exemplars, megatexels)
 
 
 def _free_walls(block: Block, mine: list) -> int:

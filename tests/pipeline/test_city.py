@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 import time
+from datetime import datetime
 from pathlib import Path
 
 import pytest
@@ -13,6 +14,8 @@ import yaml
 
 from catalogs.published.joined import joined_in
 from catalogs.query import query
+from flows.city import city as flow
+from flows.city import ends_at
 from tests.pipeline.runs import ROOT, environment
 from tests.pipeline.stages import write_block
 
@@ -74,3 +77,11 @@ def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path
     again = run(town)
     assert (again["blocks_done"], again["blocks_skipped"]) == (2, 2)
     assert again["atlas_digest"] == summary["atlas_digest"]
+
+
+def test_the_nightly_city_is_deployed_as_its_flow_takes_it() -> None:
+    entries = yaml.safe_load((ROOT / "deploy" / "prefect.yaml").read_text())["deployments"]
+    (nightly,) = [entry for entry in entries if entry["entrypoint"] == "flows.city:city"]
+    flow.validate_parameters(nightly["parameters"])
+    assert ends_at(nightly["parameters"]["until"], datetime(2026, 11, 24, 2, 0)) == datetime(2026, 11, 24, 6, 0)
+    assert nightly["concurrency_limit"] == {"limit": 1, "collision_strategy": "CANCEL_NEW"}
