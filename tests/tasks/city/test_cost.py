@@ -15,7 +15,7 @@ MODEL = Cost(
     counted=Counts(1.0, 1.0, 2.0, 1.0, 1.0),
     seconds=Counts(0.8, 0.5, 0.0, 0.0, 0.25, blocks=30.0),
     bytes=Counts(0.0, 1e5, 0.0, 0.0, 2e6, blocks=0.0),
-    commits=Counts(1.5, 0.5, 1.0, 0.0, 0.0, blocks=0.0),
+    commits=Counts(1.5, 0.5, 0.0, 0.0, 0.0, blocks=3.0),
 )
 TOLD = [Counts(40 + 17 * n % 60, 10 + 23 * n % 50, 5 + 7 * n % 11, 4 + n % 3, 3.0 + 5 * n % 13) for n in range(12)]
 
@@ -34,7 +34,7 @@ def test_a_fit_finds_the_model_and_holds_on_blocks_it_has_not_seen() -> None:
     for name in ("counted", "seconds", "bytes", "commits"):
         assert asdict(getattr(found, name)) == pytest.approx(asdict(getattr(MODEL, name)), rel=0.01, abs=0.01)
     assert all(
-        one["of_it"] == pytest.approx(1, abs=0.02) for one in checked(found, [ran(t) for t in TOLD[8:]]).values()
+        one["of_it"] == pytest.approx(1, abs=0.02) for one in checked(found, [ran(t) for t in TOLD[8:]], 30.0).values()
     )
 
 
