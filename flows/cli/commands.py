@@ -13,6 +13,7 @@ import click
 from flows.cli.box import WithBox
 from flows.cli.city import city, plan
 from flows.cli.doctor import doctor
+from flows.cli.metrics import metrics
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE, OUT
 from flows.cli.prune import prune
 from flows.cli.results import catalog, export, query, view
@@ -271,7 +272,7 @@ def _redo(run: Any, street: str, only: bool) -> None:
     note(f"doing street {', '.join(streets)} again; {others}{fate}")
 
 
-for command in (city, plan, query, export, catalog, view, doctor, prune, train, bench):
+for command in (city, plan, query, export, catalog, view, doctor, metrics, prune, train, bench):
     main.add_command(command)
 
 

@@ -321,14 +321,7 @@ def test_a_run_whose_worker_is_killed_before_it_starts_is_crashed_and_the_next_o
     bad = tmp_path / "bad.yaml"
     bad.write_text("name: mine\nbuildigs: {path: a.pbf}\n")
     with listening(told) as address:
-        block = (
-            "from prefect.blocks.notifications import CustomWebhookNotificationBlock as To; To(name='team', url=%r, "
-        )
-        subprocess.run(
-            [sys.executable, "-c", f"{block % address} json_data={{'body': '{{{{body}}}}'}}).save('team')"],
-            env=site.environment,
-            check=True,
-        )
+        notified_at(site, address)
         automate(site, tmp_path / "automations.yaml")
         typed(site, "prefect deploy -n city-block/nightly")
         first = begin(site, bad)
@@ -345,6 +338,39 @@ def test_a_run_whose_worker_is_killed_before_it_starts_is_crashed_and_the_next_o
         assert state(site, second).name == "Failed"
         assert "buildigs: unknown key" in (state(site, second).message or "")
         until(lambda: any("buildigs: unknown key" in line for line in told), site)
+
+
+def test_a_night_in_which_no_run_ended_well_is_told(site: Site, tmp_path: Path) -> None:
+    """The alarm of deploy/automations.yaml, with seconds for hours."""
+    told: list[str] = []
+    (entry,) = [
+        one for one in yaml.safe_load((ROOT / "deploy" / "automations.yaml").read_text()) if "nightly" in one["name"]
+    ]
+    assert entry["trigger"]["within"] == 26 * 3600
+    entry["trigger"]["within"] = 10  # the least that Prefect takes
+    (tmp_path / "missed.yaml").write_text(yaml.safe_dump([entry]))
+    with listening(told) as address, site.client() as client:
+        notified_at(site, address)
+        made = subprocess.run(
+            [sys.executable, "deploy/automations.py", str(tmp_path / "missed.yaml"), "--notify", "custom-webhook/team"],
+            cwd=ROOT,
+            env=site.environment,
+            capture_output=True,
+            text=True,
+        )
+        assert made.returncode == 0, made.stderr
+        until(lambda: any("is a worker polling" in line for line in told), site)
+        for automation in client.read_automations_by_name(entry["name"]):
+            client.delete_automation(automation.id)
+
+
+def notified_at(site: Site, address: str) -> None:
+    """Make the block `custom-webhook/team`, which tells a webhook."""
+    block = (
+        f"from prefect.blocks.notifications import CustomWebhookNotificationBlock as To; To(name='team', url={address!r}, "
+        "json_data={'body': '{{body}}'}).save('team', overwrite=True)"
+    )
+    subprocess.run([sys.executable, "-c", block], env=site.environment, check=True)
 
 
 def automate(site: Site, file: Path) -> None:

@@ -1,0 +1,51 @@
+"""What lies in runs' stores, as metrics in Prometheus' text format: read from the journals, whether a run is at work or not."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Mapping
+from pathlib import Path
+
+from prometheus_client import CollectorRegistry, Gauge, generate_latest
+
+from catalogs.published.places import sizes_in
+from catalogs.published.snapshot import current_if_any
+from facade_core.atlas.journal import read_journal
+from facade_core.atlas.store import BRANCH, open_repository, open_root
+from tasks.kinds.order import STAGES
+
+
+def stores_in(folder: Path) -> dict[str, Path]:
+    """The runs that have a store, by name: `folder` itself, else those at most two levels below it, as a city has them."""
+    if (folder / "store").is_dir():
+        return {folder.resolve().name: folder}
+    found = [path.parent for pattern in ("[!.]*/store", "[!.]*/[!.]*/store") for path in folder.glob(pattern)]
+    return {str(path.relative_to(folder)): path for path in sorted(found) if (path / "store").is_dir()}
+
+
+def exposition(runs: Mapping[str, Path]) -> str:
+    """The metrics of runs, by the names that they are to be known by."""
+    registry = CollectorRegistry()
+    units = Gauge("streetloom_units", "Units in the journal.", ["run", "stage", "state"], registry=registry)
+    seconds = Gauge(
+        "streetloom_unit_seconds", "Seconds of workers that units took.", ["run", "stage"], registry=registry
+    )
+    latest = Gauge("streetloom_unit_latest", "When the newest unit was begun, Unix time.", ["run"], registry=registry)
+    commits = Gauge("streetloom_snapshots", "Commits that the store keeps.", ["run"], registry=registry)
+    held = Gauge("streetloom_store_bytes", "Bytes of the store.", ["run"], registry=registry)
+    current = Gauge("streetloom_published", "Whether something is published.", ["run"], registry=registry)
+    for name, folder in runs.items():
+        repository = open_repository(folder / "store")
+        root = open_root(repository.readonly_session(BRANCH))
+        begun = [0.0]
+        for stage in STAGES:
+            records = [record for record in read_journal(root, stage) if record]
+            for state, count in Counter(record["status"] for record in records).items():
+                units.labels(name, stage, state).set(count)
+            seconds.labels(name, stage).set(sum(sum(record.get("seconds", {}).values()) for record in records))
+            begun += [record["started"] for record in records if record.get("started")]
+        latest.labels(name).set(max(begun))
+        commits.labels(name).set(sum(1 for _ in repository.ancestry(branch=BRANCH)))
+        held.labels(name).set(sum(sizes_in(folder / "store").values()))
+        current.labels(name).set(current_if_any(folder) is not None)
+    return generate_latest(registry).decode()
