@@ -25,6 +25,8 @@ from prefect.artifacts import (
 from prefect.client.orchestration import get_client
 from prefect.client.schemas.actions import ArtifactUpdate
 
+from catalogs.published.places import Folder
+from catalogs.published.s3 import folder_at
 from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 from tasks.kinds.order import KINDS, STAGES
@@ -154,22 +156,23 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     why = f"{failed(summary)}, and why" if failures else "no unit failed or was set aside"
     create_table_artifact([*map(cells, failures)], key=f"{slug}-failures", description=why)
     outputs = summary["outputs"]
-    facades = _facades(Path(outputs["items"]))
+    facades = _facades(folder_at(outputs["items"]))
     create_table_artifact(
         [*map(cells, facades[:ROWS])],
         key=f"{slug}-facades",
         description=f"{len(facades)} facades, failed ones first; {code(f'streetloom query {run.out}')} finds what you look for",
     )
-    report = Path(outputs["report"]).resolve()
+    report = folder_at(outputs["report"]).resolve()
     # browsers do not follow links from a server's page to files, so every path is also there to be copied
     create_link_artifact(
-        report.as_uri(),
+        _address(report),
         link_text=f"report of {plain(run.block)}",
         key=f"{slug}-report",
         description=f"pictures and figures of every facade: open {plain(str(report))}",
     )
-    links = [("report", report), *(("model", Path(path)) for path in outputs["glb"]), ("items", Path(outputs["items"]))]
-    lines = [f"- [{name}]({path.resolve().as_uri()}): {code(str(path.resolve()))}" for name, path in links]
+    links = [("report", outputs["report"]), *(("model", path) for path in outputs["glb"]), ("items", outputs["items"])]
+    files = [(name, folder_at(path).resolve()) for name, path in links]
+    lines = [f"- [{name}]({_address(path)}): {code(str(path))}" for name, path in files]
     find = (
         f"{code(f'streetloom view {run.out}')} serves the map, every facade stage by stage and the block in 3D at "
         f"[{VIEWER_HOST}:{VIEWER_PORT}](http://{VIEWER_HOST}:{VIEWER_PORT}/), also while a run goes on; "
@@ -182,13 +185,20 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
     )
 
 
-def _facades(items: Path) -> list[dict[str, Any]]:
+def _address(path: Folder) -> str:
+    return path.as_uri() if isinstance(path, Path) else str(path)
+
+
+def _facades(items: Folder) -> list[dict[str, Any]]:
     """The facades of a published table with a few of their columns, failed ones first."""
     import pyarrow.parquet as pq
+    from pyarrow import BufferReader
 
-    held = pq.read_schema(items).names  # an earlier version published fewer
+    table = BufferReader(items.read_bytes())
+    held = pq.read_schema(table).names  # an earlier version published fewer
     shown = [name for name in FACADE_COLUMNS if name in held]
-    rows = pq.read_table(items, columns=["kind", *shown]).to_pylist()
+    table.seek(0)
+    rows = pq.read_table(table, columns=["kind", *shown]).to_pylist()
     facades = [{name: row[name] for name in shown} for row in rows if row["kind"] == "facade"]
     return sorted(facades, key=lambda row: row["status"] == "done")
 

@@ -72,6 +72,7 @@ def leased(out: S3Folder, handle: int) -> Iterator[Lease]:
     token = uuid.uuid4().hex
     kept = os.pread(handle, 64, 0).decode(errors="replace")
     tag = _taken(out, token, kept)
+    _require_conditions(out)
     os.ftruncate(handle, 0)
     os.pwrite(handle, token.encode(), 0)
     lease = Lease(out, token, tag, time.monotonic())
@@ -112,6 +113,17 @@ def _taken(out: S3Folder, token: str, kept: str) -> str:
                 log.warning("%s: took over the lock of %s, which was over at %s", out, held[0], held[1])
             return tag
     raise InputError(f"{out}: other runs begin in it at the same time; run again")
+
+
+def _require_conditions(out: S3Folder) -> None:
+    """Raise InputError where a bucket writes over what is there though the condition does not hold: runs would lose commits."""
+    for condition in (None, f'"{"0" * 32}"'):
+        if objects.put_if(_path(out), b"{}", condition) is not None:
+            objects.delete([_path(out)])
+            raise InputError(
+                f"{out}: its bucket keeps no conditions on writing (If-Match, If-None-Match), by which runs keep apart; name "
+                "one that does, or a folder, and copy it there with `streetloom catalog FOLDER --to s3://...`"
+            )
 
 
 def _keep(lease: Lease) -> None:

@@ -30,6 +30,7 @@ DECISIONS = {
     "ranks": "0019-who-wins-on-a-texel",
     "publishing": "0020-published-by-snapshot",
     "manifests": "0045-what-a-city-costs",
+    "bucket": "0071-a-run-lives-in-a-bucket",
 }
 
 

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Collection, Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from catalogs.published.places import Folder
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -15,7 +17,7 @@ if TYPE_CHECKING:
 def write_layers(
     path: Path,
     *,
-    items: Path,
+    items: Folder,
     crs: str,
     walls: Mapping[str, Polygon],
     buildings: Sequence[Mapping[str, Any]],
@@ -33,7 +35,7 @@ def write_layers(
     import pyogrio
 
     try:
-        rows = gpd.read_parquet(items)
+        rows = gpd.read_parquet(io.BytesIO(items.read_bytes()))
     except (OSError, ValueError, pa.ArrowException) as error:
         raise InputError(f"{items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
     facades = rows[(rows.kind == "facade") & rows.building.isin(chosen)]

@@ -5,19 +5,23 @@ from __future__ import annotations
 import json
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.paths import EXISTING_FOLDER
+from flows.cli.paths import EXISTING_OUT
 from flows.cli.say import say
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
 
 WORDS = {True: "ok", False: "wrong", None: "note"}
 
 
 @click.command()
-@click.argument("out", metavar="[OUT]", type=EXISTING_FOLDER, required=False)
+@click.argument("out", metavar="[OUT]", type=EXISTING_OUT, required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
-def doctor(out: Path | None, as_json: bool) -> None:
+def doctor(out: Folder | None, as_json: bool) -> None:
     """Say whether the environment is as it should be, and what is wrong or stale in a run's folder OUT.
 
     Reads the whole store; changes nothing. Exits with 1 where something is wrong; each line names the remedy.
@@ -29,6 +33,7 @@ def doctor(out: Path | None, as_json: bool) -> None:
     """
     from itertools import chain
 
+    from catalogs.published.places import local_side
     from facade_core.errors import InputError
     from flows.lock import is_held
     from tasks.doctor import examine_folder, examine_machine
@@ -36,7 +41,9 @@ def doctor(out: Path | None, as_json: bool) -> None:
     if out and is_held(out):
         raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
     found = []
-    for finding in chain(examine_machine(out or Path.cwd()), examine_folder(out) if out else ()):
+    side = local_side(out) if out else Path.cwd()
+    disk = next(folder for folder in (side, *side.parents) if folder.is_dir())  # a bucket's may not be there yet
+    for finding in chain(examine_machine(disk), examine_folder(out) if out else ()):
         found.append(finding)
         if not as_json:
             say(f"{WORDS[finding.well]:<6} {finding.concern:<10} {finding.said}")

@@ -2,21 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.paths import EXISTING_FOLDER
+from flows.cli.paths import EXISTING_OUT
 from flows.cli.say import say
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
 
 
 @click.command()
-@click.argument("out", metavar="OUT", type=EXISTING_FOLDER)
+@click.argument("out", metavar="OUT", type=EXISTING_OUT)
 @click.option("--keep", type=click.IntRange(1), required=True, metavar="N", help="Published snapshots to keep.")
-def prune(out: Path, keep: int) -> None:
+def prune(out: Folder, keep: int) -> None:
     """Remove all but the N newest published snapshots of the run in OUT, and what only they and killed runs left.
 
-    What `current` names is kept, and what somebody reads. `streetloom run --keep N` does the same after each run.
+    What `current` names is kept, and what somebody reads; in a bucket, what was superseded within the hour. `streetloom run
+    --keep N` does the same after each run.
 
     \b
     Example:

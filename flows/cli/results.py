@@ -4,13 +4,17 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from flows.cli.box import WithBox
-from flows.cli.paths import EXISTING_FOLDER, LocalPath
+from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalPath
 from flows.cli.say import note, say
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
 
 # An export of more files than these is named by its folder.
 LISTED = 8
@@ -65,7 +69,7 @@ def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since:
 
 
 @click.command()
-@click.argument("folder", metavar="OUT", type=EXISTING_FOLDER)
+@click.argument("folder", metavar="OUT", type=EXISTING_OUT)
 @click.option(
     "--format",
     "style",
@@ -73,9 +77,13 @@ def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since:
     type=click.Choice(["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg"]),
     help="glb, 3dtiles, cityjson(seq), lod3: models; coco, labelme: elements of the facades; gpkg: for QGIS.",
 )
-@click.option("--to", type=LocalPath(path_type=Path), help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]")
+@click.option(
+    "--to",
+    type=LocalPath(path_type=Path),
+    help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT; none of a bucket]",
+)
 @click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
-def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
+def export(folder: Folder, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
     """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
 
     \b
@@ -97,9 +105,9 @@ def export(folder: Path, style: str, to: Path | None, buildings: tuple[str, ...]
 
 
 @click.command()
-@click.argument("folder", metavar="FOLDER", type=EXISTING_FOLDER)
+@click.argument("folder", metavar="FOLDER", type=EXISTING_OUT)
 @click.option("--to", metavar="S3://...", help="Copy the runs, with their stores, and the catalogue into a bucket.")
-def catalog(folder: Path, to: str | None) -> None:
+def catalog(folder: Folder, to: str | None) -> None:
     """Write FOLDER/catalog.json, the STAC catalogue of all runs in a folder (or of one run).
 
     \b
@@ -117,14 +125,16 @@ def catalog(folder: Path, to: str | None) -> None:
     target = folder_at(to) if to else None
     if to and not isinstance(target, S3Folder):
         raise InputError(f"--to {to}: is no bucket; write s3://BUCKET/FOLDER, or copy the folder itself")
+    if to and isinstance(folder, S3Folder):
+        raise InputError(f"{folder}: is in a bucket already; copy it from there to {to} by the bucket's own tools")
     written = write_catalog(folder, note=note)
-    if not isinstance(target, S3Folder):
+    if not isinstance(target, S3Folder) or not isinstance(folder, Path):
         say(written)
         return
     runs, _ = runs_in(folder)
     for run in runs:
         place = target if run.folder == folder else target / run.name
-        with locked(run.folder):
+        with locked(run.folder), locked(place):
             sent = copy_run(run.folder, place)
         say(f"{place}: {sent} files sent", err=True)
     if runs[0].folder != folder:
@@ -133,7 +143,7 @@ def catalog(folder: Path, to: str | None) -> None:
 
 
 @click.command()
-@click.argument("out", metavar="OUT", type=EXISTING_FOLDER)
+@click.argument("out", metavar="OUT", type=EXISTING_OUT)
 @click.option(
     "--port", type=click.IntRange(0, 65535), default=VIEWER_PORT, show_default=True, help="0 takes any that is free."
 )
@@ -141,7 +151,7 @@ def catalog(folder: Path, to: str | None) -> None:
     "--host", default=VIEWER_HOST, show_default=True, help="Address or name to serve on; 0.0.0.0 is all addresses."
 )
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
-def view(out: Path, port: int, host: str, opened: bool) -> None:
+def view(out: Folder, port: int, host: str, opened: bool) -> None:
     """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D, where a finished run
     opens. Ctrl-C ends it.
 
@@ -175,7 +185,7 @@ def view(out: Path, port: int, host: str, opened: bool) -> None:
     serve(out, host, port, ready)
 
 
-def _run_in(folder: Path) -> Path:
+def _run_in(folder: Folder) -> Folder:
     """The folder of the one run in `folder`, which is itself one or holds it at most two levels down, ended or still going.
 
     Raises InputError that names the runs where there are several, or says that there is none.
@@ -185,6 +195,10 @@ def _run_in(folder: Path) -> Path:
 
     if (folder / "store").is_dir():
         return folder
+    if not isinstance(folder, Path):
+        raise InputError(
+            f"{folder}: no run has written there; name what `streetloom run --out` named, or start the run"
+        )
     found = sorted(store.parent for pattern in ("*/store", "*/*/store") for store in folder.glob(pattern))
     found = [run for run in found if not (run.parent / "store").is_dir()]  # a run's own folders are no runs
     if not found:

@@ -17,6 +17,7 @@ from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, R
 from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 
+from catalogs.published.places import Folder
 from facade_core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_held
 from flows.viewer.guard import Guard, guard, in_address
@@ -43,7 +44,7 @@ HEADERS = {
 }
 
 
-def application(out: Path, host: str, bound: str) -> Starlette:
+def application(out: Folder, host: str, bound: str) -> Starlette:
     """The viewer of the run in folder `out`, told to listen on `host`, which is the address `bound`."""
     who = guard(host, bound)
     reader, growth = Reader(out), Growth()
@@ -104,7 +105,9 @@ def application(out: Path, host: str, bound: str) -> Starlette:
         file = model_file(out, request.query_params["of"], request.query_params.get("tile"))
         # its pictures are JPEGs: to compress it would only take time
         headers = FOR_EVER | {"Content-Encoding": "identity"}
-        return FileResponse(file, media_type="model/gltf-binary", headers=headers)
+        if isinstance(file, Path):
+            return FileResponse(file, media_type="model/gltf-binary", headers=headers)
+        return Response(file.read_bytes(), media_type="model/gltf-binary", headers=headers)
 
     routes = [
         Route("/", lambda request: Response((PAGE / "index.html").read_text("utf-8"), media_type="text/html")),
@@ -157,7 +160,7 @@ def _whole(request: Request, name: str, count: int) -> int:
     return int(text)
 
 
-def serve(out: Path, host: str, port: int, ready: Callable[[str, str | None], None]) -> None:
+def serve(out: Folder, host: str, port: int, ready: Callable[[str, str | None], None]) -> None:
     """Serve until interrupted; `ready` is told the address, and who else can look in where others can.
 
     Raises InputError where host or port cannot be had.

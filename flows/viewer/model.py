@@ -3,17 +3,17 @@
 from __future__ import annotations
 
 import json
-from pathlib import Path
 from typing import Any
 from urllib.parse import urlencode
 
+from catalogs.published.places import Folder
 from catalogs.published.snapshot import Snapshot, current_if_any
 from facade_core.errors import InputError, StoreError
 from tasks.viewing import View
 from tasks.viewing.opening import opening
 
 
-def model(out: Path, view: View) -> dict[str, Any]:
+def model(out: Folder, view: View) -> dict[str, Any]:
     """Addresses of the newest model's tiles with their boxes, world metres, and of its overview; `anchor`, the world place
     where a walk begins, and `heading`, degrees clockwise from north, None where there is no street. Raises StoreError before
     anything is published."""
@@ -39,7 +39,7 @@ def model(out: Path, view: View) -> dict[str, Any]:
     }
 
 
-def model_file(out: Path, of: str, tile: str | None) -> Path:
+def model_file(out: Folder, of: str, tile: str | None) -> Folder:
     """The model of a tile of the snapshot `of`, or its overview. Raises InputError where that is not there."""
     snapshot = current_if_any(out)
     if snapshot is None or snapshot.id != of:
@@ -52,5 +52,5 @@ def model_file(out: Path, of: str, tile: str | None) -> Path:
     return path
 
 
-def _tiles(snapshot: Snapshot[Path]) -> set[str]:
+def _tiles(snapshot: Snapshot) -> set[str]:
     return {tile["path"] for tile in json.loads(snapshot.tiles.read_text("utf-8"))["tiles"]}

@@ -16,6 +16,7 @@ import icechunk
 
 from catalogs.block import read_block
 from catalogs.published.files import amiss
+from catalogs.published.places import Folder
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
 from facade_core.atlas.journal import Record
@@ -36,7 +37,7 @@ from tasks.store.wounds import find_wounds, is_suspect, suspect
 SAMPLE = 64
 
 
-def examine_folder(out: Path) -> Iterator[Finding]:
+def examine_folder(out: Folder) -> Iterator[Finding]:
     """What is to be said of a run's folder. No run may go on in it meanwhile."""
     source = recorded_source(out)
     again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
@@ -72,7 +73,7 @@ def _units(attrs: dict[str, Any], records: dict[str, list[Record | None]], again
     return Finding("units", not left, f"block {attrs.get('block')}: {told}{f'; {again} goes on' if left else ''}")
 
 
-def _store(out: Path, repository: Any, session: icechunk.Session, group: StoreGroup, again: str) -> Iterator[Finding]:
+def _store(out: Folder, repository: Any, session: icechunk.Session, group: StoreGroup, again: str) -> Iterator[Finding]:
     """Records against arrays: what sizes and listings show, then every chunk, then digests of some."""
     store = out / "store"
     mended = f"{again} makes it again"
@@ -105,9 +106,10 @@ def _store(out: Path, repository: Any, session: icechunk.Session, group: StoreGr
         yield Finding("store", None, "the next run reads all of it before it starts")
 
 
-def _published(out: Path, newest: str | None, again: str) -> Iterator[Finding]:
+def _published(out: Folder, newest: str | None, again: str) -> Iterator[Finding]:
     current = current_if_any(out)
-    folders = sorted(path.name for path in (out / "published").glob("*") if path.is_dir())
+    there = out / "published"
+    folders = sorted(path.name for path in there.iterdir() if path.is_dir()) if there.is_dir() else []
     leftovers = [name for name in folders if name.startswith(".")]
     if current is None:
         yield Finding("published", False, f"`current` names nothing that is there; {again} publishes")
@@ -127,10 +129,13 @@ def _published(out: Path, newest: str | None, again: str) -> Iterator[Finding]:
         )
 
 
-def _stale(out: Path, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
+def _stale(out: Folder, source: Path | None, session: icechunk.Session, group: StoreGroup) -> Finding:
     """What a run with the block file as it is now would do again, and why: tried on a copy."""
     if source is None:
         return Finding("stale", None, "the folder does not say which block file it is of; the next run notes it")
+    if not isinstance(out, Path):
+        again = f"`streetloom run {source} --out {out}`"
+        return Finding("stale", None, f"not tried of a run in a bucket; {again} says what is due, and does it")
     try:
         block = read_block(source)
         run = run_of(block, out)

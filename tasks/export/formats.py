@@ -13,6 +13,8 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.published.places import Folder
+from catalogs.published.s3 import folder_at
 from facade_core.errors import InputError
 from tasks.published.opened import Published, published
 
@@ -53,7 +55,7 @@ def _writers() -> dict[str, Writer]:
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
 
 
-def export(out: Path | str, format: str, to: Path | str | None = None, buildings: Sequence[str] = ()) -> Exported:
+def export(out: Folder | str, format: str, to: Path | str | None = None, buildings: Sequence[str] = ()) -> Exported:
     """Write what the run in `out` published as `format` (one of FORMATS), all of it or the `buildings` named by id.
 
     The folder `to` (OUT/exports/FORMAT where it is None) appears whole or not at all; an earlier export of the format there is
@@ -65,13 +67,16 @@ def export(out: Path | str, format: str, to: Path | str | None = None, buildings
     as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)
-    with published(Path(out)) as found:
+    place = folder_at(out)
+    if to is None and not isinstance(place, Path):
+        raise InputError(f"{place}: an export is written to this machine; name a folder of it with --to")
+    with published(place) as found:
         return _export(found, format, None if to is None else Path(to), buildings, as_file)
 
 
 def _export(found: Published, format: str, to: Path | None, buildings: Sequence[str], as_file: bool) -> Exported:
     chosen = found.choose(buildings)
-    target = found.snapshot.out / "exports" / format if to is None else to.resolve()
+    target = Path(str(found.snapshot.out)) / "exports" / format if to is None else to.resolve()
     if to is None:
         _check_target(target, format, as_file)
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")

@@ -2,16 +2,17 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from difflib import get_close_matches
 from functools import cached_property
-from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
+from catalogs.published.places import Folder
 from catalogs.published.runs import runs_in
 from catalogs.published.snapshot import Snapshot, current
 from facade_core.errors import FormatError, InputError
@@ -26,7 +27,7 @@ if TYPE_CHECKING:
 class Published(StoredBlock):
     """A block as a published snapshot holds it, and that snapshot's files."""
 
-    snapshot: Snapshot[Path]
+    snapshot: Snapshot
 
     @property
     def block(self) -> str:
@@ -50,7 +51,7 @@ class Published(StoredBlock):
 
         path = self.snapshot.page(page)
         try:
-            with Image.open(path) as image:
+            with Image.open(io.BytesIO(path.read_bytes())) as image:
                 return np.asarray(image.convert("RGB"))
         except OSError as error:
             raise InputError(f"{path} cannot be read as a picture; {self.snapshot.remedy}") from error
@@ -84,7 +85,7 @@ class Published(StoredBlock):
 
 
 @contextmanager
-def published(out: Path) -> Iterator[Published]:
+def published(out: Folder) -> Iterator[Published]:
     """What the run in folder `out`, or the one run in the folder of runs `out`, has published; it stays until the block ends.
 
     Raises InputError where nothing is, or several runs have, and StoreError where the store does not hold the snapshot.
@@ -96,7 +97,7 @@ def published(out: Path) -> Iterator[Published]:
         yield _opened(snapshot)
 
 
-def _opened(snapshot: Snapshot[Path]) -> Published:
+def _opened(snapshot: Snapshot) -> Published:
     import icechunk
 
     session = snapshot.session()

@@ -5,13 +5,13 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from functools import cached_property
-from pathlib import Path
 from typing import Any
 
 import icechunk
 import numpy as np
 
 from catalogs.published.items import BBOX, COLUMNS
+from catalogs.published.places import Folder
 from catalogs.published.report import to_look_at
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import Record
@@ -57,7 +57,7 @@ class _Tables:
 class View:
     """One snapshot of a run's store. published: whether the run's newest published results are of this snapshot."""
 
-    out: Path
+    out: Folder
     session: icechunk.Session
     group: StoreGroup
     tables: _Tables
@@ -192,7 +192,7 @@ class View:
 class Reader:
     """Views of the folder `out` of a run, the newest each time; safe to use from several threads."""
 
-    def __init__(self, out: Path) -> None:
+    def __init__(self, out: Folder) -> None:
         self.out = out
         self._lock = threading.Lock()
         self._repository: icechunk.Repository | None = None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import logging
 from collections.abc import Iterator
 from datetime import UTC, datetime
 from pathlib import Path
@@ -24,6 +23,7 @@ from catalogs.published.s3_copy import copy_run, put_object
 from catalogs.query.asking import _dataset, query
 from facade_core.errors import InputError
 from flows.cli.commands import main
+from tests.bucket import served
 from tests.catalogs.stac.test_stac import aside, publish, row
 
 # Between the third and the fourth facade of a run.
@@ -32,34 +32,8 @@ WEST = 24.94128
 
 @pytest.fixture(scope="module")
 def bucket() -> Iterator[str]:
-    """An empty bucket, which the environment leads to."""
-    pytest.importorskip("moto")
-    from moto.server import ThreadedMotoServer
-
-    logging.getLogger("werkzeug").setLevel(logging.ERROR)
-    server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
-    server.start()
-    host, port = server.get_host_and_port()
-    with pytest.MonkeyPatch.context() as environment:
-        for name, value in {
-            "AWS_ENDPOINT_URL": f"http://{host}:{port}",
-            "AWS_ACCESS_KEY_ID": "test",
-            "AWS_SECRET_ACCESS_KEY": "test",
-            "AWS_REGION": "us-east-1",
-            "AWS_EC2_METADATA_DISABLED": "true",
-        }.items():
-            environment.setenv(name, value)
-        from pyarrow.fs import S3FileSystem
-
-        # its first answer takes the server seconds, in which it imports what it answers with
-        S3FileSystem(
-            endpoint_override=f"http://{host}:{port}",
-            allow_bucket_creation=True,
-            connect_timeout=60,
-            request_timeout=60,
-        ).create_dir("city")
-        yield "s3://city"
-    server.stop()
+    with served("city") as address:
+        yield address
 
 
 def write_store(out: Path, facade: str) -> str:

@@ -1,0 +1,53 @@
+"""An S3 server on loopback, moto's, in a process of its own: who waits for it within Icechunk may hold Python's lock."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+
+# It ends when nobody holds its input any more.
+_SERVE = """
+import logging, sys
+from moto.server import ThreadedMotoServer
+logging.getLogger("werkzeug").setLevel(logging.ERROR)
+server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
+server.start()
+print(server.get_host_and_port()[1], flush=True)
+sys.stdin.read()
+server.stop()
+"""
+
+
+@contextmanager
+def serving(bucket: str, key: str, secret: str) -> Iterator[Mapping[str, str]]:
+    """An empty bucket; yields the environment by which it is found."""
+    from pyarrow.fs import S3FileSystem
+
+    process = subprocess.Popen([sys.executable, "-c", _SERVE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
+    assert process.stdin is not None
+    assert process.stdout is not None
+    try:
+        address = f"http://127.0.0.1:{int(process.stdout.readline())}"
+        # its first answer takes the server seconds, in which it imports what it answers with
+        S3FileSystem(
+            access_key=key,
+            secret_key=secret,
+            region="us-east-1",
+            endpoint_override=address,
+            allow_bucket_creation=True,
+            connect_timeout=60,
+            request_timeout=60,
+        ).create_dir(bucket)
+        yield {
+            "AWS_ENDPOINT_URL": address,
+            "AWS_ACCESS_KEY_ID": key,
+            "AWS_SECRET_ACCESS_KEY": secret,
+            "AWS_REGION": "us-east-1",
+            "AWS_EC2_METADATA_DISABLED": "true",
+        }
+    finally:
+        process.stdin.close()
+        process.wait(timeout=60)
+        process.stdout.close()
