@@ -50,18 +50,19 @@ def turns_corner(charts: Charts, facades: Facades, facade: int) -> bool:
     streets."""
     if facades.role[facade] != SIDE or facades.raised[facade] or abs(facades.foot[facade]) > LEVEL_M:
         return False
+    own = facades.laid_out_with(facade)
     others = facades.of_building(facade)
     others = others[facades.role[others] == STREET]
-    foot = charts.at_shares(facades.chart[others], _FOOT)[..., :2]
-    own = charts.at_shares(facades.chart[[facade]], _FOOT)[0, :, :2]
-    normal = charts.normal()[facades.chart[others]]
-    turn = normal @ charts.normal()[facades.chart[facade]]
-    turned = (turn > TURNED[0]) & (turn < TURNED[1])
-    # those on its left end where it begins, and face away from its right: the corner is no nook
-    along = (own[1] - own[0]) / np.hypot(*(own[1] - own[0]))
-    left = turned & (np.hypot(*(foot[:, 1] - own[0]).T) < MEETING_M) & (normal[:, :2] @ along < 0)
-    right = turned & (np.hypot(*(foot[:, 0] - own[1]).T) < MEETING_M) & (normal[:, :2] @ along > 0)
-    return bool(left.any() and right.any())
+    foot, ends = (charts.at_shares(facades.chart[some], _FOOT)[..., :2] for some in (others, own))
+    normals = charts.normal()[facades.chart[others]]
+    along = (ends[-1, 1] - ends[0, 0]) / np.hypot(*(ends[-1, 1] - ends[0, 0]))
+    found = []
+    # what is on its left ends where it begins, and faces away from its right: the corner is no nook
+    for one, place, end, way in ((own[0], ends[0, 0], 1, -1), (own[-1], ends[-1, 1], 0, 1)):
+        turn = normals @ charts.normal()[facades.chart[one]]
+        turned = (turn > TURNED[0]) & (turn < TURNED[1]) & (way * (normals[:, :2] @ along) > 0)
+        found.append(bool((turned & (np.hypot(*(foot[:, end] - place).T) < MEETING_M)).any()))
+    return all(found)
 
 
 def has_back_door(facades: Facades, facade: int) -> bool:

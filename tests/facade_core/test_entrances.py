@@ -24,8 +24,12 @@ NOOK = shapely.Polygon([(24, 0), (30, 0), (30, 4), (31.5, 5.5), (36, 5.5), (36, 
 
 @pytest.fixture(scope="module")
 def plan() -> Plan:
+    return plan_of([Building("corner", CORNER, 12.8, "height"), Building("nook", NOOK, 12.8, "height")])
+
+
+def plan_of(buildings: list[Building]) -> Plan:
     return ingest(
-        [Building("corner", CORNER, 12.8, "height"), Building("nook", NOOK, 12.8, "height")],
+        buildings,
         [
             Street("a", "a", shapely.LineString([(-30, -8), (60, -8)])),
             Street("b", "b", shapely.LineString([(-8, -30), (-8, 12)])),
@@ -54,6 +58,14 @@ def test_a_corner_cut_off_between_two_fronts_is_one_and_a_nook_is_none(plan: Pla
     assert [facades.id[i].split("-")[0] for i in found] == ["corner"]
     assert facades.width[found[0]] == pytest.approx(np.hypot(1.5, 1.5), abs=0.01)
     assert wall_of(plan.scene, facades, found[0]).corner
+
+
+def test_a_corner_in_two_pieces_is_one() -> None:
+    pieces = shapely.Polygon([(0, 1.9), (0.75, 0.75), (1.9, 0), (18, 0), (18, 12), (0, 12)])
+    facades = (plan := plan_of([Building("corner", pieces, 12.8, "height")])).facades
+    found = [i for i in range(len(facades)) if turns_corner(plan.scene.charts, facades, i)]
+    assert len(found) == 2
+    assert len(set(facades.run[found].tolist())) == 1
 
 
 def test_every_building_has_a_back_with_a_door(plan: Plan, style: Style) -> None:
