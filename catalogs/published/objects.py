@@ -5,10 +5,11 @@ from __future__ import annotations
 import errno
 import os
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
+from configparser import ParsingError, RawConfigParser
 from contextlib import contextmanager
 from dataclasses import dataclass
-from datetime import datetime
+from datetime import UTC, datetime, timedelta
 from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,7 +17,7 @@ from typing import TYPE_CHECKING
 from facade_core.errors import InputError, MachineError
 
 if TYPE_CHECKING:
-    from obstore.store import S3Store
+    from obstore.store import S3Credential, S3Store
 
 # Requests under way at once: they wait for the network, and for little else.
 AT_ONCE = 16
@@ -162,14 +163,14 @@ def _at(path: str) -> tuple[S3Store, str]:
 
 @lru_cache(maxsize=8)
 def _store(bucket: str, address: str | None, region: str | None) -> S3Store:
-    """Credentials are the environment's: keys, a web identity, a container's or a machine's role."""
-    from datetime import timedelta
-
+    """Credentials are the environment's: keys, a profile's keys, a web identity, a container's or a machine's role."""
     from obstore.store import S3Store
 
     options = {"endpoint": address, "region": region}
+    named = not os.environ.get("AWS_ACCESS_KEY_ID") and _of_profile() is not None
     return S3Store(
         bucket,
+        credential_provider=_fresh if named else None,
         config={name: value for name, value in options.items() if value},  # type: ignore[arg-type]
         virtual_hosted_style_request=address is None,
         client_options={
@@ -178,3 +179,28 @@ def _store(bucket: str, address: str | None, region: str | None) -> S3Store:
         },
         retry_config={"max_retries": 5, "retry_timeout": timedelta(seconds=60)},
     )
+
+
+def _of_profile() -> Mapping[str, str] | None:
+    """The keys of the environment's profile, which obstore does not look up; None where there are none."""
+    file = os.environ.get("AWS_SHARED_CREDENTIALS_FILE") or Path.home() / ".aws" / "credentials"
+    held = RawConfigParser()
+    try:
+        held.read(file)
+        profile = held[os.environ.get("AWS_PROFILE") or "default"]
+    except (OSError, KeyError, ParsingError):
+        return None
+    return profile if {"aws_access_key_id", "aws_secret_access_key"} <= profile.keys() else None
+
+
+def _fresh() -> S3Credential:
+    """The same for obstore, which asks again after some time: the file may be written anew."""
+    found = _of_profile()
+    if found is None:
+        raise InputError("the profile of AWS_SHARED_CREDENTIALS_FILE has no keys any more; see to the file")
+    return {
+        "access_key_id": found["aws_access_key_id"],
+        "secret_access_key": found["aws_secret_access_key"],
+        "token": found.get("aws_session_token"),
+        "expires_at": datetime.now(UTC) + timedelta(minutes=10),
+    }

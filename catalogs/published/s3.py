@@ -27,8 +27,8 @@ class S3Folder:
     """A folder or object in a bucket, with as much of pathlib's interface as runs need. path: bucket/prefix.
 
     Credentials, region and address are the environment's, as for every tool of AWS: AWS_ACCESS_KEY_ID, AWS_PROFILE, ...,
-    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL; who writes goes without AWS_PROFILE. Methods that read raise InputError
-    where the bucket does not answer, those that write what `objects` raises.
+    AWS_REGION, AWS_ENDPOINT_URL_S3 or AWS_ENDPOINT_URL; of a profile who writes takes keys only. Methods that read raise
+    InputError where the bucket does not answer, those that write what `objects` raises.
     """
 
     path: str

@@ -1,0 +1,33 @@
+"""Objects of a bucket, by the keys of a file as by those of the environment."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from catalogs.published import objects
+from catalogs.published.s3 import S3Folder
+from facade_core.errors import InputError
+from tests.bucket import KEY, SECRET, served
+
+
+def test_keys_may_be_in_a_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with served("profiles") as bucket:
+        monkeypatch.delenv("AWS_ACCESS_KEY_ID")
+        monkeypatch.delenv("AWS_SECRET_ACCESS_KEY")
+        file = tmp_path / "credentials"
+        file.write_text(f"[night]\naws_access_key_id = {KEY}\naws_secret_access_key = {SECRET}\n")
+        monkeypatch.setenv("AWS_SHARED_CREDENTIALS_FILE", str(file))
+        monkeypatch.setenv("AWS_PROFILE", "night")
+        objects._store.cache_clear()
+        try:
+            tag = objects.put_if("profiles/a", b"1", None)
+            assert objects.get("profiles/a") == (b"1", tag)
+            assert objects.listed("profiles").keys() == {"a"}
+            assert S3Folder("profiles/a").read_text() == "1"
+            with pytest.raises(InputError, match="no such bucket"):
+                objects.put("nobody-has-this/a", b"")
+        finally:
+            objects._store.cache_clear()
+        assert bucket == "s3://profiles"
