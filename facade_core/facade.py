@@ -39,6 +39,9 @@ COUNTED = 640
 
 # The level of the hierarchy, as a share of the last one, within whose types a wall's elements are exchanged.
 VARIED = 0.75
+# A wall on no street is drawn in pixels so much finer than its texels where the exemplar has them: in its texels it would be
+# softer.
+FINER = 2
 # A wall goes on so far, metres, behind what stands against it, and beyond its edges.
 EDGE_M = 0.25
 
@@ -256,8 +259,8 @@ def from_exemplar(
     house: int = 0,
     seed: int = 0,
 ) -> Facade:
-    """A wall without imagery in the style of an exemplar, which has `metres_per_pixel`, maybe more than the raster of size =
-    (h, w) that is filled; its storeys are as high as in the style `like`, if given. part: from where to where of the wall,
+    """A wall without imagery in the style of an exemplar, which has `metres_per_pixel`: finer than the raster of size = (h, w)
+    that is filled, or coarser; its storeys are as high as in the style `like`, if given. part: from where to where of the wall,
     metres, of one that goes round a bend; house is the seed of its paint's shade.
 
     What is no wall on a street has no hierarchy, and of what stands against a neighbour nothing is known.
@@ -266,11 +269,11 @@ def from_exemplar(
 
     seconds: dict[str, float] = {}
     with _timed(seconds, "retarget"):
-        texture, labels = on_wall(style, wall, like=like, metres_per_pixel=metres_per_pixel, seed=seed)
         left, right = part or (0.0, wall.width)
-        own = slice(
-            round(left / metres_per_pixel), max(round(left / metres_per_pixel) + 1, round(right / metres_per_pixel))
-        )
+        whole = wall.street or wall.door  # of a back's door the joints would be lost
+        pixel = metres_per_pixel if whole else max(metres_per_pixel, wall.height / (FINER * size[0]))
+        texture, labels = on_wall(style, wall, like=like, metres_per_pixel=metres_per_pixel, drawn_at=pixel, seed=seed)
+        own = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
         texture, labels = resized(np.ascontiguousarray(texture[:, own]), size), labels[:, own]
         if labels.shape != size:
             labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)

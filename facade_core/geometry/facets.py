@@ -74,7 +74,10 @@ def facets(shell: Shell, footprint: Polygon | MultiPolygon) -> Facets:
     length = np.linalg.norm(area, axis=1)
     label = semantic + len(SEMANTICS) * (texture.astype(np.int64) + 1)
     order = np.lexsort((np.arange(len(triangles)), -length))
-    facet, seed, closed = _grow(vertices, triangles, label, area / length[:, None], length, order)
+    ends = np.sort(np.stack([triangles, np.roll(triangles, -1, axis=1)]), axis=0)
+    key = (ends[0] * len(vertices) + ends[1]).ravel()
+    by_edge = np.argsort(key, kind="stable")
+    facet, seed, closed = _grow(vertices, triangles, label, area / length[:, None], length, order, key, by_edge)
 
     count = len(seed)
     turned = np.einsum("ij,ij->i", area, area[seed][facet]) < 0
@@ -209,18 +212,15 @@ def _grow(
     normal: np.ndarray,
     area: np.ndarray,
     order: np.ndarray,
+    key: np.ndarray,
+    by_edge: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray, bool]:
     """Facet of each triangle (t,), the seed of each facet, and whether every edge has an even number of triangles.
 
-    Seeds are taken in `order`; area (t,) is twice the triangles' area.
+    Seeds are taken in `order`; area (t,) is twice the triangles' area; key (3 t,) numbers the edge from each corner, whichever
+    way it goes, and by_edge (3 t,) puts corners of one edge behind each other.
     """
     t = len(triangles)
-    key = np.empty(3 * t, np.int64)
-    for i in range(t):
-        for k in range(3):
-            a, b = triangles[i, k], triangles[i, (k + 1) % 3]
-            key[3 * i + k] = min(a, b) * len(vertices) + max(a, b)
-    by_edge = np.argsort(key, kind="mergesort")
     edge = np.empty(3 * t, np.int64)
     start = np.empty(3 * t + 1, np.int64)
     edges = 0

@@ -167,6 +167,22 @@ def _share_chunks(outer: np.ndarray, owner: np.ndarray, chunk: int) -> tuple[np.
 
 
 @njit(cache=True)
+def _take(taken: np.ndarray, row: int, column: int, height: int, width: int) -> None:
+    for y in range(row, row + height):
+        for x in range(column, column + width):
+            taken[y, x] = True
+
+
+@njit(cache=True)
+def _is_free(taken: np.ndarray, row: int, column: int, height: int, width: int) -> bool:
+    for y in range(row, row + height):
+        for x in range(column, column + width):
+            if taken[y, x]:
+                return False
+    return True
+
+
+@njit(cache=True)
 def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) -> None:
     """Blocks of chunks on pages of side x side chunks, in place: those without a page take the first free place on the last
     open_pages pages."""
@@ -178,7 +194,7 @@ def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) 
     for i in range(len(place)):
         page, column, row = place[i]
         if page >= 0:
-            taken[page, row : row + size[i, 1], column : column + size[i, 0]] = True
+            _take(taken[page], row, column, size[i, 1], size[i, 0])
             free[page] -= size[i, 0] * size[i, 1]
     for i in range(len(place)):
         if place[i, 0] >= 0:
@@ -189,8 +205,8 @@ def _first_fit(place: np.ndarray, size: np.ndarray, side: int, open_pages: int) 
                 continue
             for row in range(side - height + 1):
                 for column in range(side - width + 1):
-                    if not taken[p, row : row + height, column : column + width].any():
-                        taken[p, row : row + height, column : column + width] = True
+                    if _is_free(taken[p], row, column, height, width):
+                        _take(taken[p], row, column, height, width)
                         free[p] -= width * height
                         place[i, 0], place[i, 1], place[i, 2] = p, column, row
                         break

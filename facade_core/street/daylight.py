@@ -87,7 +87,9 @@ def _spread(clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.n
     for grid in range(len(first)):
         start, height, width = first[grid], rows[grid], columns[grid]
         hidden = inside[start : start + height * width].copy()
-        left = hidden.sum()
+        left = 0
+        for place in range(len(hidden)):
+            left += hidden[place]
         if left == len(hidden):
             continue
         while left > 0:

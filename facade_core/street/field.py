@@ -140,9 +140,9 @@ class Materials:
     def texels(self, chart: int, rows: np.ndarray, columns: np.ndarray) -> np.ndarray:
         """Texels (k,) of a chart at their middles: (k, 3) uint8."""
         out = np.empty((len(rows), 3), np.uint8)
-        # whatever they are parts of: the kernel would be compiled once more for arrays that lie otherwise
-        places = (np.ascontiguousarray(rows, np.int64), np.ascontiguousarray(columns, np.int64))
-        kernels.texels(chart, *places, float(self._step[chart]), *self._near([chart]), out)
+        for start in range(0, len(rows), AT_ONCE):
+            some = slice(start, start + AT_ONCE)
+            self._paint(chart, rows[some], columns[some], out[some])
         return out
 
     def detail(self, chart: int, rows: np.ndarray, columns: np.ndarray, footprint: np.ndarray) -> np.ndarray:
@@ -159,12 +159,20 @@ class Materials:
         """A whole chart: (h, w, 3) uint8."""
         placement = self._scene.placement
         out = np.empty((int(placement.height[chart]), int(placement.width[chart]), 3), np.uint8)
-        flat, near, step = out.reshape(-1, 3), self._near([chart]), float(self._step[chart])
+        flat = out.reshape(-1, 3)
         for start in range(0, len(flat), AT_ONCE):
             part = flat[start : start + AT_ONCE]
             rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
-            kernels.texels(chart, rows, columns, step, *near, part)
+            self._paint(chart, rows, columns, part)
         return out
+
+    def _paint(self, chart: int, rows: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
+        """Texels (k,) of a chart, by the kernel that places are coloured by: one more that calls it would be compiled with all
+        that it calls."""
+        step, count = float(self._step[chart]), len(rows)
+        points = self._scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+        every = np.arange(count), np.full(count, chart), points, np.full(count, step)
+        kernels.colour(*every, *self._near([chart]), out)
 
     def _near(self, charts: Sequence[int] | np.ndarray) -> tuple[Field, Lights]:
         """The field and the light on some charts."""

@@ -107,22 +107,6 @@ class Field(NamedTuple):
 
 
 @njit(cache=True, nogil=True)
-def texels(
-    chart: int, rows: np.ndarray, columns: np.ndarray, step: float, field: Field, lights: Lights, out: np.ndarray
-) -> None:
-    """Texels (k, 3) of a chart at rows and columns (k,)."""
-    origin, axis_u, axis_v = field.charts.origin[chart], field.charts.axis_u[chart], field.charts.axis_v[chart]
-    points, side = np.empty((3, PIECE)), np.full(PIECE, step)
-    for start in range(0, len(rows), PIECE):
-        count = min(PIECE, len(rows) - start)
-        for axis in range(3):
-            for k in range(count):
-                x, y = step * (columns[start + k] + 0.5), step * (rows[start + k] + 0.5)
-                points[axis, k] = origin[axis] + x * axis_u[axis] + y * axis_v[axis]
-        _paint(chart, points[:, :count], side[:count], field, lights, out[start : start + count])
-
-
-@njit(cache=True, nogil=True)
 def colour(
     order: np.ndarray,
     chart: np.ndarray,
@@ -150,6 +134,19 @@ def colour(
         start += count
 
 
+@njit(cache=True)
+def _first_from(numbers: np.ndarray, number: int) -> int:
+    """The place of the first of ascending numbers that is not less than one; numba's own search takes longer to compile."""
+    low, high = 0, len(numbers)
+    while low < high:
+        middle = (low + high) // 2
+        if numbers[middle] < number:
+            low = middle + 1
+        else:
+            high = middle
+    return low
+
+
 @njit(cache=True, nogil=True, error_model="numpy")
 def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: Lights, out: np.ndarray) -> None:
     """Colours (n, 3) of places (3, n) of one chart: all that asks for any comes here, so that a place has one colour."""
@@ -171,7 +168,7 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
         x[k], y[k] = x[k] + start[0], y[k] + start[1]
         east[k], north[k] = points[0, k], points[1, k]
     made, grey, example = int(charts.made[c]), charts.grey[c], charts.grain[c]
-    tint, own = charts.tint[c], np.searchsorted(field.own.charts, c)
+    tint, own = charts.tint[c], _first_from(field.own.charts, c)
     if own < len(field.own.charts) and field.own.charts[own] == c:
         made, example, tint = field.own.made, field.own.grain, field.own.colour * grey
     if made == SOIL:

@@ -58,13 +58,17 @@ def mark_tiles(
     for k in range(len(origin)):
         first[k + 1] = first[k] + tiles_wide[k] * tiles_high[k]
     marked = np.zeros(first[-1], np.bool_)
-    longitude = (np.arange(columns + 1) / columns - 0.5) * 2 * np.pi
-    latitude = (0.5 - np.arange(rows + 1) / rows) * np.pi
-    sine, cosine = np.sin(longitude), np.cos(longitude)
-    rise, level = np.sin(latitude), np.cos(latitude)
-    facing = np.empty(len(origin))
+    sine, cosine, rise, level = (np.empty(columns + 1), np.empty(columns + 1), np.empty(rows + 1), np.empty(rows + 1))
+    for c in range(columns + 1):
+        longitude = (c / columns - 0.5) * 2 * np.pi
+        sine[c], cosine[c] = np.sin(longitude), np.cos(longitude)
+    for r in range(rows + 1):
+        latitude = (0.5 - r / rows) * np.pi
+        rise[r], level[r] = np.sin(latitude), np.cos(latitude)
+    facing = np.zeros(len(origin))
     for k in range(len(origin)):
-        facing[k] = -(normal[k] * origin[k]).sum()
+        for axis in range(3):
+            facing[k] -= normal[k, axis] * origin[k, axis]
     near = np.empty(9, np.int64)
     for r in range(rows):
         for c in range(columns):

@@ -257,14 +257,18 @@ def add_weather(
     above: its building's foot; below: its upper edge, both metres.
     """
     near = np.zeros(len(x))
-    if below.min() < STREAKS_M:
+    top, foot = np.inf, np.inf
+    for k in range(len(x)):
+        top, foot = min(top, below[k]), min(foot, above[k])
+    if top < STREAKS_M:
         add_noise(x, y, side, (0.16, 5.0), 0.5, seed + 97, near)
         add_noise(x, y, side, (0.5, 9.0), 0.5, seed + 98, near)
         for k in range(len(x)):
             run = max(1 - max(below[k], 0.0) / STREAKS_M, 0.0)
             out[k] -= 0.3 * max(near[k] - 0.12, 0.0) * run * run * run
-    if above.min() < SPLASHES_M:
-        near[:] = 0.25
+    if foot < SPLASHES_M:
+        for k in range(len(x)):
+            near[k] = 0.25
         add_noise(x, y, side, (0.45, 0.3), 0.5, seed + 99, near)
         add_noise(x, y, side, (2.2, 4.0), 0.5, seed + 100, near)
         for k in range(len(x)):

@@ -62,7 +62,10 @@ def cast_shadows(
 def _shadows(depth: np.ndarray, right: float, down: float, density: float) -> np.ndarray:
     """Shadows (h, w) float32 of depths (h, w) float32, metres, where the sun is so far aside and down for each metre out."""
     height, width = depth.shape
-    highest = depth.max()
+    highest = depth[0, 0]
+    for row in range(height):
+        for column in range(width):
+            highest = max(highest, depth[row, column])
     shadow = np.zeros(depth.shape, np.float32)
     least = 1 / (max(abs(right), abs(down), 1e-3) * density)
     for row in range(height):

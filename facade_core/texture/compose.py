@@ -13,15 +13,24 @@ from facade_core.kernels import njit
 from facade_core.texture.seams import least_path
 from facade_core.types import Lattice
 
-REACH = 5  # px by which a path may leave the border
-_SIGMA = 6.0  # px, splits colour (low band) from detail (high band)
-_FADE = 10  # px on either side of a border over which colour cross-fades
+# All in pixels of the exemplar.
+REACH = 5  # by which a path may leave the border
+_SIGMA = 6.0  # splits colour (low band) from detail (high band)
+_FADE = 10  # on either side of a border over which colour cross-fades
 
 
 def compose(
-    image: np.ndarray, labels: np.ndarray, lattice: Lattice, tiles: np.ndarray, rows: np.ndarray, columns: np.ndarray
+    image: np.ndarray,
+    labels: np.ndarray,
+    lattice: Lattice,
+    tiles: np.ndarray,
+    rows: np.ndarray,
+    columns: np.ndarray,
+    coarser: float = 1.0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Render tiles (M, N) of image (H, W, 3) into cells with borders rows (M + 1,), columns (N + 1,): image, labels.
+
+    coarser: how many pixels of the exemplar are as long as one of the new picture, where these are not the same.
 
     Where two neighbours are also neighbours in the exemplar both sides of a border show the same pixels, so only true
     jumps are seams. Labels are carried along with nearest-neighbour sampling.
@@ -39,10 +48,10 @@ def compose(
         source_rows, source_columns = source_rows * small[0] / height, source_columns * small[1] / width
     colour = image.astype(np.float32)
     where = (source_rows, source_columns, tiles, rows, columns)
-    beside, below = _paths(colour, *where)
+    beside, below = _paths(colour, *where, max(1, round(REACH / coarser)))
     cell = _cells(beside, below, rows, columns)
-    low = cv2.GaussianBlur(colour, (0, 0), _SIGMA, borderType=cv2.BORDER_REPLICATE)
-    out = _faded(low, *where, _FADE) + _shown(colour - low, cell, *where)
+    low = cv2.GaussianBlur(colour, (0, 0), _SIGMA / coarser, borderType=cv2.BORDER_REPLICATE)
+    out = _faded(low, *where, max(1, round(_FADE / coarser))) + _shown(colour - low, cell, *where)
     fine = _carried(labels, cell, full_rows, full_columns, tiles, rows, columns)
     return np.clip(np.rint(out), 0, 255).astype(np.uint8), fine
 
@@ -75,6 +84,7 @@ def _paths(
     tiles: np.ndarray,
     rows: np.ndarray,
     columns: np.ndarray,
+    most: int,
 ) -> tuple[np.ndarray, np.ndarray]:
     """The first column, (H, N - 1), and the first row, (M - 1, W), that the next cell shows."""
     tall, wide = tiles.shape
@@ -93,7 +103,7 @@ def _paths(
                 ii, jj = tiles[mm, nn] // across, tiles[mm, nn] % across
                 length = y1 - y0 if side == 0 else x1 - x0
                 room = (min(x1 - x0, columns[nn + 1] - x1) if side == 0 else min(y1 - y0, rows[mm + 1] - y1)) // 2
-                reach = min(REACH, room)
+                reach = min(most, room)
                 error = np.empty((length, 2 * reach + 1))
                 for a in range(length):
                     for b in range(2 * reach + 1):

@@ -60,17 +60,38 @@ def _pick(number: float, count: int) -> int:
 
 
 @njit(cache=True)
+def _count(flags: np.ndarray) -> int:
+    count = 0
+    for flag in flags:
+        count += flag
+    return count
+
+
+@njit(cache=True)
+def _ascending(values: np.ndarray) -> np.ndarray:
+    """The order of a few values from the least on; equal ones as they came."""
+    order = np.empty(len(values), np.int64)
+    for i in range(len(values)):
+        j = i
+        while j > 0 and values[order[j - 1]] > values[i]:
+            order[j] = order[j - 1]
+            j -= 1
+        order[j] = i
+    return order
+
+
+@njit(cache=True)
 def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _Nodes) -> tuple[int, int, int, int]:
     """Copy a block of the exemplar grid over a block of the new one, as far as the nodes may take it."""
     rows, columns, frozen, usable = nodes
     height, width = usable.shape
     h, w = 1 + _pick(u[0], BLOCK), 1 + _pick(u[1], BLOCK)
     y, x = _pick(u[2], tiles.shape[0]), _pick(u[3], tiles.shape[1])
-    nth, i = _pick(u[4], rows[y].sum()), -1
+    nth, i = _pick(u[4], _count(rows[y])), -1
     while nth >= 0:
         i += 1
         nth -= rows[y, i]
-    nth, j = _pick(u[5], columns[x].sum()), -1
+    nth, j = _pick(u[5], _count(columns[x])), -1
     while nth >= 0:
         j += 1
         nth -= columns[x, j]
@@ -105,7 +126,7 @@ def _evolve(
     lowest = np.empty(draws.shape[0] + 1)
     heirs, heir_cost, heir_fitness = population.copy(), cost.copy(), fitness.copy()
     for generation in range(draws.shape[0]):
-        order = np.argsort(fitness)
+        order = _ascending(fitness)
         lowest[generation] = fitness[order[0]]
         for k in range(ELITE):
             heir_fitness[k] = fitness[order[k]]

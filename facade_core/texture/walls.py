@@ -34,16 +34,24 @@ BARE_CORNER = 0.97
 
 
 def on_wall(
-    style: Style, wall: Wall, *, like: Style | None = None, metres_per_pixel: float, seed: int = 0
+    style: Style,
+    wall: Wall,
+    *,
+    like: Style | None = None,
+    metres_per_pixel: float,
+    drawn_at: float | None = None,
+    seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / metres_per_pixel) pixels.
+    """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / drawn_at) pixels, which are
+    those of the exemplar, of metres_per_pixel, if nothing else is given.
 
     Where floors lie depends on the exemplar, the building's height and its storeys alone, so that they meet round corners; they
     are those of the style `like`, if given: a wall without shops has those of one with. A
     storey shows windows where they fit into what is free of the wall, and wall elsewhere. Raises ImageError for a wall of less
     than 2 pixels a side, or without storeys.
     """
-    size = round(wall.height / metres_per_pixel), round(wall.width / metres_per_pixel)
+    pixel = drawn_at or metres_per_pixel
+    size = round(wall.height / pixel), round(wall.width / pixel)
     if min(size) < 2 or wall.storeys < 1:
         raise ImageError(f"on_wall: {size} px and {wall.storeys} storeys; pass at least 2 px a side and 1 storey")
     rng = np.random.default_rng(seed)
@@ -99,17 +107,16 @@ def on_wall(
     if attic > 0:
         bare = np.broadcast_to(np.array([3 * plain + 1, wide + 1])[:, None, None], (2, 1, source.shape[2]))
         source, down = np.concatenate([bare, source], axis=1), np.append(0.0, down)
-    rows, columns = (np.rint(borders / metres_per_pixel).astype(np.int64) for borders in (down, across))
+    rows, columns = (np.rint(borders / pixel).astype(np.int64) for borders in (down, across))
     rows[-1], columns[-1] = size
     # behind the last column of the lattice one more that shows bare wall
     lattice = Lattice(style.grid.rows, style.grid.columns + _bare(style, plain))
-    image, labels = compose(
-        style.image, style.labels, lattice, (source[0] * (wide + 2) + source[1]).astype(np.int32), rows, columns
-    )
+    tiles = (source[0] * (wide + 2) + source[1]).astype(np.int32)
+    image, labels = compose(style.image, style.labels, lattice, tiles, rows, columns, pixel / metres_per_pixel)
     if wall.corner and on_ground(style, stack[-1]):
-        turn_corner(style, image, labels, int(rows[-1 - ground]), scale, metres_per_pixel)
+        turn_corner(style, image, labels, int(rows[-1 - ground]), scale, pixel)
     if middle is not None:
-        put_door(image, labels, middle, metres_per_pixel, rng)
+        put_door(image, labels, middle, pixel, rng)
     return image, labels
 
 

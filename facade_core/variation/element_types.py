@@ -142,11 +142,13 @@ def _modes(points: np.ndarray, width: float) -> np.ndarray:
     total = np.empty(dimensions)
     for i in range(number):
         for _ in range(100):
-            total[:] = 0
+            for k in range(dimensions):
+                total[k] = 0.0
             support[i] = 0
             for j in range(number):
-                if ((modes[i] - points[j]) ** 2).sum() <= width * width:
-                    total += points[j]
+                if _apart(modes[i], points[j]) <= width * width:
+                    for k in range(dimensions):
+                        total[k] += points[j, k]
                     support[i] += 1
             moved = 0.0
             for k in range(dimensions):
@@ -164,31 +166,50 @@ def _modes(points: np.ndarray, width: float) -> np.ndarray:
         if best < 0:
             break
         for i in range(number):
-            if label[i] < 0 and ((modes[i] - modes[best]) ** 2).sum() <= width * width:
+            if label[i] < 0 and _apart(modes[i], modes[best]) <= width * width:
                 label[i] = best
-    counts = np.bincount(label, minlength=number)
-    name = np.empty(number, np.int32)
-    for rank, i in enumerate(np.argsort(-counts, kind="mergesort")):
-        name[i] = rank
-    return name[label]
+    counts = np.zeros(number, np.int64)
+    for i in range(number):
+        counts[label[i]] += 1
+    # the name of a cluster is how many are larger, or as large and before it
+    names = np.empty(number, np.int32)
+    for i in range(number):
+        names[i] = 0
+        for j in range(number):
+            names[i] += counts[j] > counts[label[i]] or (counts[j] == counts[label[i]] and j < label[i])
+    return names
+
+
+@njit(cache=True)
+def _apart(one: np.ndarray, other: np.ndarray) -> float:
+    """The square of how far two points are apart."""
+    total = 0.0
+    for k in range(len(one)):
+        total += (one[k] - other[k]) ** 2
+    return total
 
 
 @njit(cache=True)
 def silhouette(points: np.ndarray, types: np.ndarray) -> float:
     """Mean silhouette of (N, d) points in (N,) types 0, 1 ...; elements alone in their type, or a single type, count 0."""
     number = len(points)
-    kinds = types.max() + 1
+    kinds = 0
+    for kind in types:
+        kinds = max(kinds, kind + 1)
     if kinds < 2:
         return 0.0
-    counts = np.bincount(types)
+    counts = np.zeros(kinds, np.int64)
+    for kind in types:
+        counts[kind] += 1
     total = 0.0
     sums = np.empty(kinds)
     for i in range(number):
         if counts[types[i]] < 2:
             continue
-        sums[:] = 0
+        for t in range(kinds):
+            sums[t] = 0.0
         for j in range(number):
-            sums[types[j]] += np.sqrt(((points[i] - points[j]) ** 2).sum())
+            sums[types[j]] += np.sqrt(_apart(points[i], points[j]))
         within = sums[types[i]] / (counts[types[i]] - 1)
         other = np.inf
         for t in range(kinds):

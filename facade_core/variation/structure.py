@@ -65,13 +65,17 @@ def _rectangles(labels: np.ndarray, label: int) -> float:
     Rectangles of different labels never overlap, so the greedy choice splits into one per label.
     """
     rows, columns = labels.shape
-    free = labels == label
+    free = np.empty((rows, columns), np.bool_)
+    for r in range(rows):
+        for c in range(columns):
+            free[r, c] = labels[r, c] == label
     height = np.zeros(columns, np.int32)
     total = 0.0
     while True:
         best = 0
         bottom = right = top = left = 0
-        height[:] = 0
+        for c in range(columns):
+            height[c] = 0
         for r in range(rows):
             for c in range(columns):
                 height[c] = height[c] + 1 if free[r, c] else 0
@@ -87,7 +91,9 @@ def _rectangles(labels: np.ndarray, label: int) -> float:
         if best == 0:
             return total
         total += 1.0 / best
-        free[top : bottom + 1, left : right + 1] = False
+        for r in range(top, bottom + 1):
+            for c in range(left, right + 1):
+                free[r, c] = False
 
 
 @njit(cache=True)
@@ -120,7 +126,7 @@ def _icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.ndarr
         moved = False
         for r in range(rows):
             for c in range(columns):
-                a = x[r, c]
+                a = np.int64(x[r, c])  # as of the other calls: one kernel serves all
                 if a < 0:
                     continue
                 p = previous[r, c]

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+from typing import Any
+
+import cv2
 import numpy as np
 import pytest
 
@@ -11,7 +15,7 @@ from facade_core.errors import ImageError
 from facade_core.facade import _no_spill, count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
 from facade_core.labels import SKY, WALL, WINDOW
 from facade_core.synth import facade as paint
-from facade_core.texture import Wall, style_of
+from facade_core.texture import Wall, on_wall, style_of
 from facade_core.types import Element, Parsing
 
 PAINTED = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2, occluders=2)
@@ -100,6 +104,29 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     assert sum(e.label == "window" for e in made.elements) >= 15
     assert made.floors == 5
     assert made.told is None, "no picture tells"
+
+
+def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.05, seed=2)
+    style = style_of(clean.image, clean.labels)
+    front = Wall.alone(16.0, 20.0, floors=5)
+    back = replace(front, street=False, plain=True)
+    drawn: list[tuple[int, ...]] = []
+
+    def seen(*given: Any, **named: Any) -> tuple[np.ndarray, np.ndarray]:
+        picture, labels = on_wall(*given, **named)
+        drawn.append(labels.shape)
+        return picture, labels
+
+    monkeypatch.setattr("facade_core.facade.on_wall", seen)
+    fine, coarse, _ = (
+        from_exemplar(style, wall, (16 * of, 20 * of), metres_per_pixel=0.05, seed=3)
+        for wall, of in ((back, 20), (back, 5), (front, 5))
+    )
+    assert drawn == [(320, 400), (160, 200), (320, 400)]
+    assert (coarse.labels == fine.labels[2::4, 2::4]).mean() > 0.95
+    small = cv2.resize(fine.image, (100, 80), interpolation=cv2.INTER_AREA).astype(float)
+    assert np.median(np.abs(small - coarse.image)) < 4
 
 
 def test_an_exemplar_is_measured_and_measured() -> None:

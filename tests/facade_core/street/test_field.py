@@ -12,7 +12,7 @@ from facade_core.atlas import AtlasSpec
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene
 from facade_core.street.field import GRAIN
-from facade_core.street.field_kernels import BRICK, FELT, SHEET, SLATE, TILE, texels
+from facade_core.street.field_kernels import BRICK, FELT, SHEET, SLATE, TILE, colour
 from facade_core.street.own_walls import WallMaterial
 from facade_core.types import Building, Finish, Ground, Roof, Street, Way
 
@@ -45,18 +45,18 @@ def test_points_texels_and_rasters_are_one_field(scene: Scene, kind: int) -> Non
     other = Materials(scene, [STREET], seed=1)
     np.testing.assert_array_equal(other.texels(chart, rows, columns), whole[rows, columns])
     points = scene.charts.points(chart, (columns + 0.5) * (1 / DENSITY), (rows + 0.5) * (1 / DENSITY))
-    colour = other.colour(np.full(500, chart), points, np.full(500, 1 / DENSITY))
-    np.testing.assert_array_equal(colour, whole[rows, columns])
+    coloured = other.colour(np.full(500, chart), points, np.full(500, 1 / DENSITY))
+    np.testing.assert_array_equal(coloured, whole[rows, columns])
 
 
 def test_texels_that_lie_otherwise_in_memory_are_painted_by_the_same_kernel(scene: Scene) -> None:
     chart, materials = of_kind(scene, WALL), Materials(scene, [STREET], seed=1)
     whole = materials.raster(chart)
-    kernels = set(texels.signatures)
+    kernels = set(colour.signatures)
     chosen = np.zeros(whole.shape[:2], bool)
     chosen[::7, ::5] = True
     np.testing.assert_array_equal(materials.texels(chart, *np.nonzero(chosen)), whole[chosen])
-    assert set(texels.signatures) == kernels
+    assert set(colour.signatures) == kernels
 
 
 def test_what_is_stated_of_colours_is_seen(scene: Scene) -> None:

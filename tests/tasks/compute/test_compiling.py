@@ -56,10 +56,10 @@ def test_where_nothing_can_be_kept_nothing_is_compiled_ahead(parts: list[str], m
 
 def test_the_parts_reach_what_takes_longest_to_compile() -> None:
     from facade_core.layout.statistics import measure
-    from facade_core.street.field_kernels import texels
+    from facade_core.street.field_kernels import colour
     from facade_core.texture.genetic import _evolve
 
     for part in compiled.PARTS:
         part()
-    for kernel in (measure, _evolve, texels):
+    for kernel in (measure, _evolve, colour):
         assert kernel.signatures
