@@ -126,7 +126,7 @@ def _icm(previous: np.ndarray, cost: np.ndarray, alpha: float) -> tuple[np.ndarr
         moved = False
         for r in range(rows):
             for c in range(columns):
-                a = np.int64(x[r, c])  # as of the other calls: one kernel serves all
+                a = x[r, c]
                 if a < 0:
                     continue
                 p = previous[r, c]
