@@ -20,16 +20,22 @@ settings.register_profile("suite", derandomize=True, deadline=None)
 settings.load_profile("suite")
 
 ROOT = Path(__file__).resolve().parent.parent
-# Files of whole runs, the longest first. Files are handed to the suite's processes in the order of collection: what takes
-# long and begins last would have one process wait for the other. The second of them needs no run that the first makes.
+# Files and folders that take long, the longest first. Files are handed to the suite's processes in the order of collection:
+# what takes long and begins last would have one process wait for the other. The second needs no run that the first makes.
 LONG = (
     "pipeline/test_whole_run.py",
     "faults/test_killed_at_random.py",
     "pipeline/test_deployments.py",
-    "pipeline/test_cluster.py",
-    "browser",
-    "faults",
+    "tasks/units/test_memory.py",
     "pipeline",
+    "tasks/city",
+    "faults",
+    "benchmarks",
+    "browser",
+    "tasks/compute",
+    "facade_core/parse",
+    "tasks",
+    "facade_core",
 )
 
 

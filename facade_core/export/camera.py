@@ -44,12 +44,12 @@ class Camera:
         ahead = np.array([np.sin(turn) * np.cos(rise), np.cos(turn) * np.cos(rise), np.sin(rise)])
         return cls(np.asarray(position, float), position + ahead, field_of_view, size)
 
-    def rays(self) -> np.ndarray:
-        """World unit directions through the pixel centres, (h, w, 3)."""
+    def rays(self, rows: slice = slice(None)) -> np.ndarray:
+        """World unit directions through the centres of all pixels, or those of some rows, (h, w, 3)."""
         height, width = self.size
         forward, right, down, focal = self.frame()
         x = (np.arange(width) + 0.5 - width / 2) / focal
-        y = (np.arange(height) + 0.5 - height / 2) / focal
+        y = (np.arange(height)[rows] + 0.5 - height / 2) / focal
         rays = forward + x[None, :, None] * right + y[:, None, None] * down
         return rays / np.linalg.norm(rays, axis=-1, keepdims=True)
 

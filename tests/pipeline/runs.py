@@ -12,6 +12,9 @@ from typing import Any
 
 import yaml
 
+from facade_core.errors import InputError
+from flows.lock import locked
+
 ROOT = Path(__file__).resolve().parents[2]
 
 
@@ -72,3 +75,12 @@ def run(
     )
     assert done.returncode == expect, done.stderr[-3000:] + done.stdout[-2000:]
     return json.loads(done.stdout.strip().splitlines()[-1])
+
+
+def working_in(out: Path) -> bool:
+    """Whether a run holds the folder."""
+    try:
+        with locked(out):
+            return False
+    except InputError:
+        return True

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from copy import deepcopy
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,7 @@ import numpy as np
 import pytest
 import yaml
 import zarr
+from joblib import hash as digest_of
 from PIL import Image
 
 from catalogs.block import read_block
@@ -19,6 +22,7 @@ from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.store import open_repository
+from facade_core.facade import Exemplar, prepare_exemplar
 from facade_core.synth import exemplars
 from tasks.compute.connect import Serial
 from tasks.keys.runs import run_of
@@ -107,6 +111,27 @@ class Textured:
     refused: tuple[tuple[str, str], ...]
 
 
+# Exemplars that this process has prepared, by all that they were made of: one takes as long as a street, and tests texture
+# blocks with the same ones again and again.
+_prepared: dict[str, Exemplar] = {}
+
+
+def _prepare_once(image: np.ndarray, hidden: np.ndarray, **more: Any) -> Exemplar:
+    key = digest_of((image, hidden, more))
+    if key not in _prepared:
+        _prepared[key] = prepare_exemplar(image, hidden, **more)
+    return deepcopy(_prepared[key])
+
+
+@contextmanager
+def sooner() -> Iterator[None]:
+    """Stages in this process take less time: small views, and no exemplar prepared twice."""
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("facade_core.export.views.VIEW_SIZE", VIEW_SIZE)
+        patch.setattr("tasks.units.exemplars.prepare_exemplar", _prepare_once)
+        yield
+
+
 def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | None = None) -> Textured:
     """All stages of a block but publishing, one unit at a time; or those before a street, or with one street only."""
     out.mkdir(parents=True, exist_ok=True)
@@ -118,10 +143,8 @@ def texture(block_file: Path, out: Path, *, stop_before: str = "", only: str | N
     chosen = chosen_streets(run, only)
     for kind in KINDS:
         if kind.units is not None:
-            with pytest.MonkeyPatch.context() as patch:
-                patch.setattr("facade_core.export.views.VIEW_SIZE", VIEW_SIZE)
-                due = due_of(run, block, kind)
-            outcome += _do(run, due, compute)
+            with sooner():
+                outcome += _do(run, due_of(run, block, kind), compute)
         elif kind.part_of is None:
             for street in (s for wave in outline.waves for s in wave if chosen is None or s in chosen):
                 if outline.streets[street] == stop_before:

@@ -21,7 +21,7 @@ import pytest
 import yaml
 
 from deploy.rehearsal.postgres import postgres, unfit
-from facade_core.errors import InputError, StoreError
+from facade_core.errors import StoreError
 from flows.block import flow_run_name
 from flows.lock import locked
 from tasks.kinds.order import STAGES
@@ -39,7 +39,7 @@ from tests.pipeline.deployed import (
     typed,
     until,
 )
-from tests.pipeline.runs import ROOT, command
+from tests.pipeline.runs import ROOT, command, working_in
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun, State
@@ -471,15 +471,6 @@ def held(out: Path, stage: str) -> list[dict[str, Any]]:
         return [record for record in journal(out / "store", stage) if record]
     except (StoreError, KeyError, FileNotFoundError):
         return []
-
-
-def working_in(out: Path) -> bool:
-    """Whether a run holds the folder."""
-    try:
-        with locked(out):
-            return False
-    except InputError:
-        return True
 
 
 def test_nothing_runs_afterwards(site: Site) -> None:

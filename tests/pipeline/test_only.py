@@ -2,12 +2,19 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
 
 from flows.block import unrecorded_block
-from tests.pipeline.stages import digests_of, write_block
+from tests.pipeline.stages import digests_of, sooner, write_block
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _sooner() -> Iterator[None]:
+    with sooner():
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -29,7 +29,7 @@ def viewing(out: Path) -> Iterator[str]:
         yield process.stdout.readline().split()[0]
     finally:
         process.terminate()
-        process.wait(20)
+        process.wait(60)
 
 
 def get(address: str, **parameters: Any) -> bytes:

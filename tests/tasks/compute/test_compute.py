@@ -143,7 +143,7 @@ def holder(leases: Cluster, memory: int, held: dict[str, None], let_go: threadin
     def hold() -> None:
         with leases.lease(memory) as name:
             held[name] = None
-            let_go.wait(10)
+            let_go.wait(120)
 
     thread = threading.Thread(target=hold)
     thread.start()
@@ -151,7 +151,7 @@ def holder(leases: Cluster, memory: int, held: dict[str, None], let_go: threadin
 
 
 def settle(held: dict[str, None], count: int) -> bool:
-    deadline = time.monotonic() + 5
+    deadline = time.monotonic() + 60
     while len(held) < count and time.monotonic() < deadline:
         time.sleep(0.01)
     time.sleep(0.1)
