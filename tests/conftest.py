@@ -5,6 +5,7 @@ from __future__ import annotations
 import fcntl
 import json
 import os
+import tempfile
 from pathlib import Path
 from typing import Any
 
@@ -66,9 +67,12 @@ def common(tmp_path_factory: pytest.TempPathFactory, request: pytest.FixtureRequ
 
 
 @pytest.fixture(scope="session", autouse=True)
-def _cache(common: Path) -> None:
-    """Runs keep an empty database of Prefect's server in the user's cache: that of the suite, made by its first run."""
+def _places(common: Path) -> None:
+    """Nothing is left in the user's cache, where runs keep an empty database of Prefect's server, nor in the machine's folder
+    of temporary files: Prefect, Dask and commands that fail leave some there."""
     os.environ["XDG_CACHE_HOME"] = str(common / "cache")
+    (common / "tmp").mkdir(exist_ok=True)
+    os.environ["TMPDIR"] = tempfile.tempdir = str(common / "tmp")
 
 
 @pytest.fixture(scope="session", autouse=True)

@@ -131,7 +131,7 @@ def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
 @pytest.mark.parametrize(
     "arguments",
     [
-        ("run", "BLOCK", "--out", "s3://bucket/out"),
+        ("run", "BLOCK", "--out", "gs://bucket/out"),
         ("demo", "--out", "gs://bucket/out"),
         ("fetch", "delfshaven", "--out", "s3://bucket"),
         ("export", "FOLDER", "--format", "glb", "--to", "s3://bucket/x"),
@@ -152,7 +152,7 @@ def test_results_go_to_folders_of_this_machine(
     shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
     assert list(Path.cwd().iterdir()) == []
     assert shown.exit_code == 2
-    assert "results are written to folders of this machine only" in shown.stderr
+    assert "is written to folders of this machine only" in shown.stderr
     assert len(shown.stderr.splitlines()) == 1
 
 
