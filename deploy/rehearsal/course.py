@@ -225,7 +225,7 @@ def in_bucket(parts: Parts, block: Path) -> dict[str, Any]:
 @click.option("--bucket/--no-bucket", default=True)
 def main(folder: Path, blocks: int, cut_s: float, bucket: bool) -> None:
     """Run the course in FOLDER; exits with 1 where the end is not that of an undisturbed run."""
-    follow()
+    follow(signal.SIGTERM)
     signal.signal(signal.SIGTERM, lambda *_: sys.exit(143))
     with Namespaces(folder / "logs") as net:
         parts = Parts(folder, net)

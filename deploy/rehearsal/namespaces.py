@@ -38,9 +38,9 @@ def apart(module: str, arguments: Sequence[str]) -> list[str]:
     return [*APART, "sh", "-c", ready, "sh", sys.executable, "-m", module, *arguments]
 
 
-def follow() -> None:
-    """End with the process that started this one, however that ends."""
-    ctypes.CDLL(None).prctl(1, signal.SIGTERM)
+def follow(by: int = signal.SIGKILL) -> None:
+    """End with the process that started this one, however that ends, by a signal."""
+    ctypes.CDLL(None).prctl(1, by)
 
 
 @dataclass
