@@ -29,6 +29,8 @@ from catalogs.published.places import Folder
 from catalogs.published.s3 import folder_at
 from flows.markdown import cells, code, plain
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
+from tasks.city.account import Account, Ended
+from tasks.city.running import TIME_IS_UP
 from tasks.kinds.order import KINDS, STAGES
 from tasks.progress import listen
 from tasks.run import Run
@@ -40,6 +42,8 @@ log = logging.getLogger(__name__)
 REFRESH_S = 2.0
 # Rows of the units' table at most, failed ones first; the catalogue has them all.
 ROWS = 1000
+# States of a city's blocks in the order of their table; "done in part": published, with failed units; "left": its time was up.
+STATES = ("failed", "done in part", "left", "due", "done")
 # Columns of the facades' table; the catalogue has more.
 FACADE_COLUMNS = (
     "id",
@@ -183,6 +187,34 @@ def tell_outcome(run: Run, summary: dict[str, Any]) -> None:
         key=f"{slug}-outputs",
         description=f"{summary['facades_done']} facades and {summary['viewpoints']} viewpoints, in {plain(run.out)}",
     )
+
+
+@_left_out()
+def tell_blocks(account: Account) -> None:
+    """A table of a city's blocks as they stand now, those that want somebody or something first."""
+    rows = [
+        {
+            "block": name,
+            "state": _state(ended),
+            "facades": ended.summary.get("facades_done"),
+            "failed": ended.summary.get("facades_failed"),
+            "viewpoints": ended.summary.get("viewpoints"),
+            "minutes": round(ended.seconds / 60, 1),
+            "reason": ended.reason,
+        }
+        for name, ended in account.blocks.items()
+    ]
+    rows.sort(key=lambda row: STATES.index(row["state"]))
+    counts = {state: sum(row["state"] == state for row in rows) for state in STATES}
+    said = ", ".join(f"{count} {state}" for state, count in counts.items() if count)
+    create_table_artifact(
+        [*map(cells, rows[:ROWS])], key=f"{_slug(account.name)}-blocks", description=f"{len(rows)} blocks: {said}"
+    )
+
+
+def _state(ended: Ended) -> str:
+    known = {None: "due", 0: "done", 1: "done in part", TIME_IS_UP: "left"}
+    return known.get(ended.code, "failed")
 
 
 def _address(path: Folder) -> str:

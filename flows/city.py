@@ -20,6 +20,7 @@ from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
 from facade_core.errors import InputError
+from flows.artifacts import tell_blocks
 from flows.asked import Asked
 from flows.cli.console import tell
 from flows.lock import locked
@@ -73,7 +74,7 @@ def city(
         tiles: whether the 3D Tiles of each block are exported, to which out/tileset.json leads.
     """
     asked = Asked(workers, dask, at_once, until, keep, tiles)
-    summary = _run(city_file, out or Path("out") / city_file.stem, asked, _recorded)
+    summary = _run(city_file, out or Path("out") / city_file.stem, asked, _recorded, tell_blocks)
     if summary["failures"] or summary["left"]:
         said = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
         failed = "; ".join(f"{one['unit']}: {one['reason']}" for one in summary["failures"][:3])
@@ -84,7 +85,7 @@ def city(
 def unrecorded_city(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
     """What `city` does, without a Prefect server."""
     with ThreadPoolExecutor(MOST_AT_ONCE, thread_name_prefix="blocks") as pool:
-        return _run(city_file, out, asked, partial(_unrecorded, pool))
+        return _run(city_file, out, asked, partial(_unrecorded, pool), lambda account: None)
 
 
 def _recorded(task: Task, *arguments: Any) -> PrefectFuture:
@@ -95,7 +96,7 @@ def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any) -> Future
     return pool.submit(task.fn, *arguments)
 
 
-def _run(city_file: Path, out: Path, asked: Asked, submit: Submit) -> dict[str, Any]:
+def _run(city_file: Path, out: Path, asked: Asked, submit: Submit, show: Callable[[Account], None]) -> dict[str, Any]:
     begun = time.monotonic()
     ends = None if asked.until is None else ends_at(asked.until, datetime.now()).timestamp()
     with locked(out):
@@ -124,9 +125,9 @@ def _run(city_file: Path, out: Path, asked: Asked, submit: Submit) -> dict[str, 
             write_account(out, account)
             tell(f"block {name}: {_said(how)}; {len(waiting) + running} to go")
             if time.monotonic() >= over_at:
-                account, took = _over(out, account)
+                account, took = _over(out, account, show)
                 over_at = time.monotonic() + took / OVER_SHARE
-        account, _ = _over(out, account)
+        account, _ = _over(out, account, show)
         left = [name for name in account.blocks if name in waiting or account.blocks[name].code == TIME_IS_UP]
         summary = account.summary(out) | {"blocks_skipped": len(account.blocks) - len(due), "left": left}
         summary["seconds"] = round(time.monotonic() - begun, 2)
@@ -137,10 +138,11 @@ def _run(city_file: Path, out: Path, asked: Asked, submit: Submit) -> dict[str, 
     return summary
 
 
-def _over(out: Path, account: Account) -> tuple[Account, float]:
-    """Write what lies over all blocks where it is not of what they published last. Says of what it is, and the seconds that
-    took."""
+def _over(out: Path, account: Account, show: Callable[[Account], None]) -> tuple[Account, float]:
+    """Show how all blocks stand, and write what lies over them where it is not of what they published last. Says of what it is,
+    and the seconds that took."""
     begun = time.monotonic()
+    show(account)
     if account.over != (of := account.snapshots()) and write_over(out, list(account.blocks), tell):
         account = replace(account, over=of)
         write_account(out, account)

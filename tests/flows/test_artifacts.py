@@ -11,6 +11,7 @@ import pyarrow.parquet as pq
 import pytest
 
 from flows import artifacts
+from tasks.city.account import Account, Ended
 
 
 @pytest.fixture
@@ -63,3 +64,14 @@ def test_facades_are_a_table_failed_ones_first(told: dict[str, tuple[Any, str]],
     assert description.startswith("2 facades, failed ones first")
     assert told["demo-failures"][0] == summary["failures"]
     assert "http://127.0.0.1:8710/" in told["demo-outputs"][0]
+
+
+def test_blocks_of_a_city_are_a_table_those_that_want_somebody_first(told: dict[str, tuple[Any, str]]) -> None:
+    done = Ended(0, summary={"facades_done": 7, "facades_failed": 0, "viewpoints": 3}, seconds=90.0)
+    blocks = {"x0": done, "x1": Ended(), "x2": Ended(70, reason="the disk is full"), "x3": Ended(1), "x4": Ended(75)}
+    artifacts.tell_blocks(Account("My town", blocks=blocks))
+    rows, description = told["my-town-blocks"]
+    assert [row["block"] for row in rows] == ["x2", "x3", "x4", "x1", "x0"]
+    assert rows[0]["reason"] == "the disk is full"
+    assert (rows[-1]["facades"], rows[-1]["minutes"]) == (7, 1.5)
+    assert description == "5 blocks: 1 failed, 1 done in part, 1 left, 1 due, 1 done"
