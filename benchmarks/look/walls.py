@@ -144,8 +144,10 @@ def fronts(output: Output) -> dict[str, Any]:
 
 
 def twins(output: Output) -> dict[str, Any]:
-    """Pairs of neighbours' facades that look alike: of different buildings, within 60 m, both seen from streets."""
+    """Pairs of neighbours' facades that look alike: of different buildings, within 60 m, both seen from streets. Parts of a
+    building are one: they take its exemplar."""
     known = {facade.id: row for facade, row in facade_items(output)}
+    houses = {name: _house_of(row) for name, row in known.items()}
     facades = [facade for facade in output.facades if facade.id in known and _front_of(output, facade) is not None]
     pictures: dict[int, np.ndarray] = {}
     for page in sorted({int(output.placement.page[facade.chart]) for facade in facades}):
@@ -159,7 +161,7 @@ def twins(output: Output) -> dict[str, Any]:
     for a in range(len(facades)):
         for b in range(a + 1, len(facades)):
             apart = np.linalg.norm(_middle(output, facades[a]) - _middle(output, facades[b]))
-            if facades[a].building == facades[b].building or apart > NEAR_M:
+            if houses[facades[a].id] == houses[facades[b].id] or apart > NEAR_M:
                 continue
             pairs += 1
             same += known[facades[a].id].source == known[facades[b].id].source
@@ -171,6 +173,12 @@ def twins(output: Output) -> dict[str, Any]:
         "twins": alike,
         "likeness": [round(float(np.quantile(scores, q)), 3) for q in (0.5, 0.9, 1.0)] if scores else None,
     }
+
+
+def _house_of(row: Any) -> str:
+    """The building of which a facade is, or of which its building is a part."""
+    whole = getattr(row, "part_of", None)  # an earlier version knew no parts
+    return whole if isinstance(whole, str) and whole else str(row.building)
 
 
 def _detail(raster: np.ndarray, density: float) -> np.ndarray:
