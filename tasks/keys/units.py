@@ -15,11 +15,11 @@ import numpy as np
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
 from facade_core.atlas.journal import unit_key
+from facade_core.entries import has_back_door, turns_corner
 from facade_core.geometry.charts import CORNERS
 from facade_core.geometry.walls import JOINT_M
 from facade_core.plan import Plan
 from facade_core.types import Pose
-from facade_core.walls import has_back_door, turns_corner
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 from tasks.units.imagery import Imagery

@@ -7,6 +7,7 @@ import pytest
 import shapely
 from scipy import ndimage
 
+from facade_core.entries import has_back_door, turns_corner
 from facade_core.geometry.walls import BACK
 from facade_core.ingest import ingest
 from facade_core.labels import DOOR, SHOP, WINDOW
@@ -14,7 +15,7 @@ from facade_core.plan import Plan
 from facade_core.synth import facade as paint
 from facade_core.texture import Style, Wall, on_wall, style_of, without_shops
 from facade_core.types import Building, Street
-from facade_core.walls import has_back_door, turns_corner, wall_of
+from facade_core.walls import wall_of
 
 MPP = 0.05
 # One corner cut off at the crossing, and a nook with a narrow wall across it at the other end.
