@@ -11,6 +11,7 @@ import numpy as np
 
 from facade_core.kernels import njit
 from facade_core.labels import ELEMENT_CLASSES
+from facade_core.sorting import ascending
 
 LABELS = len(ELEMENT_CLASSES)
 DOOR = ELEMENT_CLASSES.index("door")
@@ -29,7 +30,7 @@ UNARY, BINARY, OVERALL = 7, 5, 8
 @njit(cache=True)
 def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Means of runs of values that lie at most `gap` apart, ascending, and the run of each value."""
-    order = _ascending(values)
+    order = ascending(values)
     run = np.empty(len(values), np.int64)
     means = np.empty(len(values))
     count, total, k = 0, 0.0, -1
@@ -46,21 +47,8 @@ def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
 
 
 @njit(cache=True)
-def _ascending(values: np.ndarray) -> np.ndarray:
-    """The order of a few values from the least on; equal ones as they came."""
-    order = np.empty(len(values), np.int64)
-    for i in range(len(values)):
-        j = i
-        while j > 0 and values[order[j - 1]] > values[i]:
-            order[j] = order[j - 1]
-            j -= 1
-        order[j] = i
-    return order
-
-
-@njit(cache=True)
 def _median(values: np.ndarray) -> float:
-    order = _ascending(values)
+    order = ascending(values)
     middle = len(values) // 2
     if len(values) % 2:
         return values[order[middle]]
@@ -220,7 +208,7 @@ def _pattern(p: np.ndarray, q: np.ndarray) -> int:
         values[k] = p[k]
     for k in range(len(q)):
         values[len(p) + k] = q[k]
-    order = _ascending(values)
+    order = ascending(values)
     turns, first = 0, order[0] >= len(p)
     runs = np.zeros(n, np.int64)
     previous = first
@@ -315,7 +303,7 @@ def _union(rectangles: np.ndarray) -> float:
     for r in range(count):
         xs[2 * r], xs[2 * r + 1] = rectangles[r, 0], rectangles[r, 2]
         ys[2 * r], ys[2 * r + 1] = rectangles[r, 1], rectangles[r, 3]
-    by_x, by_y = _ascending(xs), _ascending(ys)
+    by_x, by_y = ascending(xs), ascending(ys)
     area = 0.0
     for i in range(2 * count - 1):
         x0, x1 = xs[by_x[i]], xs[by_x[i + 1]]

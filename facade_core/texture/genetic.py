@@ -7,6 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.kernels import njit
+from facade_core.sorting import ascending
 from facade_core.texture.consistency import Tables, refresh, total
 
 POPULATION = 10
@@ -68,19 +69,6 @@ def _count(flags: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def _ascending(values: np.ndarray) -> np.ndarray:
-    """The order of a few values from the least on; equal ones as they came."""
-    order = np.empty(len(values), np.int64)
-    for i in range(len(values)):
-        j = i
-        while j > 0 and values[order[j - 1]] > values[i]:
-            order[j] = order[j - 1]
-            j -= 1
-        order[j] = i
-    return order
-
-
-@njit(cache=True)
 def _mutate(tiles: np.ndarray, u: np.ndarray, nodes: _Nodes) -> tuple[int, int, int, int]:
     """Copy a block of the exemplar grid over a block of the new one, as far as the nodes may take it."""
     rows, columns, frozen, usable = nodes
@@ -126,7 +114,7 @@ def _evolve(
     lowest = np.empty(draws.shape[0] + 1)
     heirs, heir_cost, heir_fitness = population.copy(), cost.copy(), fitness.copy()
     for generation in range(draws.shape[0]):
-        order = _ascending(fitness)
+        order = ascending(fitness)
         lowest[generation] = fitness[order[0]]
         for k in range(ELITE):
             heir_fitness[k] = fitness[order[k]]

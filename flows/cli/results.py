@@ -33,7 +33,13 @@ class FolderOfRuns(click.ParamType):
 
 @click.command(cls=WithBox)
 @click.argument("folder", metavar="FOLDER", type=FolderOfRuns())
-@click.option("--where", metavar="SQL", help="A condition on the columns of items.parquet, and on run.")
+@click.option(
+    "--where",
+    "conditions",
+    metavar="SQL",
+    multiple=True,
+    help="A condition on the columns of items.parquet, and on run; of several all must hold.",
+)
 @click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
 @click.option("--since", metavar="WHEN", help="Made since a date (2026-11-21), a time (UTC) or an age (36h, 7d).")
 @click.option(
@@ -44,7 +50,9 @@ class FolderOfRuns(click.ParamType):
     show_default=True,
     help="parquet is GeoParquet, for a file.",
 )
-def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since: str | None, style: str) -> None:
+def query(
+    folder: str, conditions: tuple[str, ...], bbox: tuple[float, ...] | None, since: str | None, style: str
+) -> None:
     """Find facades in what a run published, or in what all runs in a folder or a bucket did.
 
     \b
@@ -61,6 +69,7 @@ def query(folder: str, where: str | None, bbox: tuple[float, ...] | None, since:
 
     if style == "parquet" and sys.stdout.isatty():
         raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
+    where = " and ".join(f"({one})" for one in conditions) if len(conditions) > 1 else next(iter(conditions), None)
     found = find(folder, where=where, bbox=bbox or None, since=since, note=note)
     if style == "parquet":
         click.echo(parquet_bytes(found), nl=False)

@@ -8,6 +8,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
+from click.testing import CliRunner
+
+from facade_core.errors import InputError
+from flows.cli.commands import main
 
 ROOT = Path(__file__).resolve().parents[3]
 
@@ -256,3 +260,16 @@ def test_a_group_without_a_command_shows_its_help() -> None:
 
     for group in ((), ("train",)):
         assert "Commands:" in CliRunner().invoke(main, list(group)).stderr
+
+
+def test_of_several_conditions_all_must_hold(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    asked: list[str | None] = []
+
+    def find(folder: str, *, where: str | None, **more: object) -> None:
+        asked.append(where)
+        raise InputError("asked")
+
+    monkeypatch.setattr("catalogs.query.query", find)
+    for more in ([], ["--where", "a or b"], ["--where", "a or b", "--where", "c"]):
+        CliRunner().invoke(main, ["query", str(tmp_path), *more])
+    assert asked == [None, "a or b", "(a or b) and (c)"]
