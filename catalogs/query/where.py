@@ -155,15 +155,19 @@ def _check_expression(part: dict[str, Any], where: str, columns: Sequence[str]) 
         if name.lower() not in columns:
             close = difflib.get_close_matches(name.lower(), columns, n=1, cutoff=0.6)
             hint = (
-                f"did you mean {close[0]}?" if close else f"text goes in 'single quotes'; columns: {', '.join(columns)}"
+                f"did you mean {close[0]}?"
+                if close
+                else f"if it is text, write '{name}', in single quotes; columns: {', '.join(columns)}"
             )
             raise refusal(where, f"unknown column {name}", hint)
     elif kind == "FUNCTION":
         name = part["function_name"].lower()
         known = name in FUNCTIONS or (part.get("is_operator") and (name in _SIGNS or name in _LIKES))
         if not known or any(part.get(qualifier) for qualifier in _QUALIFIERS):
+            what = "function" if name.isidentifier() else "operator"
+            allowed = FUNCTIONS if what == "function" else ["=", "<>", "<", "<=", ">", ">=", *sorted(_SIGNS)]
             raise refusal(
-                where, f"function {name} is not allowed here", f"allowed are {', '.join(FUNCTIONS)}, LIKE and ILIKE"
+                where, f"{what} {name} is not allowed here", f"allowed are {', '.join(allowed)}, LIKE and ILIKE"
             )
     elif kind not in _PLAIN and not (kind == "OPERATOR" and part["type"] in _OPERATORS):
         name = part["type"].lower().replace("_", " ")

@@ -84,7 +84,7 @@ def test_conditions(out: Path, where: str | None, ids: range | tuple[int, ...]) 
     ("where", "words"),
     [
         ("florrs > 3", "unknown column florrs; did you mean floors?"),
-        ('status = "done"', "unknown column done; text goes in 'single quotes'"),
+        ('status = "done"', "unknown column done; if it is text, write 'done', in single quotes"),
         ("floors = 'six'", "Could not convert string 'six' to INT32"),
         ("street > 5", "Cannot compare"),
         ("street = 'x", "unterminated"),
@@ -105,6 +105,7 @@ def test_conditions(out: Path, where: str | None, ids: range | tuple[int, ...]) 
         ("street = '\ud800'", "holds half a character"),
         ("read_text('/etc/passwd') = ''", "function read_text is not allowed"),
         ("getenv('HOME') = ''", "function getenv is not allowed"),
+        ("floors >== 5", "operator >== is not allowed here; allowed are ="),
         ("lower(read_blob('/etc/passwd')) = ''", "function read_blob is not allowed"),
         ("main.lower(street) = 'x'", "function lower is not allowed"),
         ("lower(DISTINCT street) = 'x'", "not allowed"),
