@@ -94,7 +94,9 @@ def _lanes(way: Way, clear: shapely.Geometry) -> list[_Row]:
     driven = way.width - left - right
     first = -way.width / 2 + right
     for number in range(1, way.lanes):
-        line = shapely.offset_curve(way.line, first + driven * number / way.lanes, join_style="mitre")
+        offset = first + driven * number / way.lanes
+        # GEOS fails by what rounding leaves of nothing
+        line = shapely.offset_curve(way.line, offset if abs(offset) > 1e-9 else 0.0, join_style="mitre")
         middle = not way.oneway and 2 * number == way.lanes and way.lanes > 2
         line = shapely.difference(line, clear)
         pieces = _pieces(line) if middle else (dash[:4] for dash in _dashed(line, DASH_M, DASHES_M))

@@ -11,6 +11,7 @@ from facade_core.geometry.charts import GROUND, Charts
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import SQUARE_M, Squares
 from facade_core.street.ground_kernels import COLOURS, GRASS, soil
+from facade_core.street.ground_marks import marks
 from facade_core.types import Area, Ground, Way
 
 MAIN = Way("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
@@ -80,3 +81,12 @@ def test_a_line_that_is_cut_elsewhere_is_drawn_the_same() -> None:
     x, y = np.meshgrid(np.linspace(0.5, 31.5, 60), np.linspace(4, 20, 60))
     first, second = (colours(Ground((way,)), x.ravel(), y.ravel(), 0.1, (0, 0)) for way in (marked, shorter))
     assert np.abs(first - second).mean() < 0.5
+
+
+def test_a_road_between_places_for_cars_has_its_line_in_the_middle() -> None:
+    """Its offset is what rounding leaves of nothing: 4.4e-16 of these widths, by which GEOS fails."""
+    bent = shapely.LineString([(0, 0), (14, 8), (22, 12), (63, 35)])
+    way = Way("b", bent, "road", 10.2, "asphalt", lanes=2, parking=(2.1, 2.1))
+    line = marks((way,), bent.buffer(way.width / 2), shapely.Point())[:, :4]
+    line = line[[bent.distance(shapely.LineString(row.reshape(2, 2))) < 1e-6 for row in line]]
+    assert 0 < np.hypot(*(line[:, 2:] - line[:, :2]).T).sum() < bent.length
