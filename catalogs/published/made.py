@@ -3,21 +3,12 @@
 from __future__ import annotations
 
 import os
-import shutil
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 
 from catalogs.published.files import Listed, digest_of, listed_in
 from catalogs.published.places import Folder, at
-
-
-def link_or_copy(source: Path, target: Path) -> None:
-    """Have a file under a second name; a copy where the file system knows no links."""
-    try:
-        os.link(source, target)
-    except OSError:
-        shutil.copyfile(source, target)
 
 
 @dataclass

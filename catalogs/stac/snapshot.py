@@ -86,8 +86,8 @@ def write_stac(
     writer = _Writer(folder, block, predecessor, published or folder.parent)
 
     pictures = pictures_by_unit(folder, [row["id"] for row in facades])
-    hrefs = {f"block/{block.name}": f"blocks/{_stem(block.name)}.json"}
-    hrefs |= {f"street/{street.id}": f"streets/{_stem(street.id)}.json" for street in streets}
+    hrefs = {f"block/{block.name}": f"blocks/{item_stem(block.name)}.json"}
+    hrefs |= {f"street/{street.id}": f"streets/{item_stem(street.id)}.json" for street in streets}
     for foot in feet:
         item = facade_item(foot, block)
         item.assets = picture_assets(folder, pictures.get(item.id, ()), "../../../")
@@ -213,7 +213,7 @@ def json_text(fields: Mapping[str, Any]) -> str:
     return visible_json(json.dumps(fields, indent=1, ensure_ascii=False, allow_nan=False)) + "\n"
 
 
-def _stem(identifier: str) -> str:
+def item_stem(identifier: str) -> str:
     """As features.file_stem, but never that of the Collection beside the Item."""
     stem = file_stem(identifier)
     return f"{stem}_" if f"{stem}.json" == COLLECTION else stem

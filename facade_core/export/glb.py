@@ -57,9 +57,10 @@ def glb_bytes(
     jpegs: Sequence[bytes],
     *,
     extras: Mapping[str, Any] | None = None,
-    asset_extras: Mapping[str, Any] | None = None,
+    copyright: str = "",
 ) -> bytes:
-    """A model as GLB: one glTF node per Node, every picture in `jpegs` embedded as it is. extras are the scene's.
+    """A model as GLB: one glTF node per Node, every picture in `jpegs` embedded as it is. extras are the scene's;
+    copyright, the asset's: whom to name for what it is made from.
 
     Surfaces are unlit: their pictures hold the light of the day they were taken on.
     """
@@ -128,7 +129,7 @@ def glb_bytes(
         "asset": {
             "version": "2.0",
             "generator": "Streetloom",
-            **({"extras": dict(asset_extras)} if asset_extras else {}),
+            **({"copyright": copyright} if copyright else {}),
         },
         "scene": 0,
         "scenes": [

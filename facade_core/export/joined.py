@@ -11,6 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from facade_core.export.attribution import joined_lines
 from facade_core.export.glb import BINARY, HEADER_BYTES, JSON, SAMPLERS, UNLIT, header_of
 
 # What of a model is counted by index, and where others say which they mean is moved on by how many there are before.
@@ -35,10 +36,13 @@ def part_of_file(path: Path) -> Part:
     return Part(path, document, start, length)
 
 
-def join_glbs(path: Path, parts: Sequence[Part], origin: Sequence[float], *, extras: Mapping[str, Any]) -> int:
+def join_glbs(
+    path: Path, parts: Sequence[Part], origin: Sequence[float], *, extras: Mapping[str, Any], copyright: str = ""
+) -> int:
     """Write the parts as one GLB file around `origin` (world metres), which appears whole or not at all; returns its bytes.
 
-    Each part states its own `origin` in its scene's extras: its nodes are moved from there. extras are the new scene's. No more
+    Each part states its own `origin` in its scene's extras: its nodes are moved from there. extras are the new scene's;
+    copyright is stated with that of the parts, each part of it once. No more
     than a block of a file is in memory.
     """
     document: dict[str, Any] = {name: [] for name in (*COUNTED, "nodes")}
@@ -49,7 +53,10 @@ def join_glbs(path: Path, parts: Sequence[Part], origin: Sequence[float], *, ext
         length += part.length
     nodes = list(range(len(document["nodes"])))
     scene: dict[str, Any] = {**({"nodes": nodes} if nodes else {}), "extras": {"origin": list(origin), **extras}}
-    head: dict[str, Any] = {"asset": {"version": "2.0", "generator": "Streetloom"}, "scene": 0, "scenes": [scene]}
+    asset = {"version": "2.0", "generator": "Streetloom"}
+    if said := joined_lines([copyright, *(part.document["asset"].get("copyright", "") for part in parts)]):
+        asset["copyright"] = said
+    head: dict[str, Any] = {"asset": asset, "scene": 0, "scenes": [scene]}
     if nodes:
         head |= document | {**UNLIT, "samplers": SAMPLERS, "buffers": [{"byteLength": length}]}
     text = json.dumps(head, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()

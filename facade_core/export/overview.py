@@ -43,7 +43,7 @@ def scale_afar(texels: np.ndarray) -> float:
     return scale
 
 
-def overview_glb(source: Textured, charts: np.ndarray, extras: Mapping[str, Any]) -> bytes:
+def overview_glb(source: Textured, charts: np.ndarray, extras: Mapping[str, Any], *, copyright: str = "") -> bytes:
     """Some charts (k,), ascending, of a source of coarse rasters as one node around `extras["origin"]`, world metres; of
     OVERVIEW_BYTES at most: where it is more it is made coarser, and where it cannot be of fewer charts."""
     whole = replace(source, charts=replace(source.charts, building=np.zeros_like(source.charts.building)))
@@ -51,7 +51,7 @@ def overview_glb(source: Textured, charts: np.ndarray, extras: Mapping[str, Any]
     scale = 1.0
     while True:
         drawn = layout_of(whole, charts, scale)
-        data = glb_bytes(nodes_of([drawn], {0: NODE}, frame)[0], jpegs(drawn), extras=extras)
+        data = glb_bytes(nodes_of([drawn], {0: NODE}, frame)[0], jpegs(drawn), extras=extras, copyright=copyright)
         if len(data) <= OVERVIEW_BYTES or not len(charts):
             return data
         if scale * source.texels[charts].max() > 1:

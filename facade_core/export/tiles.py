@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.export.attribution import Attribution
 from facade_core.export.earth import EarthFrame
 from facade_core.export.glb import glb_bytes
 from facade_core.export.models import Drawn, Textured, jpegs, layout_of, nodes_of
@@ -69,6 +70,7 @@ def write_tileset(
     write: Callable[[str, bytes], None],
     *,
     extras: Mapping[str, Any],
+    attribution: Attribution,
 ) -> dict[str, Any]:
     """tileset.json of a quadtree as a value, its tiles given to `write` as (relative path, bytes).
 
@@ -79,7 +81,8 @@ def write_tileset(
     def content(uri: str, drawn: Sequence[Drawn]) -> np.ndarray:
         """Write a tile; its least and greatest corner (2, 3), z up."""
         nodes, bounds = nodes_of(drawn, names, frame)
-        write(uri, glb_bytes(nodes, [jpeg for part in drawn for jpeg in jpegs(part)]))
+        pictures = [jpeg for part in drawn for jpeg in jpegs(part)]
+        write(uri, glb_bytes(nodes, pictures, copyright=attribution.line))
         return bounds[:, [0, 2, 1]] * [1, -1, 1]
 
     def full(cell: Cell) -> dict[str, Any]:
@@ -115,7 +118,7 @@ def write_tileset(
     root["transform"] = frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
     return {
-        "asset": {"version": "1.1", "extras": dict(extras)},
+        "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.value()}},
         "geometricError": max(reach, 2 * root["geometricError"]),
         "root": root,
     }

@@ -31,7 +31,7 @@ def write_models(found: Published, buildings: np.ndarray, folder: Path) -> tuple
     def write(path: Path, shown: np.ndarray) -> None:
         drawn = layout_of(source, source.chosen(shown))
         nodes, _ = nodes_of([drawn], found.names, frame)
-        path.write_bytes(glb_bytes(nodes, jpegs(drawn), extras=extras))
+        path.write_bytes(glb_bytes(nodes, jpegs(drawn), extras=extras, copyright=found.attribution.line))
         advance("export", 1)
 
     for building in buildings.tolist():
@@ -84,6 +84,7 @@ def write_3dtiles(found: Published, buildings: np.ndarray, folder: Path) -> tupl
         density,
         write,
         extras=extras,
+        attribution=found.attribution,
     )
     (folder / "tileset.json").write_text(json.dumps(tileset, indent=1, allow_nan=False) + "\n")
     return ["tileset.json"], notes

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import shapely
 
-from catalogs.block.sources import sources_of
-from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, StreetFacts
+from catalogs.stac.facts import BlockFacts, ModelFacts, RunFacts, SourceFact, StreetFacts
 from facade_core.export.footprints import footprints
 from facade_core.export.models import textured_scene
 from facade_core.grouping import Grouped
@@ -78,9 +77,9 @@ OF_STREETS = Shipped(
 
 
 def block_facts(
-    run: Run, block: StoredBlock, snapshot: str, rows: Rows, updated: datetime, block_file: Path | None
+    run: Run, block: StoredBlock, snapshot: str, rows: Rows, updated: datetime, sources: Sequence[SourceFact]
 ) -> BlockFacts:
-    """block_file: what the block was read from, for its sources; None: they are not known."""
+    """sources: what the block was read from; none where they are not known."""
     plan, group = block.plan, block.group
     outlines = list(footprints(textured_scene(plan.scene, lambda page: np.empty((0, 0, 3), np.uint8))).values())
     return BlockFacts(
@@ -110,7 +109,7 @@ def block_facts(
             "seed": run.seed,
             "geoid_separation": group.attrs.get("geoid_separation"),
         },
-        sources=sources_of(block_file) if block_file else (),
+        sources=tuple(sources),
         notes=tuple(map(str, group.attrs.get("notes", ()))),
     )
 

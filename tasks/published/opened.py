@@ -17,9 +17,11 @@ from catalogs.published.runs import runs_in
 from catalogs.published.snapshot import Snapshot, current
 from facade_core.errors import FormatError, InputError
 from facade_core.types import Element
+from tasks.published.attribution import read_attribution
 from tasks.published.stored import StoredBlock, stored_block
 
 if TYPE_CHECKING:
+    from facade_core.export.attribution import Attribution
     from facade_core.export.models import Textured
 
 
@@ -44,6 +46,11 @@ class Published(StoredBlock):
 
         found = textured_scene(self.plan.scene, self.page)
         return replace(found, mesh=part_of(found.mesh, self.plan.own[found.mesh.chart]))
+
+    @cached_property
+    def attribution(self) -> Attribution:
+        """Whom to name for what is shown, and when it was made."""
+        return read_attribution(self.snapshot.stac, self.snapshot.items, self.block)
 
     def page(self, page: int) -> np.ndarray:
         """A filled page of the atlas, (h, w, 3) uint8."""

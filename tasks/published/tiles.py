@@ -12,10 +12,11 @@ from typing import Any
 
 import numpy as np
 
-from catalogs.published.made import Made, link_or_copy
+from catalogs.published.made import Made
 from catalogs.published.snapshot import Snapshot
 from facade_core.atlas.encoded import read_checked, read_encoded, tile_paths
 from facade_core.atlas.journal import Record, unit_key
+from facade_core.export.attribution import Attribution
 from facade_core.export.block_tiles import Tile, tiles_of
 from facade_core.export.joined import join_glbs, part_of_file
 from facade_core.export.models import local_frame, textured_scene
@@ -39,7 +40,9 @@ class WrittenTile:
     file: Path
 
 
-def write_tiles(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside) -> list[WrittenTile]:
+def write_tiles(
+    snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside, attribution: Attribution
+) -> list[WrittenTile]:
     """Write the models of tiles and tiles/index.json, which lists them; one that cannot be read is set aside."""
     written = []
     for tile, record in zip(tiles_of(block.plan), block.journals["tiles"], strict=True):
@@ -54,13 +57,16 @@ def write_tiles(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside:
             )
             written.append(WrittenTile(tile, record, file))
     snapshot.tiles.parent.mkdir(exist_ok=True)
-    snapshot.tiles.write_text(json.dumps(_index(block, written), indent=1, ensure_ascii=False) + "\n", "utf-8")
+    snapshot.tiles.write_text(
+        json.dumps(_index(block, written, attribution), indent=1, ensure_ascii=False) + "\n", "utf-8"
+    )
     return written
 
 
-def _index(block: StoredBlock, written: Sequence[WrittenTile]) -> dict[str, Any]:
+def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, Any]:
     return {
         "crs": str(block.group.attrs["crs"]),
+        "attribution": attribution.value(),
         "axes": "box: east, north, up in metres of crs; models: x east, y up, z south, around origin",
         "tiles": [
             {
@@ -77,18 +83,18 @@ def _index(block: StoredBlock, written: Sequence[WrittenTile]) -> dict[str, Any]
     }
 
 
-def write_model(snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: Made) -> bool:
-    """Write block.glb, the tiles joined: where it is one tile, that tile. Returns whether it fits MODEL_BYTES."""
+def write_model(
+    snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: Made, attribution: Attribution
+) -> bool:
+    """Write block.glb, the tiles joined. Returns whether it fits MODEL_BYTES."""
     if sum(one.record["bytes"] for one in tiles) > MODEL_BYTES:
         return False
     extras = _extras(block)
-    of = unit_key(stage_code("publish"), extras, [one.record["digest"] for one in tiles])
+    of = unit_key(stage_code("publish"), extras, attribution.line, [one.record["digest"] for one in tiles])
 
     def write(file: Path) -> None:
-        if len(tiles) == 1:
-            link_or_copy(tiles[0].file, file)
-        else:
-            join_glbs(file, [part_of_file(one.file) for one in tiles], extras["origin"], extras={"crs": extras["crs"]})
+        parts = [part_of_file(one.file) for one in tiles]
+        join_glbs(file, parts, extras["origin"], extras={"crs": extras["crs"]}, copyright=attribution.line)
 
     made.put_written(snapshot.model.name, of, write)
     return True
@@ -99,7 +105,12 @@ def _extras(block: StoredBlock) -> dict[str, Any]:
 
 
 def write_overview(
-    snapshot: Snapshot[Path], block: StoredBlock, tiles: Sequence[WrittenTile], made: Made, aside: Aside
+    snapshot: Snapshot[Path],
+    block: StoredBlock,
+    tiles: Sequence[WrittenTile],
+    made: Made,
+    aside: Aside,
+    attribution: Attribution,
 ) -> None:
     """Write overview.glb, of the coarse rasters of tiles; the charts of one that cannot be read are left out."""
     extras = _extras(block)
@@ -117,11 +128,12 @@ def write_overview(
         for rasters in coarse_of(block, tiles, aside):
             held |= {c: scaled(raster, tuple(size[c].tolist())) for c, raster in rasters.items() if c in wanted}
         charts = np.array(sorted(held), np.int64)
-        return overview_glb(replaced(source, texels=size, raster=held.__getitem__), charts, extras)
+        whole = replaced(source, texels=size, raster=held.__getitem__)
+        return overview_glb(whole, charts, extras, copyright=attribution.line)
 
     # what is drawn of a tile's geometry is told by its digest
     of = [[one.record["digest"], one.record["coarse"]] for one in tiles]
-    made.put(snapshot.overview.name, unit_key(stage_code("publish"), extras, of), make)
+    made.put(snapshot.overview.name, unit_key(stage_code("publish"), extras, attribution.line, of), make)
     if any(tile_paths(one.tile.path)[1] in aside.failed for one in tiles):
         del made.of[snapshot.overview.name]  # it is not to be linked for a whole one
 

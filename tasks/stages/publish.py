@@ -14,6 +14,7 @@ import icechunk
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
+from catalogs.block.sources import sources_of
 from catalogs.published.files import amiss, predecessor_of, write_files
 from catalogs.published.items import write_items
 from catalogs.published.made import Made
@@ -27,6 +28,7 @@ from facade_core.atlas.store import BRANCH, commit, expire, open_repository, ope
 from tasks.keys.stage_code import stage_code
 from tasks.progress import advance, begin_stage
 from tasks.published.aside import Aside
+from tasks.published.attribution import attribution_of
 from tasks.published.catalogue_facts import block_facts, models_used, run_facts, street_facts
 from tasks.published.images import Images, write_images
 from tasks.published.limit import over_limit
@@ -149,15 +151,17 @@ def _write(
     with aside.trying("pages"):
         write_pages(snapshot, block, made, aside)
     advance("publish", 1)
+    sources = sources_of(block_file) if block_file else ()
+    attribution = attribution_of(sources)
     tiles: list[WrittenTile] = []
     with aside.trying("tiles"):
-        tiles = write_tiles(snapshot, block, made, aside)
+        tiles = write_tiles(snapshot, block, made, aside, attribution)
     advance("publish", 1)
     with aside.trying("block.glb"):
-        if not write_model(snapshot, block, tiles, made):
+        if not write_model(snapshot, block, tiles, made, attribution):
             log.info("block.glb would be too large: the block is in tiles/ and overview.glb")
     with aside.trying("overview.glb"):
-        write_overview(snapshot, block, tiles, made, aside)
+        write_overview(snapshot, block, tiles, made, aside, attribution)
     advance("publish", 1)
     snapshot.report.mkdir(exist_ok=True)
     images = Images((), (), {}, frozenset(), {})
@@ -174,7 +178,7 @@ def _write(
         write_stac(
             snapshot.folder,
             rows=rows.every,
-            block=block_facts(run, block, session.snapshot_id, rows, work.ended, block_file),
+            block=block_facts(run, block, session.snapshot_id, rows, work.ended, sources),
             streets=street_facts(block.plan, block.journals["streets"], block.journals["viewpoints"]),
             run=work,
             models=models_used(run, block.records, block.journals["viewpoints"]),

@@ -130,10 +130,14 @@ def test_joined_tiles_are_the_block(
         parts.append(tmp_path / f"{building}.glb")
     origin = local_frame(coloured.mesh).origin.tolist()
     whole = tmp_path / "block.glb"
-    size = join_glbs(whole, list(map(part_of_file, parts)), origin, extras={"crs": "EPSG:32635"})
+    size = join_glbs(whole, list(map(part_of_file, parts)), origin, extras={"crs": "EPSG:32635"}, copyright="© A; © B")
     assert size == whole.stat().st_size == struct.unpack_from("<I", whole.read_bytes(), 8)[0]
     assert pictures(whole.read_bytes()) == [one for part in parts for one in pictures(part.read_bytes())]
     said = document(whole.read_bytes())
+    assert said["asset"]["copyright"] == "© A; © B"
+    again = tmp_path / "twice.glb"
+    join_glbs(again, [part_of_file(whole)] * 2, origin, extras={}, copyright="© B; © C")
+    assert document(again.read_bytes())["asset"]["copyright"] == "© B; © C; © A"
     assert [node["name"] for node in said["nodes"]] == ["a", "b", "ground"]
     assert said["scenes"][0]["extras"] == {"origin": origin, "crs": "EPSG:32635"}
     low, high = trimesh.load(whole).bounds

@@ -11,7 +11,9 @@ import trimesh
 from pyproj import Transformer
 
 from facade_core.export import tiles
+from facade_core.export.attribution import Attribution, Source
 from facade_core.export.earth import earth_frame
+from facade_core.export.glb import header_of
 from facade_core.export.models import Textured, local_frame
 from facade_core.export.shells import simplified_shells
 from facade_core.export.tiles import count_tiles, quadtree, write_tileset
@@ -19,6 +21,7 @@ from facade_core.geometry import ROOF, WALL
 from tests.facade_core.export.conftest import colour_of
 
 CRS = "EPSG:32635"
+OF = Attribution((Source("buildings.path", "a.pbf", "Mappers, ODbL 1.0"),))
 
 
 @pytest.mark.parametrize("crs", [CRS, "EPSG:28992"])
@@ -61,7 +64,9 @@ def written(source: Textured) -> tuple[dict[str, Any], dict[str, bytes], int]:
     cells = quadtree(source)
     shells = simplified_shells(source, 10 * tiles.COARSE)
     frame = earth_frame(CRS, local_frame(source.mesh).origin)
-    value = write_tileset(source, cells, shells, frame, {0: "a", 1: "b"}, 10.0, files.__setitem__, extras={"k": 1})
+    value = write_tileset(
+        source, cells, shells, frame, {0: "a", 1: "b"}, 10.0, files.__setitem__, extras={"k": 1}, attribution=OF
+    )
     return value, files, count_tiles(cells)
 
 
@@ -72,6 +77,7 @@ def test_tiles_nest_and_hold_every_building_at_both_levels(
     monkeypatch.setattr(tiles, "TILE_TEXELS", texels)
     value, files, counted = written(coloured)
     assert value["asset"]["version"] == "1.1"
+    assert value["asset"]["extras"] == {"k": 1, "attribution": OF.value()}
     assert len(value["root"]["transform"]) == 16
     finest: list[str] = []
     seen: list[str] = []
@@ -82,6 +88,7 @@ def test_tiles_nest_and_hold_every_building_at_both_levels(
         assert tile["geometricError"] <= error
         box = np.array(tile["boundingVolume"]["box"])
         corners = np.stack([box[:3] - box[[3, 7, 11]], box[:3] + box[[3, 7, 11]]])
+        assert header_of(io.BytesIO(files[uri]))[0]["asset"]["copyright"] == OF.line
         model = trimesh.load(io.BytesIO(files[uri]), file_type="glb")
         low, high = model.bounds[:, [0, 2, 1]]
         low[1], high[1] = -high[1], -low[1]

@@ -24,6 +24,7 @@ from pyproj import Transformer
 from catalogs.published.items import COLUMNS
 from catalogs.readers.cityjson.buildings import read_cityjson
 from facade_core.errors import InputError, StoreError
+from facade_core.export.glb import header_of
 from flows.cli.commands import main
 from tasks.export.formats import FORMATS, _writers, export
 from tasks.export.models import write_3dtiles
@@ -113,6 +114,21 @@ def test_models_stand_where_the_block_does_and_look_like_its_atlas(
             errors.append(np.abs(found.textured.raster(int(c))[y, x] - colour).mean())
     assert np.median(errors) < 6
     assert np.mean(errors) < 12
+
+
+def test_models_name_whom_they_are_from(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    attribution = found.attribution
+    assert {source.key for source in attribution.sources} >= {"buildings.path", "streets.path"}
+    assert attribution.line.endswith(attribution.made or "?")
+    made = export(undisturbed[0], "glb", tmp_path / "glb").path
+    for file in (made / "block.glb", next((made / "buildings").glob("*.glb"))):
+        with file.open("rb") as opened:
+            assert header_of(opened)[0]["asset"]["copyright"] == attribution.line
+    for model in (found.snapshot.model, found.snapshot.overview):
+        with model.open("rb") as opened:  # type: ignore[union-attr]
+            said = header_of(opened)[0]["asset"]["copyright"]
+        assert said == replace(attribution, made=None).line
+    assert json.loads(found.snapshot.tiles.read_text())["attribution"]["sources"] == attribution.value()["sources"]
 
 
 def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run, tmp_path: Path) -> None:

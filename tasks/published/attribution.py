@@ -1,0 +1,45 @@
+"""The attribution of a published snapshot, out of its own catalogue."""
+
+from __future__ import annotations
+
+import io
+import json
+from collections.abc import Sequence
+from datetime import datetime
+
+from catalogs.published.places import Folder
+from catalogs.stac.facts import SourceFact
+from catalogs.stac.snapshot import item_stem
+from facade_core.errors import InputError
+from facade_core.export.attribution import Attribution, Source
+
+
+def attribution_of(
+    sources: Sequence[SourceFact], made: datetime | None = None, captured: Sequence[str] = ()
+) -> Attribution:
+    """Of a block's sources; captured: the days of its facades' pictures, in any order."""
+    return Attribution(
+        tuple(Source(source.key, source.name, source.licence) for source in sources),
+        made.date().isoformat() if made else None,
+        (min(captured), max(captured)) if captured else None,
+    )
+
+
+def read_attribution(stac: Folder, items: Folder, block: str) -> Attribution:
+    """What the STAC Item of a published block says of its sources, and its table of the days of pictures. Without the Item,
+    which is set aside where it could not be written, no source is known."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        table = pq.read_table(io.BytesIO(items.read_bytes()), columns=["capture_date", "updated"])
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
+    days = [day for day in table["capture_date"].to_pylist() if day]
+    made = max(table["updated"].to_pylist())
+    try:
+        item = json.loads((stac / "blocks" / f"{item_stem(block)}.json").read_bytes())
+    except (OSError, ValueError):
+        return attribution_of((), made, days)
+    said = item["properties"].get("streetloom:sources", ())
+    return attribution_of([SourceFact(one["key"], one["name"], one.get("licence")) for one in said], made, days)
