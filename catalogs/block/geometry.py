@@ -29,7 +29,7 @@ from catalogs.frames import (
     named_frame,
     outside,
 )
-from catalogs.readers.files import read_buildings, read_centrelines
+from catalogs.readers.files import read_buildings, read_centrelines, read_ground
 from catalogs.readers.vectors.shops import read_shops
 from facade_core.errors import BlockFileError
 from facade_core.types import Building, Ground, Street
@@ -78,10 +78,12 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
         raise _nothing("buildings", keys, files, bounds, built.faults, file)
     extent = extent_of(built.items)
     shops = _shops(files, frame, extent)
-    if centrelines is None:
-        return Geometry(frame, built, (), Ground(outline=area), extent, notes, built.faults, shops)
     around = shapely.box(*extent) if area is None else area.buffer(AROUND_M, join_style="mitre")
-    ground = file.read("streets.path", block_ground, centrelines, frame, around, area)
+    lying = _lying(keys, files, sources, file)
+    if centrelines is None:
+        ground = file.read("ground.path", block_ground, lying, frame, around, area)
+        return Geometry(frame, built, (), ground, extent, notes, built.faults, shops)
+    ground = file.read("streets.path", block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
         shops += tuple(likely_shops(built.items, ground.ways, shops))
     streets, cut, broken = _streets(keys, files, centrelines, frame, area, extent, file)
@@ -114,6 +116,17 @@ def _centrelines(keys: BlockKeys, files: Files, sources: Sequence[Source], file:
     if not source.items and not source.faults:
         raise file.fault("streets.path", f"{files['streets.path'][0]} holds no streets; give a file that does")
     return _named_streets(source, keys.streets.names, file) if keys.streets.names else source
+
+
+def _lying(keys: BlockKeys, files: Files, sources: Sequence[Source], file: BlockFile) -> list[Centrelines]:
+    """What the files of the ground hold, where the block file says that it lies."""
+    if keys.ground is None:
+        return []
+    found = [file.read("ground.path", read_ground, path) for path in files["ground.path"]]
+    placed = [replace(one, crs=keys.ground.crs or one.crs or keys.crs or sources[0].crs) for one in found]
+    for one in placed:
+        file.read("ground.crs", known_frame, one.crs)
+    return placed
 
 
 def _frame(

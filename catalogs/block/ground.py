@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any
@@ -10,7 +11,7 @@ import numpy as np
 import shapely
 from shapely import LineString
 
-from catalogs.features import Centrelines, Feature, natural_order
+from catalogs.features import Centrelines, natural_order
 from catalogs.frames import between
 from catalogs.readers.vectors.lengths import parse_length
 from facade_core.types import Area, Ground, Way
@@ -66,10 +67,11 @@ AREAS: tuple[tuple[str, Mapping[str, str | None]], ...] = (
          "recreation_ground": "grass", "cemetery": "grass", "basin": "water", "construction": "gravel", "brownfield": "gravel"},
     ),
     ("waterway", {"riverbank": "water", "dock": "water"}),
+    ("man_made", {"bridge": None, "pier": None}),
     ("place", {"square": None}),
     ("amenity", {"parking": "asphalt"}),
     ("highway", {"pedestrian": None, "footway": None, "service": "asphalt", "rest_area": "asphalt"}),
-    ("area:highway", {"pedestrian": None, "footway": None, "residential": "asphalt"}),
+    ("area:highway", {"pedestrian": None, "footway": None, "residential": "asphalt", "cycleway": "track"}),
 )  # fmt: skip
 PAVEMENT_M = 2.5
 # How wide cars stand along a kerb, by how they do.
@@ -81,18 +83,22 @@ WIDEST_M = 40.0
 CROSSING_M, ON_ROAD_M = 15.0, 1.0
 
 
-def block_ground(source: Centrelines, crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
+def block_ground(sources: Sequence[Centrelines], crs: CRS, around: Polygon, outline: Polygon | None) -> Ground:
     """Ways and areas in the metric frame as far as they lie in a polygon in it; outline: where the block ends.
 
     Tags are OpenStreetMap's. What a tunnel or a bridge's underside would be is left out. A feature that is broken is left out
-    here: as a street it is a fault.
+    here: as a street it is a fault. Of features of one id, which two sources may have, the second is numbered.
     """
     ways: list[Way] = []
     street: dict[str, str] = {}
     areas: list[Area] = []
     nodes: list[tuple[str, shapely.Point]] = []
-    features = sorted(source.ground, key=lambda feature: natural_order(feature.id))
-    for feature, geometry in zip(features, _projected(features, source.crs, crs), strict=True):
+    placed = [pair for source in sources for pair in zip(source.ground, _projected(source, crs), strict=True)]
+    placed.sort(key=lambda pair: (natural_order(pair[0].id), shapely.to_wkb(pair[0].geometry) or b""))
+    seen: Counter[str] = Counter()
+    for feature, geometry in placed:
+        seen[feature.id] += 1
+        id = feature.id if seen[feature.id] == 1 else f"{feature.id}-{seen[feature.id]}"
         tags = feature.tags
         if (
             geometry is None
@@ -103,18 +109,18 @@ def block_ground(source: Centrelines, crs: CRS, around: Polygon, outline: Polygo
             continue
         if geometry.geom_type == "Point":
             if tags.get("highway") == "crossing" and _is_marked(tags) and around.contains(geometry):
-                nodes.append((feature.id, geometry))
+                nodes.append((id, geometry))
         elif (surface := area_surface(geometry, tags)) is not None:
             outlined = geometry if "Polygon" in geometry.geom_type else shapely.Polygon(geometry.coords)
             inside = shapely.intersection(shapely.make_valid(outlined), around)
             parts = [part for part in shapely.get_parts(inside) if part.geom_type == "Polygon" and part.area > 0]
             if parts:
-                areas.append(Area(feature.id, shapely.multipolygons(parts), surface))
+                areas.append(Area(id, shapely.multipolygons(parts), surface))
         elif "LineString" in geometry.geom_type and tags.get("area") != "yes":
             for line in shapely.get_parts(shapely.intersection(geometry, around)):
                 if line.geom_type == "LineString" and line.length > 0:
-                    ways += ways_of(feature.id, line, tags)
-                    street[feature.id] = f"{tags.get('highway')} {tags.get('name', feature.id)}"
+                    ways += ways_of(id, line, tags)
+                    street[id] = f"{tags.get('highway')} {tags.get('name', id)}"
     ways = _even(ways, street)
     roads = [way for way in ways if way.kind == "road"]
     ways += [crossing for id, node in nodes if (crossing := _across(id, node, roads)) is not None]
@@ -229,11 +235,11 @@ def _across(id: str, node: shapely.Point, roads: Sequence[Way]) -> Way | None:
     return Way(id, across, "crossing", 3.0, "asphalt") if across.length > 0 else None
 
 
-def _projected(features: Sequence[Feature], source: str | None, crs: CRS) -> np.ndarray:
-    flat = np.empty(len(features), dtype=object)
-    flat[:] = [feature.geometry for feature in features]
+def _projected(source: Centrelines, crs: CRS) -> np.ndarray:
+    flat = np.empty(len(source.ground), dtype=object)
+    flat[:] = [feature.geometry for feature in source.ground]
     flat = shapely.force_2d(flat)
-    return flat if source is None else shapely.transform(flat, between(source, crs), interleaved=False)
+    return flat if source.crs is None else shapely.transform(flat, between(source.crs, crs), interleaved=False)
 
 
 def _hidden(tags: Mapping[str, str]) -> bool:
@@ -242,7 +248,12 @@ def _hidden(tags: Mapping[str, str]) -> bool:
         under = float(tags.get("layer", "0")) < 0 and tags.get("natural") != "water"
     except ValueError:
         under = False
-    return under or tags.get("tunnel", "no") not in ("no", "F") or tags.get("indoor") == "yes" or "covered" in tags
+    return (
+        under
+        or tags.get("tunnel", "no") not in ("no", "F")
+        or tags.get("indoor") == "yes"
+        or tags.get("covered", "no") != "no"
+    )
 
 
 def _is_marked(tags: Mapping[str, str]) -> bool:
@@ -277,8 +288,12 @@ def _pavement(tags: Mapping[str, str], side: str, name: str) -> float:
         both = tags["sidewalk"]
         stated = "yes" if both in ("both", "yes", "separate", side) else "no"
     if stated is None:
-        stated = "no" if name in BARE else "yes"
-    return 0.0 if stated in ("no", "none") else _metres(tags, f"sidewalk:{side}:width", 15.0) or PAVEMENT_M
+        width = _metres(tags, f"sidewalk:{side}:width", 15.0) or _metres(tags, "sidewalk:width", 15.0)
+        stated = "no" if name in BARE and width is None else "yes"
+    if stated in ("no", "none"):
+        return 0.0
+    widths = (f"sidewalk:{side}:width", "sidewalk:both:width", "sidewalk:width")
+    return next((found for key in widths if (found := _metres(tags, key, 15.0)) is not None), PAVEMENT_M)
 
 
 def _parked(tags: Mapping[str, str], side: str) -> float:
@@ -287,4 +302,5 @@ def _parked(tags: Mapping[str, str], side: str) -> float:
     if stated in ("lane", "street_side"):
         both = tags.get("parking:both:orientation", tags.get("parking:orientation", "parallel"))
         return PARKED_M.get(tags.get(f"parking:{side}:orientation", both), PARKED_M["parallel"])
-    return PARKED_M.get(stated or _of_side(tags, "parking:lane", side) or "", 0.0)
+    lane = _of_side(tags, "parking:lane", side)
+    return PARKED_M.get(stated or ("parallel" if lane == "lane" else lane) or "", 0.0)

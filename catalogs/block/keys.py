@@ -95,6 +95,11 @@ class StreetKeys(_Keys):
     names: Annotated[list[str], Field(min_length=1)] | None = None
 
 
+class GroundKeys(_Keys):
+    path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
+    crs: str | None = None
+
+
 class PanoramaKeys(_Keys):
     path: Annotated[str, Field(min_length=1)]
     poses: str | None = None
@@ -130,6 +135,7 @@ class BlockKeys(_Keys):
     area: Annotated[list[float], Field(min_length=4, max_length=4), AfterValidator(_box)] | None = None
     buildings: BuildingKeys
     streets: StreetKeys | None = None
+    ground: GroundKeys | None = None
     terrain: PathKeys | None = None
     imagery: ImageryKeys = ImageryKeys()
     texture: TextureSettings = TextureSettings()

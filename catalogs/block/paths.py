@@ -20,8 +20,9 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
 
     `${NAME}` in a path stands for an environment variable. Raises ValueError, "key: problem; remedy".
     """
-    buildings = [keys.buildings.path] if isinstance(keys.buildings.path, str) else keys.buildings.path
-    named = {"buildings.path": buildings}
+    named = {"buildings.path": _listed(keys.buildings.path)}
+    if keys.ground:
+        named["ground.path"] = _listed(keys.ground.path)
     imagery = keys.imagery
     for key, holder in (
         ("streets.path", keys.streets),
@@ -40,6 +41,10 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
     if imagery.panoramas and imagery.panoramas.poses:
         named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
     return {key: tuple(_existing(key, text, block) for text in texts) for key, texts in named.items()}
+
+
+def _listed(stated: str | list[str]) -> list[str]:
+    return [stated] if isinstance(stated, str) else stated
 
 
 def _existing(key: str, text: str, block: Path) -> Path:

@@ -43,6 +43,16 @@ CENTRELINE_READERS: Mapping[str, tuple[str, str]] = {
     ".shp": ("vectors.features", "read_centrelines"),
     ".fgb": ("vectors.features", "read_centrelines"),
 }
+GROUND_READERS: Mapping[str, tuple[str, str]] = {
+    ".pbf": ("vectors.osm", "read_centrelines"),
+    ".gpkg": ("vectors.features", "read_ground"),
+    ".geojson": ("vectors.features", "read_ground"),
+    ".json": ("vectors.features", "read_ground"),
+    ".parquet": ("vectors.features", "read_ground"),
+    ".geoparquet": ("vectors.features", "read_ground"),
+    ".shp": ("vectors.features", "read_ground"),
+    ".fgb": ("vectors.features", "read_ground"),
+}
 
 
 def read_buildings(path: Path, lod: str | None = None) -> Footprints | Models:
@@ -63,6 +73,16 @@ def read_centrelines(path: Path) -> Centrelines:
     reader = _reader(path, CENTRELINE_READERS)
     with refusing(path, f"{path.suffix} file", "export it again"):
         return within_limits(reader(path), path)
+
+
+def read_ground(path: Path) -> Centrelines:
+    """Read what a file states of the ground; the suffix picks the reader.
+
+    Raises InputError for an unknown suffix or a broken file.
+    """
+    reader = _reader(path, GROUND_READERS)
+    with refusing(path, f"{path.suffix} file", "export it again"):
+        return reader(path)
 
 
 def _reader(path: Path, readers: Mapping[str, tuple[str, str]]) -> Callable[..., Any]:

@@ -29,7 +29,7 @@ from tasks.city.sources import source_of_block
 
 # Keys of a block file that name paths, dotted.
 _PATHS = (
-    "buildings.path", "streets.path", "terrain.path", "imagery.exemplars.path", "imagery.photos.path",
+    "buildings.path", "streets.path", "ground.path", "terrain.path", "imagery.exemplars.path", "imagery.photos.path",
     "imagery.panoramas.path", "imagery.panoramas.poses", "imagery.aerial.path", "texture.roof_material.path",
     "texture.materials",
 )  # fmt: skip

@@ -37,16 +37,45 @@ _NAMES = {
     "tunnel": "tunnel",
     "area": "area",
     "junction": "junction",
-    "width": "width width_m road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte",
+    "width": "width width_m road_width street_width breite strassenbreite largeur breedte wegbreedte rijbaanbreedte width_ft",
+    "width:carriageway": "width_carriageway carriageway_width fahrbahnbreite",
     "lanes": "lanes num_lanes number_of_lanes fahrstreifen anzahl_fahrstreifen nb_voies rijstroken",
+    "lane_markings": "lane_markings",
     "oneway": "oneway one_way einbahn",
-    "surface": "surface belag oberflaeche revetement verharding",
-    "sidewalk": "sidewalk",
-    "cycleway": "cycleway",
+    "surface": "surface surface_type road_surface pavement_type belag oberflaeche revetement verharding "
+    "bgt_fysiekvoorkomen",
+    "sidewalk": "sidewalk sidewalks gehweg trottoir stoep",
+    "sidewalk:width": "sidewalk_width gehwegbreite largeur_trottoir",
+    "cycleway": "cycleway cycle_track bike_path radweg fietspad piste_cyclable",
+    "parking": "parking on_street_parking parkstreifen parkeerstrook stationnement",
+    "parking:lane": "parking_lane",
+    "parking:orientation": "parking_orientation",
+    **{
+        f"{thing}:{side}{more}": f"{thing}_{side}{more}".replace(":", "_")
+        for thing, mores in (
+            ("sidewalk", ("", ":width")),
+            ("cycleway", ("",)),
+            ("parking", ("", ":orientation")),
+            ("parking:lane", ("",)),
+        )
+        for side in ("left", "right", "both")
+        for more in mores
+    },
+    "covered": "covered",
+    "indoor": "indoor",
     "footway": "footway",
     "crossing": "crossing",
+    "crossing:markings": "crossing_markings",
     "railway": "railway",
     "gauge": "gauge",
+    "natural": "natural",
+    "leisure": "leisure",
+    "landuse": "landuse",
+    "waterway": "waterway",
+    "place": "place",
+    "amenity": "amenity",
+    "man_made": "man_made",
+    "area:highway": "area_highway",
 }
 # Tag -> the names of its column in order of preference: lower case, every mark an underscore.
 COLUMNS: Mapping[str, tuple[str, ...]] = {tag: tuple(names.split()) for tag, names in _NAMES.items()}
@@ -62,6 +91,13 @@ ROOF_LEVEL = (
     "roof_0_50",
 )
 GROUND_LEVEL = ("b3_h_maaiveld", "h_maaiveld", "ground_0_50", "ground_0_30")
+# Columns whose values are classes, in the words of their map: of streets, of areas of ground.
+_CLASSES = (
+    "class fclass subclass subtype type kind category road_class street_class street_type functional_class func_class mtfcc "
+    "strassenklasse wegtype landuse land_use landcover land_cover natural leisure amenity nutzung nutzungsart bodengebruik "
+    "functie bgt_functie bgt_fysiekvoorkomen plus_fysiekvoorkomen nature"
+)
+CLASSES = tuple(_CLASSES.split())
 _IDS = (
     "id osm_id osmid osm_way_id full_id gml_id gmlid identificatie bag_id pand_id uuid building_id bldg_id gebaeude_id "
     "cleabs egid objectid fid ogc_fid gid link_id road_id segment_id toid"
@@ -70,6 +106,7 @@ IDS = tuple(_IDS.split())
 # A column of ids in which so many rows have one of their own is believed.
 NEARLY_ALL = 0.6
 _MORE = ("other_tags", "tags")  # tags without a column of their own, as GDAL and pyrosm keep them
+_ONE_WAY = ("F", "T")  # as Geofabrik says that it is along the line, or against it; B of both
 _LONGEST = 10_000  # letters of a cell that are looked at
 _KINDS = ("element", "element_type", "osm_type")
 _PAIR = re.compile(r'"((?:[^"\\]|\\.)*)"\s*=>\s*"((?:[^"\\]|\\.)*)"')
@@ -83,7 +120,7 @@ _BY_ROW = "named by their row, since too few have an id of their own"
 _ROUNDED = "whose id is a number too large to be held whole; write it as text"
 
 _WANTED = frozenset(
-    name for names in (*COLUMNS.values(), ROOF_LEVEL, GROUND_LEVEL, IDS, _MORE, _KINDS) for name in names
+    name for names in (*COLUMNS.values(), ROOF_LEVEL, GROUND_LEVEL, CLASSES, IDS, _MORE, _KINDS) for name in names
 )
 
 
@@ -100,9 +137,11 @@ def columns_of(fields: Iterable[str], *, cut: bool) -> dict[str, str]:
 
 
 def tags_of(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) -> list[dict[str, str]]:
-    """The tags of each record: texts, only those that are stated; `ground` is the height of the ground above the datum."""
+    """The tags of each record: texts, only those that are stated; `ground` is the height of the ground above the datum, `class`
+    the values of all columns of classes, a line each."""
     present = {tag: [(name, columns[name]) for name in names if name in columns] for tag, names in COLUMNS.items()}
     more = [columns[name] for name in _MORE if name in columns]
+    classes = [columns[name] for name in CLASSES if name in columns]
     levels = [[columns[name] for name in names if name in columns] for names in (ROOF_LEVEL, GROUND_LEVEL)]
     levels = levels if all(levels) else []
     result = []
@@ -113,8 +152,12 @@ def tags_of(records: Iterable[Mapping[str, Any]], columns: Mapping[str, str]) ->
         for tag, sources in present.items():
             for name, field in sources:
                 if text := text_of(record[field]):
-                    tags[tag] = f"{text} ft" if name == "height_ft" else _plain_name(text) if tag == "name" else text
+                    tags[tag] = f"{text} ft" if name.endswith("_ft") else _plain_name(text) if tag == "name" else text
                     break
+        if stated := [text for field in classes if (text := text_of(record[field]))]:
+            tags["class"] = "\n".join(stated)
+        if "fclass" in columns and tags.get("oneway") in _ONE_WAY:
+            tags["oneway"] = "yes"
         if "height" not in tags and levels and (found := _above_ground(record, *levels)):
             tags["height"], tags["ground"] = found
         result.append(tags)
@@ -132,8 +175,8 @@ def text_of(value: Any) -> str:
         value = value[0]
     if isinstance(value, bool):
         return "yes" if value else "no"
-    if isinstance(value, dict):  # Overture: {"primary": name, ...}
-        return text_of(value.get("primary"))
+    if isinstance(value, dict):  # Overture: {"primary": name, ...}, {"value": surface, ...}
+        return text_of(value.get("primary", value.get("value")))
     if isinstance(value, float):
         return "" if value != value else str(int(value)) if value.is_integer() and abs(value) < INEXACT else str(value)
     text = "" if value is None else str(value[:_LONGEST] if isinstance(value, str) else value).strip()

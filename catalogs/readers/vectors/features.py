@@ -2,22 +2,34 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import shapely
+from pyproj import CRS
 
 from catalogs.broken import reason_of
 from catalogs.features import Centrelines, Fault, Feature, Footprints, Remark
+from catalogs.frames import between
 from catalogs.readers.faces import FARTHEST
 from catalogs.readers.vectors.centrelines import centrelines_of, place_of
-from catalogs.readers.vectors.layers import Features, read_features
+from catalogs.readers.vectors.classes import ground_tags
+from catalogs.readers.vectors.columns import CLASSES
+from catalogs.readers.vectors.layers import Features, read_features, read_layers
 from catalogs.readers.vectors.osm import footprint_of, is_part, is_street, listed
+from facade_core.errors import InputError
 
 _BUILDINGS = ("building", "pand", "footprint", "gebaeude", "gebäude", "batiment", "multipolygon")
+# Columns by which a layer may hold what lies on the ground, and tags by which a feature does.
+_OF_GROUND = frozenset(("highway", "railway", "waterway", "place", "man_made", "area_highway", *CLASSES))
+_GROUND_TAGS = frozenset(
+    (
+        "highway", "railway", "natural", "leisure", "landuse", "waterway", "place", "amenity", "area:highway", "man_made",
+    )
+)  # fmt: skip
 _STREETS = ("street", "road", "highway", "centreline", "centerline", "strasse", "edges", "lines")
 
 
@@ -63,9 +75,10 @@ def read_footprints(path: Path, lod: str | None = None) -> Footprints:
 
 
 def read_centrelines(path: Path) -> Centrelines:
-    """Street centrelines. Where a column states OpenStreetMap's `highway`, only streets that
-    catalogs.readers.vectors.osm reads: no footways, no service roads, no tunnels; of OpenDRIVE's roads only those outside
-    junctions.
+    """Street centrelines, and what lies on the ground. Where a column states OpenStreetMap's `highway`, only streets that
+    catalogs.readers.vectors.osm reads: no footways, no service roads, no tunnels; where it states a class in other words, the
+    same of those whose class is known; of OpenDRIVE's roads only those outside junctions. The ground is of all lines, and of
+    what other layers hold.
 
     Raises InputError where the file cannot be read or holds no lines.
     """
@@ -74,21 +87,69 @@ def read_centrelines(path: Path) -> Centrelines:
     from_osm = any("highway" in tags for tags in features.tags)
 
     def streets() -> Iterator[tuple[str, Any, str | None]]:
-        for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True):
-            if opendrive and tags.get("junction") != "-1":
+        for id, geometry, stated in zip(features.ids, features.geometries, features.tags, strict=True):
+            if opendrive and stated.get("junction") != "-1":
                 continue
+            tags = stated if from_osm else ground_tags(stated)
             drawn = geometry is not None and not geometry.is_empty
-            if from_osm and ("highway" not in tags or (drawn and not is_street(geometry, tags))):
+            if from_osm and "highway" not in tags:
+                continue
+            if "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
                 continue
             yield id, geometry, listed(tags["name"])[0] if "name" in tags else None
 
     found = centrelines_of(features.crs, streets())
-    ground = tuple(
-        Feature(id, geometry, {key: listed(value)[0] for key, value in tags.items()})
-        for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True)
-        if geometry is not None and not (opendrive and tags.get("junction") != "-1")
-    )
-    return replace(found, remarks=tuple(_renamed(found, features, path)), ground=ground)
+    ground = [
+        feature
+        for feature, tags in zip(_on_ground(features, ""), features.tags, strict=True)
+        if feature is not None and not (opendrive and tags.get("junction") != "-1")
+    ]
+    if features.others:
+        others = read_layers(path, lambda layer, columns: layer != features.layer and _is_ground(layer, columns))
+        ground += _in_frame(others, features.crs)
+    return replace(found, remarks=tuple(_renamed(found, features, path)), ground=tuple(ground))
+
+
+def read_ground(path: Path) -> Centrelines:
+    """What all layers of a file hold of the ground: areas, ways and crossings. No camera travels them.
+
+    Raises InputError where the file cannot be read, or holds nothing of the ground.
+    """
+    layers = read_layers(path, _is_ground)
+    frame = next((layer.crs for layer in layers if layer.crs is not None), None)
+    if not (ground := _in_frame(layers, frame)):
+        raise InputError(f"{path} holds nothing of the ground; give a file whose columns state what lies where")
+    return Centrelines(frame, (), ground=tuple(ground))
+
+
+def _is_ground(layer: str, columns: Collection[str]) -> bool:
+    """Whether a layer may hold what lies on the ground, by its name and columns."""
+    return not _OF_GROUND.isdisjoint(columns) or bool(ground_tags({}, layer, outline=True) or ground_tags({}, layer))
+
+
+def _in_frame(layers: Sequence[Features], frame: str | None) -> list[Feature]:
+    found = []
+    for layer in layers:
+        stated = _on_ground(layer, layer.layer)
+        features = [one for one in stated if one is not None and not _GROUND_TAGS.isdisjoint(one.tags)]
+        if layer.crs not in (frame, None) and frame is not None:
+            moved = between(layer.crs, CRS(frame))
+            features = [
+                replace(one, geometry=shapely.transform(one.geometry, moved, interleaved=False)) for one in features
+            ]
+        found += features
+    return found
+
+
+def _on_ground(features: Features, layer: str) -> Iterator[Feature | None]:
+    """What each of a layer's features states of the ground, understood; its name says what those without a class are. None of
+    one without a geometry."""
+    for id, geometry, tags in zip(features.ids, features.geometries, features.tags, strict=True):
+        if geometry is None:
+            yield None
+            continue
+        plain = {key: value if key == "class" else listed(value)[0] for key, value in tags.items()}
+        yield Feature(id, geometry, ground_tags(plain, layer, outline="Polygon" in geometry.geom_type))
 
 
 def _renamed(found: Centrelines, features: Features, path: Path) -> Iterator[Remark]:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import json
 import warnings
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,35 +64,74 @@ def read_features(path: Path, kind: str, words: Sequence[str]) -> Features:
     the file states none, or degrees that its coordinates cannot be. Raises InputError where the file cannot be read, or
     where it holds nothing of that kind.
     """
-    _check_start(path)
-    if path.suffix.lower() == ".gpkg":
-        check_tables(path)
-    elif path.suffix.lower() == ".shp":
-        check_table(path)
-    try:
+    with _understood(path):
+        _check(path)
         if path.suffix.lower() in _PARQUET:
             layer, others = path.stem, list[str]()
-            frame, columns = _read_parquet(path)
         else:
             layer, others = _layer(path, kind, words)
-            frame, columns = _read_layer(path, layer)
-    except InputError:
-        raise
-    except Exception as error:  # GDAL, Arrow and GEOS each have errors of their own
-        if is_machines(error):
-            raise
-        reason = " ".join(str(error).split())[:160]
-        raise InputError(f"{path} cannot be read ({reason}); export it again, e.g. as GeoPackage") from error
-    geometries = frame.geometry.to_numpy()
-    types = {geometry.geom_type for geometry in geometries if geometry is not None} - {"GeometryCollection"}
-    if types and not any(known in found for found in types for known in _KINDS[kind]):
+        found = _read(path, layer, others)
+    types = {geometry.geom_type for geometry in found.geometries if geometry is not None} - {"GeometryCollection"}
+    if types and not any(known in one for one in types for known in _KINDS[kind]):
         raise InputError(f"{path} holds no {kind} but {', '.join(sorted(types))}; give a file with {kind}")
+    return found
+
+
+def read_layers(path: Path, wanted: Callable[[str, Collection[str]], bool]) -> list[Features]:
+    """The features of all layers of a vector file that are wanted by their names and the known columns that they have.
+
+    Raises InputError where the file cannot be read.
+    """
+    with _understood(path):
+        _check(path)
+        if path.suffix.lower() in _PARQUET:
+            return [_read(path, path.stem, ())]
+        import pyogrio
+
+        layers = [str(name) for name, geometry in pyogrio.list_layers(path) if geometry is not None]
+        return [
+            _read(path, layer, ())
+            for layer in layers
+            if wanted(layer, columns_of(pyogrio.read_info(path, layer=layer)["fields"], cut=_is_cut(path)))
+        ]
+
+
+def _read(path: Path, layer: str, others: Sequence[str]) -> Features:
+    frame, columns = _read_parquet(path) if path.suffix.lower() in _PARQUET else _read_layer(path, layer)
+    geometries = frame.geometry.to_numpy()
     records = frame.drop(columns=frame.geometry.name).to_dict("records")
     crs = _frame_name(frame.crs)
     if crs == _LONLAT and not _are_degrees(geometries):
         crs = None
     ids, renamed = identifiers(records, columns)
     return Features(crs, ids, geometries, tags_of(records, columns), renamed, layer, others)
+
+
+@contextmanager
+def _understood(path: Path) -> Iterator[None]:
+    """What GDAL, Arrow and GEOS say of a broken file, each by errors of its own, as an InputError."""
+    try:
+        yield
+    except InputError:
+        raise
+    except Exception as error:
+        if is_machines(error):
+            raise
+        reason = " ".join(str(error).split())[:160]
+        raise InputError(f"{path} cannot be read ({reason}); export it again, e.g. as GeoPackage") from error
+
+
+def _check(path: Path) -> None:
+    _check_start(path)
+    if path.suffix.lower() == ".gpkg":
+        check_tables(path)
+    elif path.suffix.lower() == ".shp":
+        check_table(path)
+
+
+def _is_cut(path: Path) -> bool:
+    """Whether a file holds 10 characters of a column's name."""
+    return path.suffix.lower() == ".shp"
 
 
 def _check_start(path: Path) -> None:
@@ -125,7 +165,7 @@ def _read_layer(path: Path, layer: str) -> tuple[GeoDataFrame, dict[str, str]]:
         info["driver"] not in _DRIVERS
     ):  # GDAL goes by the content, and other formats of it read other files and addresses
         raise InputError(f"{path} is {info['driver']} by its content; export it again, e.g. as GeoPackage")
-    columns = columns_of(info["fields"], cut=path.suffix.lower() == ".shp")
+    columns = columns_of(info["fields"], cut=_is_cut(path))
     with warnings.catch_warnings():
         warnings.simplefilter("ignore", RuntimeWarning)  # on what is broken, which becomes a fault of its own
         warnings.filterwarnings("ignore", "Could not parse column", UserWarning)  # which is read as the text that it is

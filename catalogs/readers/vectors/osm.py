@@ -142,6 +142,7 @@ _ON_GROUND = {
         "construction", "brownfield",
     ],
     "waterway": ["riverbank", "dock"],
+    "man_made": ["bridge", "pier"],
     "place": ["square"],
     "amenity": ["parking"],
     "area:highway": True,

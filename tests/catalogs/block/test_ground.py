@@ -2,10 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from pathlib import Path
+
+import geopandas
 import pytest
 import shapely
 from pyproj import CRS
 
+from catalogs.block import Block
 from catalogs.block.ground import block_ground, ways_of
 from catalogs.features import Centrelines, Feature
 from facade_core.types import Way
@@ -70,9 +75,20 @@ def test_crossings_areas_and_what_is_hidden() -> None:
         Feature("w9", shapely.box(10, 25, 14, 28), {"place": "square", "surface": "sett"}),
     )
     around = shapely.box(-50, -50, 50, 50)
-    ground = block_ground(Centrelines(None, (), ground=features[::-1]), UTM, around, around)
+    ground = block_ground([Centrelines(None, (), ground=features[::-1])], UTM, around, around)
     assert [(way.id, way.kind) for way in ground.ways] == [("w1", "road"), ("w2", "road"), ("n3", "crossing")]
     assert [way.width for way in ground.ways[:2]] == [6.0, 6.0]  # the kerb of a street runs on
     assert ground.ways[1].line.bounds[2] == 50.0
     assert ground.ways[2].line.length == pytest.approx(7.0)
     assert [(area.id, area.surface) for area in ground.areas] == [("w6", "grass"), ("w9", "setts")]
+
+
+def test_a_block_takes_the_ground_of_further_files(read: Callable[..., Block], folder: Path) -> None:
+    square = shapely.box(24.9425, 60.1665, 24.9430, 60.1668)
+    geopandas.GeoDataFrame({"kind": ["lawn"]}, geometry=[square], crs=4326).to_file(folder / "areas.geojson")
+    before, after = read(), read("ground: {path: [areas.geojson]}")
+    assert after.digest != before.digest
+    more = [area for area in after.ground.areas if area not in before.ground.areas]
+    assert [(area.surface, round(area.outline.area, -1)) for area in more] == [("grass", 930)]
+    alone = read("ground: {path: areas.geojson}", streets="")
+    assert ([area.surface for area in alone.ground.areas], alone.ground.ways) == (["grass"], ())

@@ -1,0 +1,117 @@
+"""What ground is, in the words of many maps, as the OpenStreetMap tags that mean the same."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping
+
+# OpenStreetMap's tag -> words of other sources for it: values of a column of classes, or names of a layer; lower case, every
+# mark an underscore, of what may be in the plural the singular.
+_AREAS = {
+    "leisure=park": "park parc public_park parkanlage",
+    "leisure=garden": "garden jardin garten tuin flowerbed",
+    "leisure=pitch": "pitch sports_pitch sports_field sportveld sportplatz",
+    "leisure=playground": "playground spielplatz speelplaats aire_de_jeux",
+    "landuse=grass": "grass lawn verge green greenery green_area green_space vegetation groenvoorziening gruenflaeche "
+    "gruenanlage gras rasen pelouse espace_vert allotment orchard vineyard heath",
+    "landuse=meadow": "meadow grassland wiese weide prairie",
+    "landuse=forest": "forest wood woodland tree_cover wald bos loofbos naaldbos gemengd_bos foret",
+    "natural=scrub": "scrub shrub shrubland struiken",
+    "landuse=cemetery": "cemetery graveyard grave_yard friedhof begraafplaats cimetiere",
+    "natural=water": "water lake pond reservoir river canal riverbank dock basin gewaesser wasser wasserflaeche waterloop "
+    "watervlakte eau plan_d_eau surface_hydrographique",
+    "natural=sand": "sand beach strand zand plage",
+    "landuse=construction": "construction construction_site brownfield baustelle",
+    "place=square": "square plaza plein platz yard courtyard hof erf cour",
+    "area:highway=footway": "footway sidewalk pavement trottoir gehweg voetpad pedestrian pedestrian_area "
+    "voetgangersgebied fussgaengerzone",
+    "area:highway=residential": "road roadway carriageway street rijbaan_lokale_weg rijbaan_regionale_weg rijbaan "
+    "fahrbahn chaussee",
+    "area:highway=cycleway": "cycleway cycle_track bike_path radweg fietspad piste_cyclable",
+    "amenity=parking": "parking parking_lot parking_surface car_park parkplatz parkeervlak parkeerplaats stationnement",
+}
+AREAS = {word: tag for tag, words in _AREAS.items() for word in words.split()}
+# OpenStreetMap's value of `highway` -> words of other sources for it: TIGER's codes, Overture's and Geofabrik's classes, and
+# what cities write.
+_STREETS = {
+    "motorway": "motorway freeway expressway interstate autobahn autosnelweg autoroute s1100",
+    "trunk": "trunk",
+    "primary": "primary arterial major_arterial principal_arterial bundesstrasse s1200",
+    "secondary": "secondary minor_arterial landesstrasse",
+    "tertiary": "tertiary collector minor_collector major_collector kreisstrasse",
+    "unclassified": "unclassified",
+    "residential": "residential local local_street local_road neighborhood neighbourhood gemeindestrasse woonstraat s1400",
+    "living_street": "living_street home_zone woonerf spielstrasse",
+    "service": "service alley driveway access_road s1730 s1740 s1780",
+    "pedestrian": "pedestrian pedestrian_street pedestrian_zone fussgaengerzone voetgangersgebied",
+    "footway": "footway walkway sidewalk trail gehweg fussweg voetpad trottoir s1710",
+    "steps": "steps stairs stairway treppe s1720",
+    "cycleway": "cycleway bike_path bicycle_path cycle_path cycle_track radweg fietspad piste_cyclable s1820",
+    "path": "path",
+    "track": "track feldweg s1500",
+    "crossing": "crossing crosswalk pedestrian_crossing zebra zebra_crossing",
+}
+STREETS = {word: value for value, words in _STREETS.items() for word in words.split()}
+# Words for what a surface is of that OpenStreetMap has none of.
+_SURFACES = {
+    "asphalt": "asphalte bitumen tarmac paved enrobe bitume asfalt gesloten_verharding beton",
+    "paving_stones": "paving pavers tegels klinkers open_verharding platten dalles brick_paving",
+    "sett": "setts cobbles cobble cobblestones pflaster kopfsteinpflaster paves natuursteen granite",
+    "gravel": "half_verhard kies schotter grind gravier onverhard unbound dirt_road wassergebunden",
+    "grass": "gras rasen herbe turf",
+}
+SURFACES = {word: value for value, words in _SURFACES.items() for word in words.split()}
+# Words for a tram's track.
+_TRAMS = frozenset(("tram", "tramway", "light_rail", "strassenbahn", "streetcar", "trambaan"))
+# What says whether there is such a thing, and what OpenStreetMap says of one of which no more is known.
+_YES = frozenset(("yes", "true", "t", "1", "ja", "oui", "y"))
+_NO = frozenset(("no", "false", "f", "0", "nee", "nein", "non", "n", "none"))
+_MEANT = {"cycleway": "track", "parking": "lane", "sidewalk": "yes", "oneway": "yes", "tunnel": "yes", "covered": "yes"}
+_ONE_WAY = frozenset(("ft", "tf"))
+
+
+def plain(text: str) -> str:
+    """A word as the tables have it."""
+    word = "_".join(re.findall(r"\w+", text.lower()))
+    for letter, letters in (("ü", "ue"), ("ä", "ae"), ("ö", "oe"), ("ß", "ss"), ("é", "e"), ("ê", "e")):
+        word = word.replace(letter, letters)
+    return word
+
+
+def ground_tags(tags: Mapping[str, str], layer: str = "", *, outline: bool = False) -> dict[str, str]:
+    """The tags of an outline, or of a line or point, of the ground with those that its classes mean, else what the name of its
+    layer says.
+
+    tags: as `catalogs.readers.vectors.columns` has them, `class` with the values of all columns of classes, a line each.
+    """
+    found = {key: value for key, value in tags.items() if key != "class"}
+    words = [plain(one) for one in (*tags.get("class", "").split("\n"), layer)]
+    if outline:
+        meant = next(filter(None, (_meant(word, AREAS) for word in words)), None)
+        if meant is not None:
+            key, _, of = meant.partition("=")
+            found[key] = of
+    elif "railway" not in found:
+        street = next(filter(None, (_meant(word, STREETS) for word in words)), None)
+        if not _TRAMS.isdisjoint(words):
+            found["railway"] = "tram"
+        elif street is not None and found.get("highway", "").removesuffix("_link") not in STREETS:
+            found["highway"] = street
+    if "surface" in found:
+        found["surface"] = SURFACES.get(plain(found["surface"]), found["surface"])
+    return found | {key: value for key, text in found.items() if (value := _said(key, plain(text))) is not None}
+
+
+def _meant(word: str, table: Mapping[str, str]) -> str | None:
+    """What a word means, in the singular or the plural."""
+    return table.get(word, table.get(word.removesuffix("s")))
+
+
+def _said(key: str, word: str) -> str | None:
+    """OpenStreetMap's value where a thing is stated as yes or no; None where it is stated otherwise."""
+    thing = key.partition(":")[0]
+    if thing not in _MEANT or key.endswith(":width"):
+        return None
+    if word in _YES or (thing == "oneway" and word in _ONE_WAY):
+        return _MEANT[thing]
+    return "no" if word in _NO else None

@@ -1,0 +1,136 @@
+"""Ground in the words and columns of many maps: files of every format, layers, classes."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import pytest
+import shapely
+from pyproj import CRS
+from shapely import LineString, Point
+
+from catalogs.block.ground import block_ground
+from catalogs.features import Centrelines
+from catalogs.readers.files import read_centrelines, read_ground
+from catalogs.readers.vectors.classes import ground_tags
+from facade_core.errors import InputError
+from facade_core.types import Ground
+
+METRIC = "EPSG:3067"
+SUFFIXES = [".gpkg", ".geojson", ".parquet", ".shp", ".fgb"]
+EAST, NORTH = 385_000.0, 6_672_000.0
+AROUND = shapely.box(EAST - 500, NORTH - 500, EAST + 500, NORTH + 500)
+
+
+def at(shape: Any) -> Any:
+    return shapely.affinity.translate(shape, EAST, NORTH)
+
+
+def written(path: Path, shapes: list[Any], layer: str | None = None, **columns: list[Any]) -> Path:
+    frame = geopandas.GeoDataFrame(columns, geometry=[at(shape) for shape in shapes], crs=METRIC)
+    if path.suffix == ".geojson":
+        frame = frame.to_crs(4326)
+    if path.suffix == ".parquet":
+        frame.to_parquet(path)
+    else:
+        frame.to_file(path, **({"layer": layer} if layer else {}))
+    return path
+
+
+def drawn(*sources: Centrelines) -> Ground:
+    return block_ground(sources, CRS(METRIC), AROUND, None)
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_columns_of_streets_are_read_of_every_format(suffix: str, tmp_path: Path) -> None:
+    path = written(
+        tmp_path / f"roads{suffix}",
+        [LineString([(0, 0), (90, 0)]), LineString([(0, 50), (90, 50)]), LineString([(0, 90), (90, 90)])],
+        road_class=["collector", "local", "Fietspad"],
+        breedte=[9.5, None, None],
+        lanes=[2, None, None],
+        verharding=["asfalt", "Klinkers", None],
+        sidewalk_left=["no", "yes", None],
+        parking_right=["yes", None, None],
+        cycleway_both=["no", "yes", None],
+    )
+    found = read_centrelines(path)
+    assert len(found.items) == 2  # no camera travels the cycle path
+    ways = {(way.kind, round(way.line.centroid.y - NORTH)): way for way in drawn(found).ways}
+    main, local = ways["road", 0], ways["road", 50]
+    assert (main.width, main.lanes, main.rank, main.surface, main.assumed) == (9.5, 2, 5, "asphalt", False)
+    assert main.pavement[0] == 0.0 < main.pavement[1]
+    assert main.parking == (0.0, 2.1)
+    assert (local.rank, local.surface, local.assumed) == (3, "slabs", True)
+    assert sorted(place for kind, place in ways if kind == "cycle") == [46, 54, 90]
+
+
+AREAS = [
+    ("Grünfläche", "grass"),
+    ("parking_lot", "asphalt"),
+    ("Watervlakte", "water"),
+    ("squares", "slabs"),
+    ("erf", "slabs"),
+    ("beach", "gravel"),
+    ("residential", None),
+]
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_areas_by_a_column_of_classes(suffix: str, tmp_path: Path) -> None:
+    boxes = [shapely.box(20 * i, 0, 20 * i + 10, 10) for i in range(len(AREAS))]
+    path = written(tmp_path / f"cover{suffix}", boxes, landcover=[word for word, _ in AREAS])
+    found = drawn(read_ground(path)).areas
+    expected = {20 * i: surface for i, (_, surface) in enumerate(AREAS) if surface}
+    assert {round(area.outline.bounds[0] - EAST): area.surface for area in found} == expected
+
+
+def test_layers_say_what_their_features_are(tmp_path: Path) -> None:
+    path = tmp_path / "city.gpkg"
+    written(path, [LineString([(0, 0), (90, 0)])], "streets", name=["A"])
+    written(path, [shapely.box(0, 10, 30, 40)], "parks", note=["x"])
+    written(path, [Point(45, 0)], "crossings", note=["x"])
+    written(path, [shapely.box(50, 10, 80, 40)], "buildings", height=[9.0])
+    found = read_centrelines(path)
+    assert [piece.name for piece in found.items] == ["A"]
+    ground = drawn(found)
+    assert sorted(way.kind for way in ground.ways) == ["crossing", "road"]
+    assert [area.surface for area in ground.areas] == ["grass"]
+    again = drawn(read_centrelines(written(tmp_path / "one.gpkg", [LineString([(0, 0), (90, 0)])], name=["A"])),
+                  read_ground(written(tmp_path / "park.shp", [shapely.box(0, 10, 30, 40)], id=["7"])))  # fmt: skip
+    assert [area.outline for area in again.areas] == [area.outline for area in ground.areas]
+    with pytest.raises(InputError, match="holds nothing of the ground"):
+        read_ground(written(tmp_path / "halls.gpkg", [shapely.box(0, 0, 9, 9)], height=[3.0]))
+
+
+def test_what_two_files_call_the_same_is_two_things(tmp_path: Path) -> None:
+    one, two = (
+        written(tmp_path / name, [shapely.box(x, 0, x + 9, 9)], id=["1"], leisure=["park"])
+        for name, x in (("a.gpkg", 0), ("b.gpkg", 50))
+    )
+    areas = drawn(read_ground(one), read_ground(two)).areas
+    assert len({area.id for area in areas}) == len(areas) == 2
+
+
+@pytest.mark.parametrize(
+    ("tags", "highway"),
+    [
+        ({"class": "S1400"}, "residential"),
+        ({"class": "S1720"}, "steps"),
+        ({"highway": "primary_link", "class": "alley"}, "primary_link"),
+        ({"class": "unknown\nwoonerf"}, "living_street"),
+        ({"class": "nothing of the kind"}, None),
+        ({"class": "secondary", "railway": "rail"}, None),
+    ],
+)
+def test_classes_of_streets(tags: dict[str, str], highway: str | None) -> None:
+    assert ground_tags(tags).get("highway") == highway
+
+
+def test_one_way_and_tunnels_in_other_words() -> None:
+    assert ground_tags({"oneway": "FT"})["oneway"] == "yes"
+    assert ground_tags({"oneway": "B"})["oneway"] == "B"
+    assert ground_tags({"tunnel": "F", "parking:left": "true"}) == {"tunnel": "no", "parking:left": "lane"}
+    assert ground_tags({"class": "tram"}) == {"railway": "tram"}
