@@ -271,8 +271,11 @@ def from_exemplar(
     with _timed(seconds, "retarget"):
         left, right = part or (0.0, wall.width)
         whole = wall.street or wall.door  # of a back's door the joints would be lost
-        pixel = metres_per_pixel if whole else max(metres_per_pixel, wall.height / (FINER * size[0]))
-        texture, labels = on_wall(style, wall, like=like, metres_per_pixel=metres_per_pixel, drawn_at=pixel, seed=seed)
+        texel = wall.height / size[0]
+        pixel = metres_per_pixel if whole else max(metres_per_pixel, texel / FINER)
+        texture, labels = on_wall(
+            style, wall, like=like, metres_per_pixel=metres_per_pixel, drawn_at=pixel, shown_at=texel, seed=seed
+        )
         own = slice(round(left / pixel), max(round(left / pixel) + 1, round(right / pixel)))
         texture, labels = resized(np.ascontiguousarray(texture[:, own]), size), labels[:, own]
         if labels.shape != size:

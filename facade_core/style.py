@@ -22,6 +22,8 @@ SHADED = 0.18
 NEIGHBOURS_M = 60.0
 # What it costs to take a neighbour's exemplar, beyond any misfit, and at most to look like one beside.
 TWIN, ALIKE = 100.0, 1.2
+# And to have the form of any neighbour, whatever the paint: nearly nothing where they differ by more than FORM.
+SAME_FORM, FORM = 3.0, 0.5
 # A street keeps to so many families of exemplars, and what one of another family costs.
 STREET_FAMILIES, STRANGER = 3, 1.0
 # What it costs to show shops where the map has none, or none where it has some.
@@ -33,6 +35,8 @@ FAMILY_SIZE, MOST_FAMILIES = 5, 8
 ROUNDS = 16
 # What tells exemplars apart, as the difference of each figure of a look that is plainly seen.
 _TELLING = np.array([12.0, 8.0, 10.0, 0.10, 0.35, 0.30, 0.06, 0.12, 3.0])
+# Of these, the first tell its colour.
+_COLOURS = 3
 
 
 @dataclass(frozen=True)
@@ -69,7 +73,15 @@ class Library:
     @cached_property
     def distance(self) -> np.ndarray:
         """How far the look of each is from that of each, (k, k): 1 is plainly seen."""
-        looks = np.asarray(self.looks, float).reshape(len(self.floors), -1) / _TELLING
+        return self._apart(0)
+
+    @cached_property
+    def form(self) -> np.ndarray:
+        """The same whatever its colours, (k, k)."""
+        return self._apart(_COLOURS)
+
+    def _apart(self, first: int) -> np.ndarray:
+        looks = (np.asarray(self.looks, float).reshape(len(self.floors), -1) / _TELLING)[:, first:]
         return np.sqrt(((looks[:, None] - looks[None]) ** 2).sum(axis=-1))
 
     @cached_property
@@ -118,7 +130,7 @@ def choose_exemplars(walls: Walls, library: Library, *, seed: int) -> np.ndarray
     The fit is of the building's widest facade: floors, the height of a storey, the families of its street, and what of an
     exemplar was made anew or lies in shadow; chance, by (seed, building), chooses among those that fit. No two buildings within
     NEIGHBOURS_M take the same one while there are others, after that the one whose nearest use is farthest; nor gladly two that
-    look alike. A choice depends on what is near, not on the order or number of the facades.
+    look alike, or differ in paint alone. A choice depends on what is near, not on the order or number of the facades.
     """
     numbers, row = np.unique(walls.building, return_inverse=True)
     if not len(numbers):
@@ -139,7 +151,7 @@ def choose_exemplars(walls: Walls, library: Library, *, seed: int) -> np.ndarray
     for turn in range(ROUNDS + 1):
         left = np.flatnonzero(chosen < 0)
         ready = [int(i) for i in left if turn == ROUNDS or all(rank[i] < rank[j] for j in near[i] if chosen[j] < 0)]
-        taken = {i: _taken(misfit[i], chosen[near[i]], metres[i], library.distance) for i in ready}
+        taken = {i: _taken(misfit[i], chosen[near[i]], metres[i], library) for i in ready}
         for i, exemplar in taken.items():
             chosen[i] = exemplar
         if len(ready) == len(left):
@@ -225,7 +237,7 @@ def _neighbours(ends: np.ndarray, row: np.ndarray, count: int) -> tuple[list[np.
     return np.split(pairs[:, 1], cuts), np.split(metres, cuts)
 
 
-def _taken(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, distance: np.ndarray) -> int:
+def _taken(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, library: Library) -> int:
     """The exemplar of one building, by what its neighbours took, -1 nothing yet, and how far they are."""
     cost = misfit.copy()
     has = theirs >= 0
@@ -233,6 +245,7 @@ def _taken(misfit: np.ndarray, theirs: np.ndarray, metres: np.ndarray, distance:
     for exemplar, close in zip(theirs[has].tolist(), closeness.tolist(), strict=True):
         cost[exemplar] = max(cost[exemplar], misfit[exemplar] + TWIN * (1 + close))
     if has.any():
-        alike = np.exp(-(distance[theirs[has]] ** 2)) * closeness[:, None]
+        alike = np.exp(-(library.distance[theirs[has]] ** 2)) * closeness[:, None]
         cost += ALIKE * alike.max(axis=0)
+        cost += SAME_FORM * np.exp(-((library.form[theirs[has]] / FORM) ** 2)).max(axis=0)
     return int(np.argmin(cost))

@@ -23,6 +23,8 @@ LOWEST_STOREY, NARROWEST_COLUMN = 2.4, 1.5  # metres
 FINEST, COARSEST = 0.01, 0.2  # metres per pixel
 MOST_PIXELS = 12_000_000
 ROOMS = 4
+# Linear light that glass and air add to the darkest gap: 24 of 255. No texel of a wall is black.
+DARKEST = np.float32((24 / 255) ** GAMMA)
 _CURTAINS = ("#ece4d2", "#d9b98a", "#b9694c", "#9aa98c", "#e6d3c4", "#f2eee4")
 _BLINDS = ("#e6e0d0", "#d8cdb4", "#c9b48c", "#dfe2e0")
 
@@ -70,7 +72,7 @@ def facade(
     )
     canvas = _paint(laid, rng)
     small = cv2.resize(shade(canvas), (width, height), interpolation=cv2.INTER_AREA)
-    image = np.round(255 * np.clip(small, 0, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
+    image = np.round(255 * np.clip(small, DARKEST, 1) ** np.float32(1 / GAMMA)).astype(np.uint8)
     image, occluded = paint_occluders(image, metres_per_pixel, occluders, np.random.default_rng([seed, 0x0CC]))
     states = [opening.truth for opening in laid.openings]
     return PaintedFacade(image, laid.labels(), laid.elements(), occluded, states, metres_per_pixel, floors, columns)

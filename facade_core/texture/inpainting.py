@@ -13,6 +13,7 @@ from facade_core.texture.checks import LEAST_SIDE, check_image, check_labels, ch
 from facade_core.texture.floors import fill_by_floors
 from facade_core.texture.hidden_tiles import fill_by_tiles
 from facade_core.texture.structure import structure
+from facade_core.texture.whole import whole
 from facade_core.types import Element
 
 METHODS = ("floors", "tiles")
@@ -35,8 +36,9 @@ def inpaint(
     paper; needs labels (H, W) uint8 or elements). Labels count only outside the mask.
 
     elements in pixels, from a completed layout, say where windows go: sources that put elements on elements are
-    preferred. Without any repetition "floors" copies from where the rim fits best; what has no source is diffused, and so is
-    all where a side has less than LEAST_SIDE pixels, on which nothing repeats.
+    preferred, and by "floors" each window and balcony is of one piece (`whole`). Without any repetition "floors" copies
+    from where the rim fits best; what has no source is diffused, and so is all where a side has less than LEAST_SIDE pixels,
+    on which nothing repeats.
     Raises ImageError for bad arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and
     elements.
     """
@@ -53,7 +55,10 @@ def inpaint(
     if min(mask.shape) < LEAST_SIDE:
         return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
     filled = _fill(method, image, mask, _guide(mask, labels, elements), seed)
-    return np.where(mask[..., None], filled, image)
+    # Blending can carry a dark pane beyond black: nothing is darker, nor brighter, than what is seen.
+    seen = image[~mask]
+    result = np.where(mask[..., None], np.clip(filled, seen.min(axis=0), seen.max(axis=0)), image)
+    return whole(result, mask, elements) if elements and method == "floors" else result
 
 
 def _guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Element] | None) -> np.ndarray:

@@ -25,8 +25,8 @@ PLAIN_BAYS = 1.3
 # Bare wall: how wide it may be, as shares of a bay; steps of grey that hardly count as uneven.
 BARE, EVEN = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
 # Walls between seams that are as wide as so many bays have whole ones. A window lies beside a seam within a bay by so much,
-# metres, and may be so much narrower for it.
-WHOLE, BESIDE_SEAM_M, NARROWER = 0.75, 0.08, 0.8
+# metres, and by so many texels, and may be so much narrower for it; where it would be narrower still, there is none.
+WHOLE, BESIDE_SEAM_M, BESIDE_SEAM_TEXELS, NARROWER = 0.75, 0.08, 2.5, 0.5
 # A ground floor goes on over a narrow wall where at least so much of it is wall.
 WALLED = 0.6
 # And over a corner that shows no shop.
@@ -40,10 +40,12 @@ def on_wall(
     like: Style | None = None,
     metres_per_pixel: float,
     drawn_at: float | None = None,
+    shown_at: float | None = None,
     seed: int = 0,
 ) -> tuple[np.ndarray, np.ndarray]:
     """A wall in an exemplar's style: image (h, w, 3) uint8 and labels (h, w) uint8 of round(size / drawn_at) pixels, which are
-    those of the exemplar, of metres_per_pixel, if nothing else is given.
+    those of the exemplar, of metres_per_pixel, if nothing else is given; shown_at, metres, is what a texel of the walls will
+    show of it, as much if not given.
 
     Where floors lie depends on the exemplar, the building's height and its storeys alone, so that they meet round corners; they
     are those of the style `like`, if given: a wall without shops has those of one with. A
@@ -90,7 +92,8 @@ def on_wall(
             elastic(own, np.tile([True, False, True], len(own) // 3), right - left)
             for own, (left, right) in zip(split, pairwise(ends), strict=True)
         ]
-        across = _off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams)
+        beside = max(BESIDE_SEAM_M, BESIDE_SEAM_TEXELS * (shown_at or pixel))
+        across = _off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, beside)
     attic = stack[0].attic
     down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
     _leave_out(style, wall, stack, source, down, across, plain, blank)
@@ -138,15 +141,16 @@ def _sections(wall: Wall, bay: float) -> list[float]:
     return [*ends, wall.width]
 
 
-def _off_seams(across: np.ndarray, seams: tuple[float, ...]) -> np.ndarray:
-    """Borders (3 n + 1,) of bays and of the windows in them, these moved within their bays to where no seam crosses them."""
+def _off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float) -> np.ndarray:
+    """Borders (3 n + 1,) of bays and of the windows in them, these moved within their bays to where no seam crosses them, so
+    many metres beside it. One that has no such place stays."""
     across = across.copy()
     for left in range(0, len(across) - 1, 3):
         start, first, last, end = across[left : left + 4]
-        inner = [seam for seam in seams if first - BESIDE_SEAM_M < seam < last + BESIDE_SEAM_M and start < seam < end]
-        if not inner:
+        if not any(first - beside < seam < last + beside for seam in seams):
             continue
-        places = [(a + BESIDE_SEAM_M, b - BESIDE_SEAM_M) for a, b in pairwise([start, *inner, end])]
+        inner = [seam for seam in seams if start < seam < end]
+        places = [(a + beside, b - beside) for a, b in pairwise([start, *inner, end])]
         widths = [min(last - first, b - a) for a, b in places]
         fits = [
             (abs(x - first), x, width)
@@ -202,8 +206,10 @@ def _leave_out(
         else:
             low, high = (down[row + 1], down[row + 2]) if count == 3 else (down[row] + 0.1, down[row + 1] - 0.1)
             for left in range(0, source.shape[2], 3):
-                first, last = across[left + 1] - BESIDE_WINDOW_M, across[left + 2] + BESIDE_WINDOW_M
-                if not free.covers(shapely.box(max(first, 0.0), low, min(last, wall.width), high)):
+                first, last = across[left + 1 : left + 3].tolist()
+                bent = any(first < seam < last for seam in wall.seams)
+                first, last = first - BESIDE_WINDOW_M, last + BESIDE_WINDOW_M
+                if bent or not free.covers(shapely.box(max(first, 0.0), low, min(last, wall.width), high)):
                     source[0, rows, left : left + 3] = own[:, None]
                     source[1, rows, left : left + 3] = bare
         row += count

@@ -140,6 +140,19 @@ def test_no_window_lies_on_a_seam_between_walls_that_are_laid_out_as_one(
         assert len(windows(labels)) >= 20
 
 
+def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: Style) -> None:
+    for facet, texel, some in ((2.4, 1 / 8, True), (1.7, 1 / 8, True), (1.0, 1 / 32, True), (0.72, 1 / 8, False)):
+        seams = np.arange(facet, 12 * facet - 0.01, facet)
+        size = 12 * facet, 16
+        wall = Wall(*size, 0, 16, 5, False, True, shapely.box(0, 0, *size), seams=tuple(seams.tolist()))
+        labels = on_wall(style, wall, metres_per_pixel=MPP, shown_at=texel)[1]
+        assert bool(windows(labels)) == some
+        for _, columns in windows(labels):
+            ends = MPP * np.array([columns.start, columns.stop])
+            assert np.abs(ends[:, None] - seams).min() > 2 * texel - MPP
+            assert not ((seams > ends[0]) & (seams < ends[1])).any()
+
+
 def test_gables_and_narrow_walls(style: Style) -> None:
     gable = shapely.Polygon([(0, 6), (6, 0), (12, 6), (12, 22), (0, 22)])
     labels = on_wall(style, Wall(12, 22, 0, 16, 5, False, True, gable), metres_per_pixel=MPP)[1]

@@ -149,3 +149,14 @@ def test_looks_tell_walls_apart() -> None:
     )
     assert three.distance[0, 1] < three.distance[0, 2]
     assert three.distance[0, 2] > 1
+
+
+def test_neighbours_do_not_differ_in_paint_alone() -> None:
+    many = library(24)
+    looks = np.zeros((24, 9))
+    looks[:, 1] = 8.0 * np.arange(24)  # colours far apart, and forms of four kinds
+    looks[:, 3] = 0.2 * (np.arange(24) % 4)
+    two = row(2)
+    for seed in range(12):
+        one, other = choose_exemplars(two, replace(many, looks=looks.tolist()), seed=seed) % 4
+        assert one != other

@@ -11,6 +11,7 @@ from facade_core.synth import facade as paint
 from facade_core.texture import inpaint
 from facade_core.texture.pitch import bay_width, floor_height
 from facade_core.texture.seams import diffused, least_path
+from facade_core.texture.whole import whole
 from facade_core.types import Element
 
 
@@ -198,3 +199,35 @@ def test_a_picture_on_which_nothing_can_repeat_is_filled_from_around():
     filled = inpaint(spoiled(image, mask), mask)
     assert np.abs(filled.astype(int) - image).max() <= 40
     assert np.abs(filled.astype(int) - image).mean() < 3
+
+
+def test_a_window_that_a_hole_cuts_is_of_one_piece():
+    rng = np.random.default_rng(1)
+    image = np.full((170, 330, 3), 180, np.uint8)
+    windows = []
+    for y in (20, 70, 120):
+        for x in range(20, 300, 50):
+            image[y : y + 30, x : x + 24] = rng.integers(40, 90, 3)
+            image[y : y + 30, x + 10 + int(rng.integers(5)) : x + 18] = 240  # a bar, wherever it is
+            windows.append(Element("window", x, y, x + 24, y + 30))
+    mask = np.zeros(image.shape[:2], bool)
+    mask[60:110, 110:160] = True
+    made = image.copy()
+    made[70:85, 120:144] = image[20:35, 20:44]  # the upper half of one window, the lower of another
+    made[85:100, 120:144] = image[135:150, 220:244]
+    shown = whole(made, mask, windows)
+    np.testing.assert_array_equal(shown[~mask], image[~mask])
+    own = shown[72:98, 122:142].astype(int)
+    apart = [
+        np.abs(own - image[int(e.y0) + 2 : int(e.y1) - 2, int(e.x0) + 2 : int(e.x1) - 2]).max()
+        for e in windows
+        if (e.x0, e.y0) != (120, 70)
+    ]
+    assert min(apart) <= 2
+    np.testing.assert_array_equal(whole(made, mask, []), made)
+
+
+def test_nothing_made_is_darker_than_what_is_seen(facade, hole):
+    seen = np.maximum(facade.image, 40)
+    filled = inpaint(spoiled(seen, hole), hole, labels=facade.labels)
+    assert (filled.reshape(-1, 3).min(axis=0) >= seen[~hole].min(axis=0)).all()

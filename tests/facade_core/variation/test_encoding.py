@@ -165,8 +165,6 @@ def test_exchanged_in_the_photo_the_wall_stays_and_windows_are_other_windows(cod
     near = inside([Element("", e.x0 - 6, e.y0 - 6, e.x1 + 6, e.y1 + 6) for e in elements], image.shape[:2])
     assert np.array_equal(made[~near], image[~near])
     assert rms(made, image, inside(elements, image.shape[:2])) > 20
-    coarse = hierarchy.sample(last, 7)
-    assert rms(made, coarse, inside(elements, image.shape[:2])) < 14
     assert np.array_equal(made, exchange_in_photo(image, hierarchy, last, 7))
     with pytest.raises(ImageError, match="pass the image that it codes"):
         exchange_in_photo(image[1:], hierarchy, 0, 0)
