@@ -188,8 +188,19 @@ def _clothes(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:
         coat = [(x + side * half * a, top + b * (hem - top)) for side in (1, -1) for a, b in outline[::side]]
         stand = (round(x - 0.02 * scale), round(hem)), (round(x + 0.02 * scale), round(foot))
         cv2.rectangle(room, *stand, (0.05, 0.05, 0.05), -1)
-        cv2.fillPoly(room, [np.round(coat).astype(np.int32)], tone.tolist())
+        _dress(room, np.array(coat), tone)
         x += rng.uniform(0.6, 1.3) * scale
+
+
+def _dress(room: np.ndarray, outline: np.ndarray, tone: np.ndarray) -> None:
+    """Cloth (k, 2) of one tone, round and in folds; its edge is as smooth as pixels are."""
+    cover = np.zeros(room.shape[:2], np.uint8)
+    cv2.fillPoly(cover, [np.round(outline * 16).astype(np.int32)], 255, cv2.LINE_AA, shift=4)
+    (left, _), (right, _) = outline.min(axis=0), outline.max(axis=0)
+    across = (np.arange(room.shape[1], dtype=np.float32) - (left + right) / 2) / max(1.0, (right - left) / 2)
+    light = 1.05 - 0.35 * across**2 + 0.12 * np.sin(9.0 * across)
+    share = cover[..., None] / np.float32(255)
+    room[:] = share * np.clip(light, 0.4, 1.2)[:, None] * tone + (1 - share) * room
 
 
 def _flowers(room: np.ndarray, scale: float, rng: np.random.Generator) -> None:

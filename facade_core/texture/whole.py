@@ -17,6 +17,8 @@ SAME_SIDE, SIDE_PX, REACH = 0.15, 3, 3
 MOVED = 0.05
 # An element whose middle is within this share of its side of a row's or a column's is on it.
 ALIGNED = 0.35
+# One of another row differs by so many times as much: it has another head and sill.
+OTHER_ROW = 1.5
 # Around an element its frame and sill go with it, as a share of its side; over so many pixels it fades into what is beside it.
 AROUND, FADE = 0.12, 3
 # Where what is there differs from all that are seen by more than this times what those differ by, it is something else.
@@ -82,8 +84,8 @@ def _usual(image: np.ndarray, seen: list[_Box]) -> float:
 
 
 def _most_like(image: np.ndarray, mask: np.ndarray, box: _Box, seen: list[_Box]) -> tuple[float, int, int] | None:
-    """Of those seen, of the size of a box, the one most like it: the mean difference, and how far to the right and down it
-    lies."""
+    """Of those seen, of the size of a box, the one most like it: the mean difference, more from another row, and how far to
+    the right and down it lies."""
     x0, y0, x1, y1 = box
     sides = np.array([x1 - x0, y1 - y0])
     best: tuple[float, int, int] | None = None
@@ -91,6 +93,8 @@ def _most_like(image: np.ndarray, mask: np.ndarray, box: _Box, seen: list[_Box])
         if (np.abs([u1 - u0, v1 - v0] - sides) <= np.maximum(SIDE_PX, SAME_SIDE * sides)).all():
             right, down = (u0 + u1 - x0 - x1) // 2, (v0 + v1 - y0 - y1) // 2
             unlike = _unlike(image, mask, box, right, down)
+            if unlike is not None and abs(down) > ALIGNED * sides[1]:
+                unlike *= OTHER_ROW
             if unlike is not None and (best is None or unlike < best[0]):
                 best = unlike, right, down
     return best
