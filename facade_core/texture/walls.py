@@ -92,8 +92,8 @@ def on_wall(
             elastic(own, np.tile([True, False, True], len(own) // 3), right - left)
             for own, (left, right) in zip(split, pairwise(ends), strict=True)
         ]
-        beside = max(BESIDE_SEAM_M, BESIDE_SEAM_TEXELS * (shown_at or pixel))
-        across = _off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, beside)
+        apart = max(BESIDE_SEAM_M, BESIDE_SEAM_TEXELS * (shown_at or pixel))
+        across = _off_seams(np.append(0.0, np.cumsum(np.concatenate(fitted))), wall.seams, apart)
     attic = stack[0].attic
     down = attic + np.concatenate([[0.0], np.cumsum([height for storey in stack for height in storey.heights])])
     _leave_out(style, wall, stack, source, down, across, plain, blank)
