@@ -10,7 +10,7 @@ from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 
-START_S = 60.0
+START_S = 300.0
 # PostgreSQL does not start as root: there it is told to be somebody else, who may do no more than that.
 NOT_ROOT = ("unshare", "--user", "--map-user=1000", "--map-group=1000")
 

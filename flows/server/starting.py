@@ -135,7 +135,7 @@ def server(home: Path) -> Iterator[Server]:
         yield Server(url, home)
         return
     home.mkdir(parents=True, exist_ok=True)
-    port = _free_port()
+    port = free_port()
     laid_out = server_database.lay_out(home)
     saved = dict(os.environ)
     url = f"http://127.0.0.1:{port}/api"
@@ -170,7 +170,9 @@ def command(port: int) -> list[str]:
     return [sys.executable, "-m", "prefect", "server", "start", "--host", "127.0.0.1", "--port", str(port)]
 
 
-def _free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
+def free_port() -> int:
+    """A port on loopback for a server that is about to start: for the next minute Linux gives it to no other socket that asks
+    for any, as a connection there has just been ended by this side; a server may have it, as servers set SO_REUSEADDR."""
+    with socket.create_server(("127.0.0.1", 0)) as listening, socket.create_connection(listening.getsockname()):
+        listening.accept()[0].close()
+        return int(listening.getsockname()[1])

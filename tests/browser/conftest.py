@@ -30,7 +30,7 @@ def browser() -> Iterator[Any]:
 
 def wait(page: Any, expression: str) -> None:
     """Until a JavaScript expression is true: the page's policy forbids the browser to be given functions to poll."""
-    deadline = time.monotonic() + 90
+    deadline = time.monotonic() + 300
     while not page.evaluate(expression):
         assert time.monotonic() < deadline, expression
         page.wait_for_timeout(100)

@@ -23,12 +23,13 @@ def test_names_that_attack_it_do_nothing_and_its_policy_forbids_nothing_that_it_
     browser: Any, hostile: SimpleNamespace
 ) -> None:
     page = browser.new_page()
+    page.set_default_timeout(300_000)
     said: list[str] = []
     page.on("console", lambda message: said.append(message.text))
     page.on("dialog", lambda dialog: said.append(dialog.message))
     page.on("request", lambda request: said.append(request.url) if not request.url.startswith("file:") else None)
     report: Path = hostile.published / "report" / "index.html"
-    page.goto(report.as_uri(), wait_until="load", timeout=120_000)
+    page.goto(report.as_uri(), wait_until="load")
     page.click("td a")
     page.wait_for_load_state("load")
     assert page.evaluate("getComputedStyle(document.body).maxWidth") == "1320px"

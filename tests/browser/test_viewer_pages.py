@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 import json
 import shutil
+import time
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -29,7 +30,7 @@ def address(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[str]:
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
     opened = browser.new_page(viewport={"width": 900, "height": 700})
-    opened.set_default_timeout(90_000)
+    opened.set_default_timeout(300_000)
     errors: list[str] = []
     opened.on("pageerror", lambda error: errors.append(str(error)))
     yield opened
@@ -74,7 +75,7 @@ def test_pages_are_accessible_and_fit_a_phone(browser: Any, address: str) -> Non
     from axe_playwright_python.sync_playwright import Axe
 
     opened = browser.new_page(viewport={"width": 390, "height": 800})
-    opened.set_default_timeout(90_000)
+    opened.set_default_timeout(300_000)
     facade = json.loads(get(f"{address}/api/block"))["facades"][0]["id"]
     for place, there in {
         "map": "line.facade",
@@ -106,9 +107,9 @@ def test_the_block_in_3d_opens_on_a_street_and_is_walked_through(page: Any, addr
     assert begun["overGround"] == pytest.approx(1.7, abs=0.01)
     assert abs(begun["pitch"]) < 0.2
     wait(page, "document.querySelector('.note').textContent === ''")
-    page.wait_for_timeout(1000)
-    image = Image.open(io.BytesIO(page.locator("#model").screenshot(timeout=90_000))).convert("RGB")
-    assert len(image.quantize(64).getcolors() or []) > 24
+    deadline = time.monotonic() + 120  # for what is loaded to be drawn
+    while len((image := seen(page)).quantize(64).getcolors() or []) <= 24:
+        assert time.monotonic() < deadline, "nothing is drawn"
     sky, ground = (
         np.asarray(image)[rows, 300:600].reshape(-1, 3).mean(axis=0) for rows in (slice(8, 60), slice(-60, -8))
     )
@@ -147,6 +148,10 @@ def test_the_block_in_3d_opens_on_a_street_and_is_walked_through(page: Any, addr
     page.keyboard.press("b")
     wait(page, "Math.abs(Number(document.getElementById('model').dataset.overGround) - 1.7) < 0.01")
     assert said()["mode"] == "street"
+
+
+def seen(page: Any) -> Image.Image:
+    return Image.open(io.BytesIO(page.locator("#model").screenshot())).convert("RGB")
 
 
 def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(

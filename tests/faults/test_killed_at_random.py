@@ -192,7 +192,7 @@ def left_over(out: Path) -> list[str]:
     snapshot = (out / "current").read_text().strip()
     names = [path.name for pattern in ("published/.*", ".current*", ".seen*") for path in out.glob(pattern)]
     assert json.loads((out / "published" / snapshot / "summary.json").read_text())["atlas_digest"]
-    deadline = time.monotonic() + 60
+    deadline = time.monotonic() + 300
     while (running := _holding(out)) and time.monotonic() < deadline:
         time.sleep(0.2)
     return names + running

@@ -15,6 +15,7 @@ from flows.server import starting as server_module
 from flows.server.starting import ServerDown, server
 from tests.pipeline.runs import ROOT, command, environment
 from tests.pipeline.stages import digests_of, texture, write_block
+from tests.pipeline.test_cluster import wait_until
 
 FULL = "print('x'); raise OSError('database or disk is full')"
 
@@ -38,12 +39,16 @@ def test_a_server_ends_where_its_guard_is_killed(tmp_path: Path, monkeypatch: py
     monkeypatch.setattr(server_module, "command", lambda port: [sys.executable, "-c", "import time; time.sleep(600)"])
     with server(tmp_path / "prefect") as record:
         assert record.guard is not None
-        deadline = time.monotonic() + 60
-        while not (children := psutil.Process(record.guard.pid).children()) and time.monotonic() < deadline:
-            time.sleep(0.05)
-        time.sleep(1)  # from its birth to its own program
+        guard = psutil.Process(record.guard.pid)
+
+        def own_program() -> bool:
+            """Whether its child is no copy of the guard any more."""
+            return [child.cmdline() for child in guard.children()] == [server_module.command(0)]
+
+        wait_until(own_program, 300)
+        children = guard.children()
         record.guard.kill()
-        assert psutil.wait_procs(children, timeout=30)[1] == []
+        assert psutil.wait_procs(children, timeout=300)[1] == []
 
 
 def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import signal
 import sys
 import threading
 import time
@@ -25,14 +26,21 @@ cloudpickle.register_pickle_by_value(sys.modules[__name__])
 
 
 def slow(run: Any, fork: Any, units: Piece) -> tuple[Any, dict[int, dict[str, Any]]]:
-    """Leaves a line with its worker in a file of its own each time that it begins."""
+    """Leaves a line with its worker in a file of its own each time that it begins. Once the second worker is killed, the first
+    does no more until the late one is at work: however long that takes to start, there is something left for it."""
     index, (folder,) = units[0].index, units[0].arguments
     from distributed import get_worker
 
     worker = str(get_worker().name)
     with (Path(folder) / str(index)).open("a") as file:
         file.write(f"{worker}\n")
-    time.sleep(0.4)
+    killed, late = (Path(folder).parent / name for name in ("killed", "late"))
+    if worker == "late":
+        late.touch()
+    deadline = time.monotonic() + 300
+    while worker == "one" and killed.exists() and not late.exists() and time.monotonic() < deadline:
+        time.sleep(0.05)
+    time.sleep(0.2)
     return fork, {index: {"unit": str(index), "status": "done", "worker": worker}}
 
 
@@ -54,25 +62,25 @@ def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
         cluster.worker("one")
         cluster.worker("two")
         with connect(1, cluster.address, str(tmp_path)) as compute:
-            wait_until(lambda: compute.threads == 2, 120)
+            wait_until(lambda: compute.threads == 2, 300)
 
             def lose() -> None:
-                wait_until(lambda: len(committed) >= 5 and "two" in committed.values(), 120)
+                wait_until(lambda: len(committed) >= 5 and "two" in committed.values(), 300)
                 before.extend(committed)
+                (tmp_path / "killed").touch()
                 cluster.kill("two")
                 cluster.worker("late")
 
             before: list[int] = []
             thread = threading.Thread(target=lose)
             thread.start()
-            # long enough for a worker to start in: an interpreter's start takes seconds on a busy machine
-            work = [(Unit(i, str(i), ("",), (str(folder),), 10**6),) for i in range(90)]
+            work = [(Unit(i, str(i), ("",), (str(folder),), 10**6),) for i in range(40)]
             outcome = process_batch.fn(SimpleNamespace(store=None), "slow", "1", slow, work, compute)  # type: ignore[arg-type]
             thread.join()
-    assert outcome.done == 90
+    assert outcome.done == 40
     assert not outcome.failed
     runs = {int(path.name): path.read_text().split() for path in folder.iterdir()}
-    assert sorted(runs) == list(range(90))
+    assert sorted(runs) == list(range(40))
     assert all(len(runs[i]) == 1 for i in before)
     repeated = {i: workers for i, workers in runs.items() if len(workers) > 1}
     assert len(repeated) <= 3  # what ran there, what was next, and a result not fetched yet
@@ -92,7 +100,10 @@ def test_workers_killed_among_facades_and_in_a_street(
         process = start(block, out, cluster.address)
         wait_until(lambda: done(out, "facades") >= 1, 300)
         cluster.kill("one")
+        cluster.processes["two"].send_signal(signal.SIGSTOP)  # or it may have done everything before the third is there
         cluster.worker("three")
+        cluster.joined(2)
+        cluster.processes["two"].send_signal(signal.SIGCONT)
         wait_until(lambda: done(out, "viewpoints") >= 3, 300)
         cluster.kill("two")
         summary = finish(process)

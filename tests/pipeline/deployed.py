@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import shlex
 import signal
-import socket
 import subprocess
 import sys
 import time
@@ -18,7 +17,7 @@ from urllib.request import urlopen
 
 import psutil
 
-from flows.server.starting import QUIET
+from flows.server.starting import QUIET, free_port
 from tests.pipeline.runs import ROOT, environment
 
 if TYPE_CHECKING:
@@ -47,12 +46,6 @@ class Site:
         from prefect.client.orchestration import SyncPrefectClient
 
         return SyncPrefectClient(self.api)
-
-
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 def new_site(home: Path, database: str | None = None) -> Site:
@@ -131,7 +124,7 @@ def until(asked: Callable[[], T], site: Site, seconds: float = PATIENCE_S) -> T:
 
 def healthy(site: Site) -> bool:
     try:
-        with urlopen(f"{site.api}/health", timeout=5):
+        with urlopen(f"{site.api}/health", timeout=30):
             return True
     except (URLError, OSError):
         return False
@@ -165,11 +158,11 @@ def end(site: Site) -> list[psutil.Process]:
         if process.poll() is None:
             os.killpg(process.pid, signal.SIGINT)
             try:
-                process.wait(30)
+                process.wait(PATIENCE_S)
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
-    deadline = time.monotonic() + 30
+    deadline = time.monotonic() + PATIENCE_S
     while (left := running(site)) and time.monotonic() < deadline:
         time.sleep(0.2)
     for process in left:

@@ -38,7 +38,7 @@ def refusal(address: str, host: str | None = None, **parameters: Any) -> tuple[i
     if host:
         request.add_header("Host", host)
     with pytest.raises(urllib.error.HTTPError) as refused:
-        urllib.request.urlopen(request, timeout=60)
+        urllib.request.urlopen(request, timeout=300)
     return refused.value.code, refused.value.read()
 
 
@@ -113,7 +113,7 @@ def test_what_is_not_there_and_who_may_not_ask(address: str) -> None:
 
 def test_a_folder_without_a_run_is_refused_in_one_line(tmp_path: Path) -> None:
     done = subprocess.run(
-        [sys.executable, "-m", "flows", "view", str(tmp_path)], cwd=ROOT, capture_output=True, text=True, timeout=60
+        [sys.executable, "-m", "flows", "view", str(tmp_path)], cwd=ROOT, capture_output=True, text=True, timeout=300
     )
     assert done.returncode == 2
     assert len(done.stderr.strip().splitlines()) == 1

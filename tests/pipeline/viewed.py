@@ -29,10 +29,10 @@ def viewing(out: Path) -> Iterator[str]:
         yield process.stdout.readline().split()[0]
     finally:
         process.terminate()
-        process.wait(60)
+        process.wait(300)
 
 
 def get(address: str, **parameters: Any) -> bytes:
     query = f"?{urllib.parse.urlencode(parameters)}" if parameters else ""
-    with urllib.request.urlopen(address + query, timeout=60) as answer:
+    with urllib.request.urlopen(address + query, timeout=300) as answer:
         return bytes(answer.read())

@@ -65,7 +65,7 @@ def gltf_issues(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[
     folder = tmp_path_factory.mktemp("validator")
     options = ["--no-audit", "--no-fund", "--no-package-lock"]
     done = subprocess.run(
-        ["npm", "install", *options, VALIDATOR], cwd=folder, capture_output=True, text=True, timeout=120
+        ["npm", "install", *options, VALIDATOR], cwd=folder, capture_output=True, text=True, timeout=300
     )
     if done.returncode:
         pytest.skip(f"npm cannot install {VALIDATOR}: {done.stderr.strip().splitlines()[-1:]}")
@@ -73,7 +73,7 @@ def gltf_issues(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[
     def issues(*files: Path) -> list[dict[str, Any]]:
         paths = [str(file.resolve()) for file in files]
         found = subprocess.run(
-            ["node", "-e", CHECK, *paths], cwd=folder, capture_output=True, text=True, timeout=120, check=True
+            ["node", "-e", CHECK, *paths], cwd=folder, capture_output=True, text=True, timeout=300, check=True
         )
         return json.loads(found.stdout)
 

@@ -32,7 +32,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
 
 def ask(port: int, *headers: tuple[str, str]) -> tuple[int, dict[str, str]]:
     """Status and headers (lower case) of the answer to a GET with exactly these headers."""
-    with socket.create_connection(("127.0.0.1", port), timeout=30) as connection:
+    with socket.create_connection(("127.0.0.1", port), timeout=300) as connection:
         lines = "".join(f"{name}: {value}\r\n" for name, value in headers)
         connection.sendall(f"GET / HTTP/1.1\r\n{lines}\r\n".encode())
         answer = b""

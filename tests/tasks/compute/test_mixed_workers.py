@@ -41,13 +41,13 @@ def test_a_worker_of_another_make_is_left_out_from_the_start(tmp_path: Path, cap
             [sys.executable, "-c", STRANGER, there.scheduler_address, *options], cwd=ROOT, stderr=subprocess.DEVNULL
         )
         try:
-            client.wait_for_workers(2, timeout=120)
+            client.wait_for_workers(2, timeout=300)
             with (
                 caplog.at_level(logging.WARNING, "tasks"),
                 connect(1, there.scheduler_address, str(tmp_path)) as compute,
             ):
                 ran = {unit.result() for unit in [compute.submit(pid) for _ in range(12)]}
-            stranger.wait(60)  # it closes, so that whoever starts it anew has the new code
+            stranger.wait(300)  # it closes, so that whoever starts it anew has the new code
         finally:
             stranger.kill()
             stranger.wait()

@@ -200,7 +200,7 @@ def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(found: Published, undis
     path = export(undisturbed[0], "cityjson", tmp_path / "city").files[0]
     first, second = (found.names[b] for b in found.choose(())[:2].tolist())
     command = [sys.executable, "-c", CJIO, str(path), first, second]
-    done = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=120).stdout)
+    done = json.loads(subprocess.run(command, capture_output=True, text=True, check=True, timeout=300).stdout)
     for textures in done["textures"]:
         assert textures
         assert all((path.parent / texture["image"]).is_file() for texture in textures)

@@ -105,7 +105,7 @@ def test_two_copies_of_a_viewpoint_in_one_process_do_not_share_a_window(
 
     def together(*arguments: Any, **named: Any) -> None:
         windows.append(arguments[1])
-        both.wait(60)
+        both.wait(300)
         see(*arguments, **named)
 
     monkeypatch.setattr(viewpoint, "see", together)
