@@ -37,8 +37,8 @@ def serving(bucket: str, key: str, secret: str) -> Iterator[Mapping[str, str]]:
             region="us-east-1",
             endpoint_override=address,
             allow_bucket_creation=True,
-            connect_timeout=60,
-            request_timeout=60,
+            connect_timeout=300,
+            request_timeout=300,
         ).create_dir(bucket)
         yield {
             "AWS_ENDPOINT_URL": address,
@@ -49,5 +49,5 @@ def serving(bucket: str, key: str, secret: str) -> Iterator[Mapping[str, str]]:
         }
     finally:
         process.stdin.close()
-        process.wait(timeout=60)
+        process.wait(timeout=300)
         process.stdout.close()

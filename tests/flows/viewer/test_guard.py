@@ -27,7 +27,7 @@ def page(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     thread.start()
     yield listening.getsockname()[1]
     server.should_exit = True
-    thread.join(20)
+    thread.join(120)
 
 
 def ask(port: int, *headers: tuple[str, str]) -> tuple[int, dict[str, str]]:

@@ -349,7 +349,7 @@ def test_a_run_that_ends_at_once_leaves_nothing_on_stderr(tmp_path: Path) -> Non
         env=environment(tmp_path) | {"PYTHONWARNINGS": "default"},
         capture_output=True,  # until the last of its processes has ended
         text=True,
-        timeout=120,
+        timeout=300,
     )
     assert (done.returncode, done.stdout) == (130, "default\n")
     assert "resource_tracker" not in done.stderr
