@@ -18,12 +18,10 @@ from tasks.compute.cluster import Cluster, ClusterGone, UnitOverran
 from tasks.compute.connect import connect
 from tasks.compute.patience import Patience
 from tasks.compute.workers import make, prepared
+from tests.pipeline.runs import PATIENCE_S
 from tests.pipeline.test_cluster import wait_until
 
 cloudpickle.register_pickle_by_value(sys.modules[__name__])
-
-# For what comes sooner or later, also where many others want the cores.
-PATIENCE_S = 300
 
 
 @pytest.fixture(scope="module")
@@ -81,14 +79,14 @@ def test_both_workers_killed_in_a_street(two: Cluster, tmp_path: Path) -> None:
     with two.lease(10, (forget, str(forgotten))) as lease:
         held = two.submit(worker, worker=lease).result()
         unit = two.submit(slow, 600.0, str(street), worker=lease)
-        wait_until((street / "begun").exists, PATIENCE_S)
+        wait_until((street / "begun").exists)
         for pid in pids:
             os.kill(pid, signal.SIGKILL)
         assert unit.result() not in pids
         assert held in pids
         kept = {two.submit(worker, worker=lease).result() for _ in range(5)}
         assert len(kept) == 1
-    wait_until(lambda: forgotten.exists() and str(*kept) in forgotten.read_text().split(), PATIENCE_S)
+    wait_until(lambda: forgotten.exists() and str(*kept) in forgotten.read_text().split())
 
 
 def test_a_stopped_worker_costs_what_it_had_and_no_more(two: Cluster) -> None:
@@ -180,5 +178,5 @@ def test_a_late_worker_of_another_make_is_not_used() -> None:
         asked = make() | {"numpy": "0.9"}
         client.register_plugin(prepared(asked), name="streetloom")
         # The line comes by a stream of its own, before or after the worker has left.
-        wait_until(lambda: heard and not client.scheduler_info(n_workers=-1)["workers"], PATIENCE_S)
+        wait_until(lambda: heard and not client.scheduler_info(n_workers=-1)["workers"])
     assert any(f"at {first} has numpy" in line and "and this run 0.9; it is not used" in line for line in heard)

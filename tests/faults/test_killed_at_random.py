@@ -28,7 +28,7 @@ from tasks.kinds.order import STAGES
 from tasks.store.commits import journal
 from tasks.viewing import Reader
 from tests.pipeline import stages
-from tests.pipeline.runs import ROOT, command, environment, run
+from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment, run
 from tests.pipeline.test_cluster import machines
 
 KILLS = int(os.environ.get("STREETLOOM_KILLS", "3"))
@@ -40,7 +40,7 @@ MOMENTS = ["updated", "seconds", "run"]
 ENDINGS = (0, 70, 75)
 
 # Bounds a hang, and no more: a run takes a minute and a half where other work shares the cores.
-pytestmark = pytest.mark.timeout(900 + 300 * KILLS)
+pytestmark = pytest.mark.timeout(2400 + 300 * KILLS)
 
 
 def test_killed_at_random_moments(tmp_path: Path) -> None:
@@ -74,7 +74,7 @@ def _kill_again_and_again(
         with begun(block, out, folder / f"cluster-{number}", victim, redo) as process:
             hit = wait_and_kill(process, victim, out, draw.uniform(0.1, 0.7) * length)
             killed[victim] = killed.get(victim, 0) + hit
-            said = process.communicate(timeout=600)[1]
+            said = process.communicate(timeout=PATIENCE_S)[1]
         assert process.returncode in (*ENDINGS, -9) or "no scheduler answers there" in said, said
         assert "Traceback" not in said, said
         assert_not_done_again(known, committed(out))
@@ -192,7 +192,7 @@ def left_over(out: Path) -> list[str]:
     snapshot = (out / "current").read_text().strip()
     names = [path.name for pattern in ("published/.*", ".current*", ".seen*") for path in out.glob(pattern)]
     assert json.loads((out / "published" / snapshot / "summary.json").read_text())["atlas_digest"]
-    deadline = time.monotonic() + 300
+    deadline = time.monotonic() + PATIENCE_S
     while (running := _holding(out)) and time.monotonic() < deadline:
         time.sleep(0.2)
     return names + running

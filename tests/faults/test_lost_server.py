@@ -13,7 +13,7 @@ import pytest
 
 from flows.server import starting as server_module
 from flows.server.starting import ServerDown, server
-from tests.pipeline.runs import ROOT, command, environment
+from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
 from tests.pipeline.stages import digests_of, texture, write_block
 from tests.pipeline.test_cluster import wait_until
 
@@ -45,10 +45,10 @@ def test_a_server_ends_where_its_guard_is_killed(tmp_path: Path, monkeypatch: py
             """Whether its child is no copy of the guard any more."""
             return [child.cmdline() for child in guard.children()] == [server_module.command(0)]
 
-        wait_until(own_program, 300)
+        wait_until(own_program)
         children = guard.children()
         record.guard.kill()
-        assert psutil.wait_procs(children, timeout=300)[1] == []
+        assert psutil.wait_procs(children, timeout=PATIENCE_S)[1] == []
 
 
 def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
@@ -77,7 +77,7 @@ def test_the_server_killed_while_a_street_is_done_again(tmp_path: Path) -> None:
         (guard,) = [p for p in psutil.Process(process.pid).children() if "-c" in p.cmdline()]
         (prefect,) = guard.children()
         prefect.kill()
-        printed, _ = process.communicate(timeout=300)
+        printed, _ = process.communicate(timeout=PATIENCE_S)
         said.seek(0)
         lines = said.read().splitlines()
     assert (process.returncode, printed[:1]) == (0, "{"), lines

@@ -62,10 +62,10 @@ def test_a_killed_worker_repeats_what_it_had_and_a_late_one_is_used(
         cluster.worker("one")
         cluster.worker("two")
         with connect(1, cluster.address, str(tmp_path)) as compute:
-            wait_until(lambda: compute.threads == 2, 300)
+            wait_until(lambda: compute.threads == 2)
 
             def lose() -> None:
-                wait_until(lambda: len(committed) >= 5 and "two" in committed.values(), 300)
+                wait_until(lambda: len(committed) >= 5 and "two" in committed.values())
                 before.extend(committed)
                 (tmp_path / "killed").touch()
                 cluster.kill("two")
@@ -98,13 +98,13 @@ def test_workers_killed_among_facades_and_in_a_street(
         cluster.worker("one")
         cluster.worker("two")
         process = start(block, out, cluster.address)
-        wait_until(lambda: done(out, "facades") >= 1, 300)
+        wait_until(lambda: done(out, "facades") >= 1)
         cluster.kill("one")
         cluster.processes["two"].send_signal(signal.SIGSTOP)  # or it may have done everything before the third is there
         cluster.worker("three")
         cluster.joined(2)
         cluster.processes["two"].send_signal(signal.SIGCONT)
-        wait_until(lambda: done(out, "viewpoints") >= 3, 300)
+        wait_until(lambda: done(out, "viewpoints") >= 3)
         cluster.kill("two")
         summary = finish(process)
     assert summary["atlas_digest"] == undisturbed[1]["atlas_digest"]

@@ -18,14 +18,12 @@ from urllib.request import urlopen
 import psutil
 
 from flows.server.starting import QUIET, free_port
-from tests.pipeline.runs import ROOT, environment
+from tests.pipeline.runs import PATIENCE_S, ROOT, environment
 
 if TYPE_CHECKING:
     from prefect.client.orchestration import SyncPrefectClient
 
 README = (ROOT / "deploy" / "README.md").read_text()
-# A loaded machine imports Prefect for half a minute.
-PATIENCE_S = 300
 
 T = TypeVar("T")
 

@@ -16,6 +16,8 @@ from facade_core.errors import InputError
 from flows.lock import locked
 
 ROOT = Path(__file__).resolve().parents[2]
+# In which a command ends that takes a minute where nothing else runs, seconds: bounds a hang, and no more.
+PATIENCE_S = 1200
 
 
 def write_block(folder: Path) -> Path:
@@ -71,7 +73,7 @@ def run(
         env=environment(out.parent),
         capture_output=True,
         text=True,
-        timeout=600,
+        timeout=PATIENCE_S,
     )
     assert done.returncode == expect, done.stderr[-3000:] + done.stdout[-2000:]
     return json.loads(done.stdout.strip().splitlines()[-1])

@@ -35,6 +35,7 @@ from tasks.kinds.order import STAGES
 from tasks.published.prune import prune
 from tasks.store.commits import begin, journal
 from tests.bucket import SECRET, served
+from tests.pipeline.runs import PATIENCE_S
 from tests.pipeline.stages import VIEW_SIZE, write_block
 
 # One street and the two buildings at it.
@@ -52,7 +53,7 @@ if __name__ == "__main__":
     print(json.dumps(unrecorded_block(Path(sys.argv[1]), folder_at(sys.argv[2]), workers=int(sys.argv[3]))))
 """
 
-pytestmark = pytest.mark.timeout(900)
+pytestmark = pytest.mark.timeout(2400)
 
 
 @dataclass(frozen=True)
@@ -123,7 +124,7 @@ def begun(script: Path, block: Path, out: str, workers: int) -> subprocess.Popen
 
 def ended(process: subprocess.Popen[str]) -> tuple[dict[str, Any], str]:
     """A run's summary, and all that it printed."""
-    printed, said = process.communicate(timeout=600)
+    printed, said = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 0, said
     return json.loads(printed.splitlines()[-1]), printed + said
 

@@ -15,7 +15,7 @@ from catalogs.published.joined import joined_in
 from catalogs.query import query
 from flows.city import city as flow
 from flows.city import ends_at
-from tests.pipeline.runs import ROOT, environment, working_in
+from tests.pipeline.runs import PATIENCE_S, ROOT, environment, working_in
 from tests.pipeline.stages import write_block
 from tests.pipeline.test_cluster import wait_until
 
@@ -40,7 +40,7 @@ def command(town: Path, *more: str) -> list[str]:
 
 def run(town: Path, *more: str, expect: int = 0) -> dict:
     done = subprocess.run(
-        command(town, *more), cwd=ROOT, env=environment(town.parent), capture_output=True, text=True, timeout=600
+        command(town, *more), cwd=ROOT, env=environment(town.parent), capture_output=True, text=True, timeout=PATIENCE_S
     )
     assert done.returncode == expect, done.stderr[-3000:]
     return json.loads(done.stdout.strip().splitlines()[-1])
@@ -61,7 +61,7 @@ def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path
     blocks = json.loads((out / "city.json").read_text())["blocks"]
     [begun] = [name for name, ended in blocks.items() if ended["code"] is None]
     assert len(blocks) == 2
-    wait_until(lambda: not working_in(out / "blocks" / begun), 120)  # the block that had begun ends with the city
+    wait_until(lambda: not working_in(out / "blocks" / begun))  # the block that had begun ends with the city
 
     summary = run(town)
     assert (summary["blocks"], summary["blocks_done"], summary["blocks_skipped"]) == (2, 2, 0), (

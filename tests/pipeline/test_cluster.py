@@ -14,7 +14,7 @@ from typing import Any
 
 from facade_core.errors import StoreError
 from tasks.store.commits import journal
-from tests.pipeline.runs import ROOT, command, environment
+from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
 
 
 class Machines:
@@ -30,7 +30,7 @@ class Machines:
             *("scheduler", "--host", "127.0.0.1", "--port", "0", "--dashboard-address", "127.0.0.1:0"),
             *("--scheduler-file", str(told)),
         )
-        wait_until(lambda: told.is_file() and told.read_text().rstrip().endswith("}"), 300)
+        wait_until(lambda: told.is_file() and told.read_text().rstrip().endswith("}"))
         self.address = json.loads(told.read_text())["address"]
 
     def worker(self, name: str, threads: int = 1) -> None:
@@ -44,8 +44,8 @@ class Machines:
         """Wait until so many workers are there: one that starts late may find that the others have done everything."""
         from distributed import Client
 
-        with Client(self.address, timeout=300) as client:
-            client.wait_for_workers(count, timeout=300)
+        with Client(self.address, timeout=PATIENCE_S) as client:
+            client.wait_for_workers(count, timeout=PATIENCE_S)
 
     def kill(self, name: str) -> None:
         process = self.processes.pop(name)
@@ -73,8 +73,8 @@ def machines(folder: Path) -> Iterator[Machines]:
             made.kill(name)
 
 
-def wait_until(true: Callable[[], object], seconds: float) -> None:
-    deadline = time.monotonic() + seconds
+def wait_until(true: Callable[[], object]) -> None:
+    deadline = time.monotonic() + PATIENCE_S
     while not true():
         assert time.monotonic() < deadline, "waited in vain"
         time.sleep(0.05)
@@ -100,7 +100,7 @@ def start(block: Path, out: Path, address: str) -> subprocess.Popen:
 
 
 def finish(process: subprocess.Popen, expect: int = 0) -> dict[str, Any]:
-    said, errors = process.communicate(timeout=500)
+    said, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == expect, errors[-3000:]
     return json.loads(said.strip().splitlines()[-1])
 
@@ -115,9 +115,9 @@ def test_a_scheduler_that_goes_away_ends_the_run_in_one_line_and_the_next_goes_o
         for name in ("one", "two"):
             first.worker(name)
         process = start(relative, out, first.address)
-        wait_until(lambda: done(out, "facades") >= 1, 300)
+        wait_until(lambda: done(out, "facades") >= 1)
         first.kill("scheduler")
-        said, errors = process.communicate(timeout=300)
+        said, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 75
     assert said == ""
     assert "Traceback" not in errors
@@ -140,7 +140,7 @@ def test_a_scheduler_that_goes_away_ends_the_run_in_one_line_and_the_next_goes_o
 
 def test_an_address_that_is_refused_ends_at_once_in_one_line(block: Path, tmp_path: Path) -> None:
     process = start(block, tmp_path / "out", "tcp://127.0.0.1:9")
-    said, errors = process.communicate(timeout=300)
+    said, errors = process.communicate(timeout=PATIENCE_S)
     assert process.returncode == 2
     assert said == ""
     assert len(errors.strip().splitlines()) == 1, errors

@@ -39,12 +39,12 @@ from tests.pipeline.deployed import (
     typed,
     until,
 )
-from tests.pipeline.runs import ROOT, command, working_in
+from tests.pipeline.runs import PATIENCE_S, ROOT, command, working_in
 
 if TYPE_CHECKING:
     from prefect.client.schemas.objects import FlowRun, State
 
-pytestmark = pytest.mark.timeout(1200)
+pytestmark = pytest.mark.timeout(2400)
 
 RUN = (
     """prefect deployment run city-block/dev --watch --param block_file='"blocks/mine.yaml"' --param out='"out/mine"'"""
@@ -88,7 +88,7 @@ def finished(site: Site, block: Path, tmp_path_factory: pytest.TempPathFactory) 
     until((out / "store").is_dir, site)
     second = subprocess.run(command(block, out, 1), cwd=ROOT, env=site.environment, capture_output=True, text=True)
     assert second.returncode == 2
-    assert run.wait(900) == 0
+    assert run.wait(PATIENCE_S) == 0
     return out, the_run(site, "dev"), second.stderr
 
 
