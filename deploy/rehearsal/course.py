@@ -165,7 +165,8 @@ def disturb(parts: Parts, city: subprocess.Popen, out: Path, cut_s: float) -> No
     cut = time.monotonic()
     parts.tell("worker1 is cut off")
     net.kill("worker2")
-    parts.tell("worker2 is killed")  # and starts anew after worker3, or the city may be done before all has happened
+    parts.tell("worker2 is killed")
+    parts.worker("worker2")
     net.end("worker3")
     parts.worker("worker3", second_version(parts.folder / "second"))
     parts.tell("worker3 is started anew with a second version of the code")
@@ -175,8 +176,7 @@ def disturb(parts: Parts, city: subprocess.Popen, out: Path, cut_s: float) -> No
         next(line for line in parts.said("worker3").splitlines() if "it is not used" in line).partition(" - ")[2]
     )
     net.processes.pop("worker3")
-    for name in ("worker2", "worker3"):
-        parts.worker(name)
+    parts.worker("worker3")
     parts.until(lambda: at_work() and time.monotonic() > cut + cut_s, "worker1 was away for long enough")
     net.heal("worker1")
     parts.tell(f"worker1 is back after {time.monotonic() - cut:.0f} s")
