@@ -30,7 +30,7 @@ from facade_core.geometry.packing import Placement
 from facade_core.street import Materials, Scene
 from facade_core.street.render import shade
 from facade_core.street.tiled import Material
-from facade_core.types import Street
+from facade_core.types import Finish, Street
 
 DENSITY, DENSITIES, SEED = 20.0, (8.0, 16.0, 32.0), 7
 REPEATED = 7
@@ -83,7 +83,8 @@ def scene_of(density: float, size: float = SIDE_M) -> tuple[Scene, list[Street]]
             y = -size / 2 - (aside if name == "ground" else 0.0)
             line = shapely.LineString([(origin[row, 0] - 10, y - 3), (origin[row, 0] + size + 10, y + 4)])
             streets.append(Street(name, None, line))
-    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, density)), streets
+    finishes = tuple(Finish(roof_material="metal") if name == "sheet metal" else Finish() for name in CHARTS)
+    return Scene(mesh, charts, placement, AtlasSpec(placement.pages, density), finishes=finishes), streets
 
 
 def measure(pictures: Path | None) -> dict[str, Any]:

@@ -12,6 +12,7 @@ from facade_core.geometry.ways import ways_of
 from facade_core.street import field_kernels as kernels
 from facade_core.street import grain
 from facade_core.street.field_kernels import (
+    BALLAST,
     BOARDS,
     BRICK,
     FELT,
@@ -31,7 +32,7 @@ from facade_core.street.field_kernels import (
 from facade_core.street.grain import Grains
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import Squares
-from facade_core.street.materials import BRICKS, FELTS, PLASTERS, ROOFS, SLATES, SOFFIT, TILES, WOODS
+from facade_core.street.materials import BALLASTS, BRICKS, FELTS, PLASTERS, ROOFS, SLATES, SOFFIT, TILES, WOODS
 from facade_core.street.own_walls import WallMaterial
 from facade_core.street.render import shade
 from facade_core.street.sampling import Lights
@@ -41,6 +42,8 @@ from facade_core.types import Finish, Ground, Street
 
 # A roof whose normal leans more than this from the vertical (cosine), by 15 degrees, carries tiles: on flatter ones they leak.
 TILED = 0.966
+# One that leans less, by 3 degrees, is seldom of sheet metal: these shares of such roofs are of felt and under gravel.
+LEVEL, FELTED, BALLASTED = 0.9986, 0.6, 0.3
 # What roofs are of by OpenStreetMap's roof:material; others are as where nothing is stated.
 ROOFING = {
     SHEET: ("metal", "metal_sheet", "sheet_metal", "copper", "zinc", "tin", "steel", "aluminium", "iron", "lead"),
@@ -52,11 +55,11 @@ ROOFING = {
         "asphalt",
         "asphalt_shingle",
         "concrete",
-        "gravel",
         "roofing_felt",
         "plastic",
         "rubber",
     ),
+    BALLAST: ("gravel", "grit", "pebbles"),
 }
 # A roof in which green or blue is so much over red is of no tiles.
 UNLIKE_TILES = 12
@@ -68,6 +71,7 @@ GRAIN = {
     TILE: grain.ROOF_TILES,
     SLATE: grain.SLATE,
     FELT: grain.ASPHALT,
+    BALLAST: grain.GRAVEL,
     PLASTER: grain.PLASTER_FINE,
     BRICK: grain.BRICKS,
     BOARDS: grain.BOARDS,
@@ -192,7 +196,11 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     normal = charts.normal()
     made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE], np.uint8)[charts.kind]
     roof = charts.kind == ROOF
+    number = scene.building_numbers[charts.building]
     made[roof & (normal[:, 2] > TILED)] = SHEET
+    level, lot = roof & (normal[:, 2] > LEVEL), kernels.drawn(number, seed + 83)
+    made[level & (lot < FELTED + BALLASTED)] = BALLAST
+    made[level & (lot < FELTED)] = FELT
     if laid:
         made[roof] = LAID
     if scene.finishes:
@@ -201,7 +209,6 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
         of = np.array([_roofing(one) for one in scene.finishes])[charts.building]
         known = roof & (made != LAID) & (charts.building >= 0) & (of >= 0)
         made[known] = of[known]
-    number = scene.building_numbers[charts.building]
     grey = shade(normal)
     tint = np.ones((len(charts), 3))
     palettes = (
@@ -209,6 +216,7 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
         (TILE, TILES, 19),
         (SLATE, SLATES, 19),
         (FELT, FELTS, 5),
+        (BALLAST, BALLASTS, 5),
         (PLASTER, PLASTERS, 9),
         (BRICK, BRICKS, 9),
         (BOARDS, WOODS, 37),
@@ -220,7 +228,7 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     if scene.finishes:
         unknown = (np.nan, np.nan, np.nan)
         stated = np.array([(one.wall_colour or unknown, one.roof_colour or unknown) for one in scene.finishes])
-        for part, materials in ((0, (PLASTER, BRICK)), (1, (SHEET, TILE, SLATE, FELT))):
+        for part, materials in ((0, (PLASTER, BRICK)), (1, (SHEET, TILE, SLATE, FELT, BALLAST))):
             colour = np.where(charts.building[:, None] >= 0, stated[charts.building, part], np.nan)
             known = np.isin(made, materials) & np.isfinite(colour[:, 0])
             tint[known] = colour[known]

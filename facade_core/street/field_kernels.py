@@ -23,6 +23,7 @@ from facade_core.street.materials import (
     MOSS,
     SKY,
     add_weather,
+    ballast,
     brick,
     felt,
     framed,
@@ -39,7 +40,7 @@ from facade_core.street.sampling import Lights, lit
 from facade_core.street.tiled import Mips, laid_at
 
 # What a chart is made of.
-SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT = range(11)
+SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT, BALLAST = range(12)
 # Of a colour, this much goes where no sky is seen.
 SHADOW = 0.65
 # Seams of sheets run down a roof that falls by more than this a metre, and northwards on others.
@@ -190,11 +191,13 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
                 out[k, band] = level((pane + other[k] * (frame[band] - pane)) * grey * light[k])
         return
     mixed, share = MORTAR, 0.0
-    if made in (SHEET, FELT):
+    if made in (SHEET, FELT, BALLAST):
         if abs(axis_v[2]) < FLAT:
             x, y = east, north
         if made == SHEET:
             roofing(x, y, side, seed, tone)
+        elif made == BALLAST:
+            ballast(x, y, side, seed, tone)
         else:
             felt(x, y, side, seed, tone)
     elif made in (TILE, SLATE):

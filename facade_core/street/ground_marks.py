@@ -18,6 +18,11 @@ PATCH, JOINT, IRON, STEEL, PAINT = range(5)
 DASH_M, DASHES_M, LINE_M = 3.0, 9.0, 0.06
 BARS_M, BAR_M = 1.0, (0.25, 1.6)
 PLACE_M, STEP_M = 6.0, 0.35
+# A line along the kerb: so far from it; on roads of this rank, or without a pavement of the second.
+EDGE_M, EDGED, BARE_EDGED = 0.55, 6, 4
+# A line where cars stop: half its width, how far before a crossing's middle or the other carriageway, and from a kerb; on roads
+# with lanes that are marked or of this rank, and where a lesser road ends in such a share of cases.
+STOP_M, BEFORE_M, OFF_M, OF_RANK, ENDING = 0.15, 2.9, 0.4, 5, 0.4
 # Markings keep this far from where roads meet, and from a crossing.
 CLEAR_M = 10.0
 # From one cover or mended place to the next, on average.
@@ -43,6 +48,8 @@ def marks(ways: Sequence[Way], carriageway: shapely.Geometry, junctions: shapely
         rows += _covers(way, carriageway, kept_clear)
         rows += _lanes(way, kept_clear)
         rows += _parking(way, kept_clear)
+        rows += _edges(way, kept_clear)
+        rows += _stops(way, roads, crossings)
     for way in crossings:
         middle = way.line.intersection(carriageway).centroid
         if not middle.is_empty and all(middle.distance(other) > 4.0 for other in kept):
@@ -121,6 +128,59 @@ def _parking(way: Way, clear: shapely.Geometry) -> list[_Row]:
             end = np.array([x, y]) + outward * (wide - 0.4)
             rows.append((x, y, float(end[0]), float(end[1]), 0.05, PAINT, 0))
     return rows
+
+
+def _edges(way: Way, clear: shapely.Geometry) -> list[_Row]:
+    """Lines along the kerbs of a road with marked lanes that is large, or has no pavement there; none beside parked cars."""
+    rows: list[_Row] = []
+    if way.surface != "asphalt" or way.lanes < 2:
+        return rows
+    for side, parked, pavement in zip((1.0, -1.0), way.parking, way.pavement, strict=True):
+        if parked == 0 and way.rank >= (EDGED if pavement > 0 else BARE_EDGED):
+            line = shapely.offset_curve(way.line, side * (way.width / 2 - EDGE_M), join_style="mitre")
+            rows += [(*piece, LINE_M, PAINT, 0) for piece in _pieces(shapely.difference(line, clear))]
+    return rows
+
+
+def _stops(way: Way, roads: Sequence[Way], crossings: Sequence[Way]) -> list[_Row]:
+    """Lines across the half of a road on which cars come, before its crossings and where it ends in a road of higher rank.
+
+    Cars are taken to keep right.
+    """
+    rows: list[_Row] = []
+    if way.surface != "asphalt" or way.width < 4.0:
+        return rows
+    crossed: list[float] = []
+    for crossing in crossings:
+        place = shapely.intersection(way.line, crossing.line).centroid
+        if not place.is_empty and all(abs(way.line.project(place) - other) > BEFORE_M for other in crossed):
+            crossed.append(way.line.project(place))
+    if way.lanes >= 2 or way.rank >= OF_RANK:
+        for along in crossed:
+            rows += _stop(way, along - BEFORE_M, 1.0)
+            rows += _stop(way, along + BEFORE_M, -1.0)
+    for end, at, forward in ((way.line.coords[0], 0.0, -1.0), (way.line.coords[-1], way.line.length, 1.0)):
+        place = shapely.Point(end)
+        above = [other for other in roads if other.rank > way.rank and other.line.distance(place) < 0.05]
+        first, second, _ = _chances(*end)
+        marked = way.lanes >= 2 or (way.rank >= 3 and first + second < 2 * ENDING)
+        if above and marked and not any(abs(along - at) < 3 * BEFORE_M for along in crossed):
+            away = max(other.width for other in above) / 2 + BEFORE_M / 2
+            rows += _stop(way, at - forward * away, forward)
+    return rows
+
+
+def _stop(way: Way, at: float, forward: float) -> list[_Row]:
+    """One such line at a distance along a road, for cars that go along it (1) or against it (-1)."""
+    if not 0.5 < at < way.line.length - 0.5 or (way.oneway and forward < 0):
+        return []
+    before, after = shapely.get_coordinates(shapely.line_interpolate_point(way.line, [at - 0.5, at + 0.5]))
+    run = forward * (after - before) / max(float(np.hypot(*(after - before))), 1e-9)
+    right = np.array([run[1], -run[0]])
+    left_m, right_m = (way.width / 2 - parked - OFF_M for parked in way.parking[:: 1 if forward > 0 else -1])
+    middle = (before + after) / 2
+    start = middle + right * (-left_m if way.oneway else LINE_M)
+    return [(*start.tolist(), *(middle + right * right_m).tolist(), STOP_M, PAINT, 0)]
 
 
 def _bars(line: LineString, carriageway: shapely.Geometry) -> list[_Row]:

@@ -31,7 +31,8 @@ PLASTERS = np.array(
 ROOFS = np.array([[92, 74, 66], [104, 106, 108], [72, 78, 80], [122, 82, 66], [86, 96, 88]], np.float64)
 TILES = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [88, 84, 84]], np.float64)
 SLATES = np.array([[84, 88, 94], [74, 78, 82], [92, 92, 98], [70, 76, 74]], np.float64)
-FELTS = np.array([[72, 72, 74], [88, 88, 88], [62, 64, 66]], np.float64)
+FELTS = np.array([[82, 80, 78], [98, 95, 91], [70, 70, 71], [104, 106, 104]], np.float64)
+BALLASTS = np.array([[132, 126, 116], [118, 114, 106], [146, 137, 122]], np.float64)
 WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
 # The colours of a tone of 1.
 SOFFIT = np.array([172.0, 170.28, 166.84])
@@ -44,11 +45,11 @@ MEANS = np.array([138.0, 98.0, 148.0, 140.0, 112.0, 96.0, 98.0, 96.0])
 GRAINS = np.array([grain.GRAVEL, grain.ASPHALT, grain.SLABS, grain.SETTS, grain.GRASS, -1, grain.ASPHALT, -1])
 COLOURS = np.array(
     [
-        [1.0, 0.955, 0.88],
+        [1.05, 0.96, 0.82],
         ASPHALT,
         PAVING,
         [1.0, 0.985, 0.97],
-        [0.74, 0.92, 0.5],
+        [0.8, 0.92, 0.46],
         [0.62, 0.78, 0.86],
         [1.3, 0.86, 0.76],
         [1.12, 0.84, 0.5],
@@ -71,6 +72,12 @@ FRAME, FLASHING, FRAME_M, POST_FROM_M, POST_M = (
 TILE_M, SLAB_M, BOARD_M, SHEET_M = (0.24, 0.34), (0.6, 0.4), (0.12, 1e9), 0.6
 # Width and visible length of a slate, and the gap.
 SLATE_M, GAP_M = (0.25, 0.2), 0.008
+# A sheet of roofing felt, wide and long, and its lap; cells of which a share has a mended place; cells and weights of what says
+# how deep water stands.
+FELT_M, LAP_M, MENDED_M, MENDED = (1.0, 8.0), 0.05, 5.0, 0.3
+POOLS_M, POOLS = (5.3, 2.2, 0.7), (0.7, 0.36, 0.12)
+# Of that this is the shore, over so much of it; the shares of a roof under dried pools and at their shores.
+SHORE, SHORE_WIDE, POOLED, SHORES = 0.3, 0.16, 0.146, 0.073
 # How far streaks run down from a wall's upper edge, and how far up its foot is splashed.
 STREAKS_M, SPLASHES_M = 5.0, 1.2
 # The width of a sett across a street and its length.
@@ -241,11 +248,64 @@ def slates(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
 
 @njit(cache=True, nogil=True, error_model="numpy")
 def felt(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
-    """Roof of bitumen felt or the like: strips a metre wide, and where water stood."""
+    """Roof of bitumen felt: sheets that lap, no two of one grey, mended places, and where water stood. Sheets run along y."""
+    out[:] = 1.0
+    add_noise(x, y, side, (1.7, 1.7), 0.04, seed + 95, out)
+    add_noise(x, y, side, (6.0, 6.0), 0.05, seed + 96, out)
+    add_tones(y, x, side, (FELT_M[1], FELT_M[0]), 0.11, seed + 101, out)
+    add_mended(x, y, side, seed + 102, out)
+    add_pools(x, y, side, seed + 105, out)
+    across, down = 1 / FELT_M[1], 1 / FELT_M[0]
     for k in range(len(x)):
-        out[k] = 1 - 0.1 * _covered(x[k], side[k], -0.015, 0.03)
-    add_noise(x, y, side, (1.7, 1.7), 0.06, seed + 95, out)
-    add_noise(x, y, side, (6.0, 6.0), 0.08, seed + 96, out)
+        clear = _bonded(y[k] * across, x[k] * down, side[k] * across, side[k] * down, LAP_M, across, down)
+        out[k] *= 0.84 + 0.16 * clear
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def ballast(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Flat roof under gravel: thinner here and there, and where water stood."""
+    out[:] = 1.0
+    add_noise(x, y, side, (0.9, 0.9), 0.05, seed + 108, out)
+    add_noise(x, y, side, (7.0, 7.0), 0.08, seed + 109, out)
+    add_pools(x, y, side, seed + 105, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_mended(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Add the tones of mended places, -0.12..0.12: rectangles, one a cell at most, which chance puts well within it.
+
+    A footprint that could reach a neighbouring cell's is too large to show any: they fade until half a cell.
+    """
+    own = np.uint64(seed) * SEED
+    for k in range(len(x)):
+        u, v = x[k] / MENDED_M, y[k] / MENDED_M
+        column, row = np.floor(u), np.floor(v)
+        h = np.uint64(np.int64(column)) * ACROSS + row_of(row, own)
+        some = np.float64(mixed(h) < MENDED)
+        wide, long = 0.12 + 0.3 * mixed(h + np.uint64(1)), 0.1 + 0.25 * mixed(h + np.uint64(2))
+        left, low = 0.1 + (0.8 - wide) * mixed(h + np.uint64(3)), 0.1 + (0.8 - long) * mixed(h + np.uint64(4))
+        size = side[k] / MENDED_M
+        u, v = u - column, v - row
+        beside = max(min(u + 0.5 * size, left + wide) - max(u - 0.5 * size, left), 0.0)
+        below = max(min(v + 0.5 * size, low + long) - max(v - 0.5 * size, low), 0.0)
+        fade = min(max(2.0 - 4.0 * size, 0.0), 1.0)
+        out[k] += fade * some * 0.24 * (mixed(h + np.uint64(5)) - 0.5) * beside * below / (size * size)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def add_pools(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.ndarray) -> None:
+    """Add what pools leave when they dry, on a flat roof: darker where water stood, pale silt along its edge.
+
+    A footprint as wide as a shore has the mean of all the roof.
+    """
+    depth = np.zeros(len(x))
+    for number in range(3):
+        add_noise(x, y, side, (POOLS_M[number], POOLS_M[number]), POOLS[number], seed + number, depth)
+    for k in range(len(x)):
+        wet = min(max((depth[k] - SHORE) / SHORE_WIDE, 0.0), 1.0)
+        fine = min(max(2.0 - 2.0 * side[k], 0.0), 1.0)
+        pooled, shore = POOLED + fine * (wet - POOLED), SHORES + fine * (4 * wet * (1 - wet) - SHORES)
+        out[k] += 0.09 * shore - 0.1 * pooled
 
 
 @njit(cache=True, nogil=True, error_model="numpy")

@@ -12,7 +12,7 @@ from facade_core.atlas import AtlasSpec
 from facade_core.geometry import CEILING, DOOR, GROUND, ROOF, WALL, WINDOW, Charts, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene
 from facade_core.street.field import GRAIN
-from facade_core.street.field_kernels import BRICK, FELT, SHEET, SLATE, TILE, colour
+from facade_core.street.field_kernels import BALLAST, BRICK, FELT, SHEET, SLATE, TILE, colour
 from facade_core.street.own_walls import WallMaterial
 from facade_core.types import Building, Finish, Ground, Roof, Street, Way
 
@@ -93,6 +93,18 @@ def test_a_roof_is_of_what_is_stated(scene: Scene) -> None:
         assert 50 < raster.mean() < 130
         looks.add(raster.tobytes())
     assert len(looks) == 4
+
+
+def test_a_level_roof_is_of_felt_or_under_gravel_as_a_rule(scene: Scene) -> None:
+    level, leaning = (
+        int(np.flatnonzero((scene.charts.kind == ROOF) & (scene.charts.building == building))[0]) for building in (0, 1)
+    )
+    made = [Materials(scene, [STREET], seed=seed).field.charts.made for seed in range(60)]
+    counts = [sum(one[level] == of for one in made) for of in (FELT, BALLAST, SHEET)]
+    assert counts[0] > counts[1] > counts[2] > 0 == 60 - sum(counts)
+    assert {int(one[leaning]) for one in made} == {TILE}
+    stated = replace(scene, finishes=(Finish(roof_material="gravel"), Finish()))
+    assert Materials(stated, [STREET], seed=1).field.charts.made[level] == BALLAST
 
 
 @pytest.mark.parametrize("brick", [False, True])

@@ -11,7 +11,7 @@ from facade_core.geometry.charts import GROUND, Charts
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import SQUARE_M, Squares
 from facade_core.street.ground_kernels import COLOURS, GRASS, soil
-from facade_core.street.ground_marks import marks
+from facade_core.street.ground_marks import EDGE_M, LINE_M, PAINT, STOP_M, marks
 from facade_core.types import Area, Ground, Way
 
 MAIN = Way("main", shapely.LineString([(-200, 10), (300, 14)]), "road", 8.0, "setts", pavement=(3.0, 3.0), rank=5)
@@ -90,3 +90,49 @@ def test_a_road_between_places_for_cars_has_its_line_in_the_middle() -> None:
     line = marks((way,), bent.buffer(way.width / 2), shapely.Point())[:, :4]
     line = line[[bent.distance(shapely.LineString(row.reshape(2, 2))) < 1e-6 for row in line]]
     assert 0 < np.hypot(*(line[:, 2:] - line[:, :2]).T).sum() < bent.length
+
+
+LARGE = Way("l", shapely.LineString([(0, 0), (120, 0)]), "road", 13.0, "asphalt", lanes=4, pavement=(3.0, 3.0), rank=7)
+
+
+def painted(
+    ways: tuple[Way, ...], half: float, carriageway: shapely.Geometry | None = None
+) -> list[shapely.LineString]:
+    """Painted lines of half a width."""
+    place = carriageway or shapely.union_all([way.line.buffer(way.width / 2, cap_style="flat") for way in ways])
+    rows = marks(ways, place, shapely.Point())
+    return [shapely.LineString(row[:4].reshape(2, 2)) for row in rows if row[5] == PAINT and row[4] == half]
+
+
+def test_large_roads_and_those_without_a_pavement_have_lines_along_their_edges() -> None:
+    def edges(way: Way) -> list[int]:
+        away = way.width / 2 - EDGE_M
+        lines = [one for one in painted((way,), LINE_M) if abs(abs(one.centroid.y) - away) < 1e-6]
+        return sorted(int(np.sign(one.centroid.y)) for one in lines)
+
+    assert edges(LARGE) == [-1, 1]
+    assert edges(replace(LARGE, parking=(0.0, 2.1))) == [1]
+    assert edges(replace(LARGE, rank=5)) == []
+    assert edges(replace(LARGE, rank=5, pavement=(0.0, 3.0))) == [1]
+    assert edges(replace(LARGE, lanes=0)) == edges(replace(LARGE, surface="setts")) == []
+
+
+def test_cars_stop_on_their_own_half_before_a_crossing_and_before_a_road_of_higher_rank() -> None:
+    crossing = Way("c", shapely.LineString([(60, -8), (60, 8)]), "crossing", 3.0, "asphalt")
+    lines = sorted(painted((LARGE, crossing), STOP_M), key=lambda line: line.centroid.x)
+    assert [round(line.centroid.x, 1) for line in lines] == [57.1, 62.9]
+    assert [line.centroid.y < 0 for line in lines] == [True, False]  # who goes east keeps to the south
+    assert all(4.5 < line.length < 6.5 for line in lines)
+    one_way = painted((replace(LARGE, oneway=True), crossing), STOP_M)
+    assert [round(line.centroid.x, 1) for line in one_way] == [57.1]
+    assert one_way[0].length > 11
+    assert painted((replace(LARGE, rank=3, lanes=0), crossing), STOP_M) == []
+    side = replace(LARGE, id="s", line=shapely.LineString([(30, -60), (30, 0)]), width=7.0, lanes=2, rank=4)
+    line = painted((LARGE, side), STOP_M)
+    assert [(round(one.centroid.y, 1), one.centroid.x > 30) for one in line] == [(-8.0, True)]
+    beside = replace(side, lanes=0, rank=3)
+    chosen = [
+        len(painted((LARGE, replace(beside, line=shapely.affinity.translate(beside.line, 1.3 * i))), STOP_M))
+        for i in range(40)
+    ]
+    assert 4 < sum(chosen) < 36

@@ -98,3 +98,22 @@ def test_chance_is_even_and_unlike_beside() -> None:
     assert abs((drawn[1:, 1:] * drawn[:-1, :-1]).mean()) / drawn.var() < 0.02
     rows = np.array([int(5 * chance(number, 7)) for number in range(2000)])
     assert np.bincount(rows, minlength=5).min() > 330
+
+
+@pytest.mark.parametrize("name", ["felt", "ballast"])
+def test_a_flat_roof_is_no_plain_colour_and_the_same_from_afar(name: str) -> None:
+    """Sheets, mended places and dried pools are means over footprints, and no brightness is lost where they no longer show."""
+    x, y = places(8000, 3)
+    point = tones(name, 40 * x, 40 * y, np.full(len(x), 1e-6))
+    assert 0.04 < point.std() < 0.12
+    assert np.quantile(point, 0.99) - np.quantile(point, 0.01) > 0.2
+    for side in (0.06, 0.5, 1.0, 4.0, 40.0):
+        found = tones(name, 40 * x, 40 * y, np.full(len(x), side))
+        assert found.mean() == pytest.approx(point.mean(), abs=0.25 * point.std())
+    assert found.std() < 0.02 * point.std()
+    side = 1 / 16
+    offset = side * ((np.arange(16) + 0.5) / 16 - 0.5)
+    x, y = x[:600], y[:600]
+    fine = np.mean([tones(name, x + dx, y + dy, np.full(600, side / 16)) for dx in offset for dy in offset], axis=0)
+    wrong = tones(name, x, y, np.full(600, side)) - fine
+    assert np.sqrt(np.mean(wrong**2)) < 0.06 * fine.std()
