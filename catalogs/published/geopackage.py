@@ -21,14 +21,18 @@ def write_layers(
     crs: str,
     walls: Mapping[str, Polygon],
     buildings: Sequence[Mapping[str, Any]],
+    roofs: Sequence[Mapping[str, Any]],
+    ground: Sequence[Mapping[str, Any]],
     streets: Sequence[Mapping[str, Any]],
     chosen: Collection[str],
 ) -> None:
     """Write layers in the block's `crs`: facades (foot lines, with every column of the catalogue), walls (the same as upright
-    polygons with heights), buildings (footprints), streets, and set_aside (units without geometry, and why).
+    polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets, and set_aside (units
+    without geometry, and why).
 
-    items: the catalogue; walls: facade -> its polygon; buildings, streets: rows with a geometry; chosen: the buildings of
-    which facades are written. A layer without rows is left out. Raises InputError for a catalogue that cannot be read.
+    items: the catalogue; walls: facade -> its polygon; buildings, roofs, ground, streets: rows with a geometry; chosen: the
+    buildings of which facades are written. A layer without rows is left out. Raises InputError for a catalogue that cannot be
+    read.
     """
     import geopandas as gpd
     import pyarrow as pa
@@ -42,8 +46,10 @@ def write_layers(
     layers = {
         "facades": facades.to_crs(crs),
         "walls": facades.set_geometry([walls.get(id) for id in facades.id], crs=crs),
-        "buildings": gpd.GeoDataFrame(list(buildings), geometry="geometry", crs=crs) if buildings else None,
-        "streets": gpd.GeoDataFrame(list(streets), geometry="geometry", crs=crs) if streets else None,
+        **{
+            name: gpd.GeoDataFrame(list(own), geometry="geometry", crs=crs) if own else None
+            for name, own in (("buildings", buildings), ("roofs", roofs), ("ground", ground), ("streets", streets))
+        },
         "set_aside": rows[rows.kind != "facade"].drop(columns="geometry"),
     }
     # the file states when it was changed: as of its newest row, so that the same catalogue gives the same file

@@ -1,19 +1,23 @@
-"""Buildings of a block as CityJSON's faces: a chart is a surface, a facade's windows and doors are surfaces of their own."""
+"""Buildings of a block as faces: a closed body with a facade's windows and doors set back in it, and what stands out of it."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import shapely
+from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
+from facade_core.export.balconies import balconies_on, balcony
+from facade_core.export.body import Body, body_of
 from facade_core.export.cityjson import Face
-from facade_core.export.footprints import GRID_M, footprint
 from facade_core.export.models import Drawn
-from facade_core.export.openings import cut_openings, outlines
-from facade_core.geometry.charts import CEILING, KINDS, ROOF, WINDOW
+from facade_core.export.openings import openings_in
+from facade_core.export.patches import Patch, Patches, components, joined, triangulated
+from facade_core.export.recess import cut
+from facade_core.geometry.charts import KINDS, ROOF, WALL, WINDOW
 from facade_core.types import Element
 
 SEMANTICS = {
@@ -25,101 +29,188 @@ SEMANTICS = {
     "ceiling": "OuterCeilingSurface",
 }
 OPENINGS = {"window": "Window", "door": "Door"}
+# What stands out of a building is one thing where its pieces come this near each other.
+BESIDE_M = 0.05
 
 
-def building_faces(
+class Surfaces:
+    """Semantic surfaces of one object, those that are told apart by nothing each once."""
+
+    def __init__(self) -> None:
+        self.all: list[dict[str, Any]] = []
+        self._shared: dict[str, int] = {}
+
+    def own(self, kind: str, **more: Any) -> int:
+        self.all.append({"type": kind, **more})
+        return len(self.all) - 1
+
+    def shared(self, kind: str) -> int:
+        return self._shared[kind] if kind in self._shared else self._shared.setdefault(kind, self.own(kind))
+
+
+@dataclass(frozen=True)
+class Part:
+    """Faces with the semantic surfaces that they count; solid: whether they are the shell of a body."""
+
+    faces: list[Face]
+    surfaces: list[dict[str, Any]]
+    solid: bool
+
+
+@dataclass(frozen=True)
+class Modelled:
+    """A building: its body; what stands out of it (eaves, parapets, chimneys, dormers); its balconies, each with the facade."""
+
+    body: Part
+    beside: tuple[Part, ...]
+    balconies: tuple[tuple[str, Part], ...]
+
+
+def modelled(
     drawn: Drawn,
     triangles: np.ndarray,
     facades: Mapping[int, str],
     layouts: Mapping[int, Sequence[Element]],
+    origin: np.ndarray,
     *,
     assumed: bool = False,
-) -> tuple[list[Face], list[dict[str, Any]]]:
-    """The faces of one building, and the semantic surfaces that they count.
+) -> Modelled:
+    """One building, on the grid around `origin` (3,).
 
     triangles: the building's, of the mesh that is drawn. facades: chart -> id of the facade there; layouts: chart -> its
-    elements in metres, y down, of which windows and doors are cut out. The ground below, the last faces, has no texture.
-    assumed: the roof is, so that the panes in it are drawn and no openings that anybody knows of: they count as roof.
+    elements in metres, y down, of which windows and doors are set back in the wall and balconies stand before it. What closes
+    the body where the mesh has no surface, the ground below among it, has no texture. assumed: the roof is, so that the panes
+    in it are drawn and no openings that anybody knows of: they count as roof.
     """
     source, mesh = drawn.source, drawn.source.mesh
-    faces: list[Face] = []
-    surfaces: list[dict[str, Any]] = []
-    shared: dict[str, int] = {}
-
-    def surface(kind: str, **more: Any) -> int:
-        surfaces.append({"type": kind, **more})
-        return len(surfaces) - 1
-
-    chart_of = mesh.chart[triangles]
-    for chart in np.unique(chart_of).tolist():
-        own = mesh.triangles[triangles[chart_of == chart]]
-        parts = outlines(source.coordinates[own])
-        corners = np.unique(own)
-        known = dict(zip(map(tuple, source.coordinates[corners].tolist()), corners.tolist(), strict=True))
+    surfaces = Surfaces()
+    semantics: dict[int, int] = {}
+    for chart in np.unique(mesh.chart[triangles]).tolist():
         own_kind = int(source.charts.kind[chart])
         kind = SEMANTICS[KINDS[ROOF if assumed and own_kind == WINDOW else own_kind]]
-        if chart in facades:
-            semantic = surface(kind, facade=facades[chart])
+        semantics[chart] = surfaces.own(kind, facade=facades[chart]) if chart in facades else surfaces.shared(kind)
+    ground, closing = surfaces.shared("GroundSurface"), surfaces.shared("WallSurface")
+    body = body_of(source, triangles, semantics, ground, origin)
+    faces: list[Face] = []
+    balconies: list[tuple[str, Part]] = []
+    behind = [_triangles(body.shell)] if layouts else []
+    for patch in body.shell.patches:
+        chart, elements = patch.chart, layouts.get(patch.chart, ())
+        if elements and source.charts.kind[chart] == WALL:
+            faces += _opened(drawn, body.shell, patch, elements, surfaces, behind)
+            balconies += [(facades[chart], part) for part in _balconies(drawn, body.shell, patch, elements, facades)]
         else:
-            semantic = shared[kind] if kind in shared else shared.setdefault(kind, surface(kind))
-        for part in parts:
-            walls, openings = cut_openings(part, layouts[chart]) if chart in layouts else ([part], [])
-            faces += [_face(drawn, chart, wall, semantic, known) for wall in walls]
-            for element, opening in openings:
-                faces.append(_face(drawn, chart, opening, surface(OPENINGS[element.label], parent=semantic), known))
-    below = _ground(drawn, triangles)
-    if below:
-        semantic = surface("GroundSurface")
-        faces += [Face(rings, semantic) for rings in below]
-    return faces, surfaces
+            rings = tuple(body.shell.points[list(ring)] for ring in patch.rings)
+            faces.append(face_of(drawn, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
+    beside = tuple(_stands_out(drawn, pieces, surfaces.all) for pieces in _together(body))
+    return Modelled(Part(faces, surfaces.all, body.closed), beside, tuple(balconies))
 
 
-def _face(drawn: Drawn, chart: int, polygon: Polygon, semantic: int, known: Mapping[tuple[float, ...], int]) -> Face:
-    """A polygon in a chart's frame: corners that the mesh has stay where they are, others are put on the chart's plane."""
-    charts, vertices = drawn.source.charts, drawn.source.mesh.vertices
-    rings, places = [], []
-    for ring in (polygon.exterior, *polygon.interiors):
-        flat = np.asarray(ring.coords)[:-1]
-        points = charts.points(chart, *flat.T)
-        for i, corner in enumerate(map(tuple, flat.tolist())):
-            if corner in known:
-                points[i] = vertices[known[corner]]
-        uv = drawn.texture_coordinates(np.full(len(flat), chart), flat)
-        rings.append(points)
+def face_of(
+    drawn: Drawn,
+    rings: Sequence[np.ndarray],
+    semantic: int,
+    chart: int,
+    flat: Sequence[np.ndarray] | None = None,
+) -> Face:
+    """A polygon with the look of a chart (-1: none): at its own corners, or at places in the chart's frame, `flat`."""
+    if chart < 0:
+        return Face(tuple(rings), semantic)
+    places = []
+    for k, ring in enumerate(rings):
+        of = np.full(len(ring), chart)
+        uv = drawn.texture_coordinates(of, drawn.source.charts.coordinates(of, ring) if flat is None else flat[k])
         places.append(np.column_stack([uv[:, 0], 1 - uv[:, 1]]))
     page = int(drawn.layout.page[np.searchsorted(drawn.charts, chart)])
     return Face(tuple(rings), semantic, tuple(places), page)
 
 
-def _ground(drawn: Drawn, triangles: np.ndarray) -> list[tuple[np.ndarray, ...]]:
-    """What a building's roofs cover, at its lowest point, facing down: meshes end at the ground and have no surface there.
-    Nothing where a ceiling is lowest: it begins above the ground."""
-    mesh = drawn.source.mesh
-    height = mesh.vertices[mesh.triangles[triangles], 2]
-    base = height.min()
-    ceiling = drawn.source.charts.kind[mesh.chart[triangles]] == CEILING
-    if (height[ceiling] < base + GRID_M).all(axis=1).any():
+def _opened(
+    drawn: Drawn,
+    shell: Patches,
+    patch: Patch,
+    elements: Sequence[Element],
+    surfaces: Surfaces,
+    behind: list[np.ndarray],
+) -> list[Face]:
+    """A wall's polygon without its openings, these, and their reveals."""
+    charts, chart = drawn.source.charts, patch.chart
+    rings = [shell.points[list(ring)] for ring in patch.rings]
+    wall = _in_frame(drawn, rings, chart)
+    faces: list[Face] = []
+    holes: list[np.ndarray] = []
+    for element, opening in openings_in(wall, elements) if wall.is_valid else []:
+        found = cut(opening, charts, chart, np.concatenate(rings), behind)
+        holes.append(found.ring[::-1])
+        semantic = surfaces.own(OPENINGS[element.label], parent=patch.semantic)
+        faces.append(face_of(drawn, [found.pane], semantic, chart))
+        faces += [face_of(drawn, [ring], patch.semantic, chart, [flat]) for ring, flat in found.reveals()]
+    return [face_of(drawn, [*rings, *holes], patch.semantic, chart), *faces]
+
+
+def _balconies(
+    drawn: Drawn, shell: Patches, patch: Patch, elements: Sequence[Element], facades: Mapping[int, str]
+) -> list[Part]:
+    """The balconies before a wall's polygon, each a closed body."""
+    charts, chart = drawn.source.charts, patch.chart
+    wall = _in_frame(drawn, [shell.points[list(ring)] for ring in patch.rings], chart)
+    parts = []
+    for box in balconies_on(wall, elements) if wall.is_valid else []:
+        surfaces = Surfaces()
+        faces = []
+        for rings, looks, kind in balcony(box):
+            points = [
+                charts.points(chart, ring[:, 0], ring[:, 1]) + ring[:, 2:] * charts.normal()[chart] for ring in rings
+            ]
+            faces.append(face_of(drawn, points, surfaces.shared(kind), chart, looks))
+        parts.append(Part(faces, surfaces.all, False))
+    return parts
+
+
+def _in_frame(drawn: Drawn, rings: Sequence[np.ndarray], chart: int) -> Polygon:
+    flat = [drawn.source.charts.coordinates(np.full(len(ring), chart), ring) for ring in rings]
+    return Polygon(flat[0], flat[1:])
+
+
+def _triangles(shell: Patches) -> np.ndarray:
+    """A shell as triangles (t, 3, 3)."""
+    found = [triangulated(patch, shell.points) for patch in shell.patches]
+    return shell.points[np.concatenate(found)] if found else np.zeros((0, 3, 3))
+
+
+def _together(body: Body) -> list[list[Patches]]:
+    """The pieces beside a body in groups whose boxes come within BESIDE_M of each other."""
+    if not body.beside:
         return []
-    # clockwise from above is counter-clockwise from below
-    parts = [shapely.orient_polygons(part, exterior_cw=True) for part in footprint(drawn.source, triangles)]
-    return [
-        tuple(
-            np.column_stack([np.asarray(ring.coords)[:-1], np.full(len(ring.coords) - 1, base)])
-            for ring in (part.exterior, *part.interiors)
-        )
-        for part in parts
+    corners = [piece.points[sorted({c for p in piece.patches for r in p.rings for c in r})] for piece in body.beside]
+    low, high = (np.array([edge(own, axis=0) for own in corners]) for edge in (np.min, np.max))
+    near = ((low[:, None] <= high[None] + BESIDE_M) & (high[:, None] >= low[None] - BESIDE_M)).all(axis=-1)
+    _, of = connected_components(near, directed=False)
+    return [[body.beside[i] for i in np.flatnonzero(of == k)] for k in range(of.max() + 1)]
+
+
+def _stands_out(drawn: Drawn, pieces: Sequence[Patches], surfaces: list[dict[str, Any]]) -> Part:
+    own = Surfaces()
+    faces = []
+    for piece in pieces:
+        for patch in piece.patches:
+            rings = [piece.points[list(ring)] for ring in patch.rings]
+            faces.append(face_of(drawn, rings, own.shared(surfaces[patch.semantic]["type"]), patch.chart))
+    return Part(faces, own.all, False)
+
+
+def ground_faces(drawn: Drawn, triangles: np.ndarray, origin: np.ndarray) -> list[list[Face]]:
+    """The terrain as textured triangles over the grid around `origin` (3,), in pieces that hang together over edges: triangles
+    of the mesh, cut where a corner of a neighbour lies on an edge, without those that fall together."""
+    mesh = drawn.source.mesh
+    corners = [[ring] for ring in mesh.vertices[mesh.triangles[triangles]]]
+    whole = joined(corners, mesh.chart[triangles].tolist(), [0] * len(triangles), origin)
+    patches = [
+        Patch((tuple(ring),), patch.chart, 0)
+        for patch in whole.patches
+        for ring in triangulated(patch, whole.points).tolist()
     ]
-
-
-def ground_faces(drawn: Drawn, triangles: np.ndarray) -> list[Face]:
-    """The triangles of the terrain, textured."""
-    source, mesh = drawn.source, drawn.source.mesh
-    chart = mesh.chart[triangles]
-    corners = mesh.triangles[triangles]
-    uv = drawn.texture_coordinates(mesh.vertex_chart[corners.reshape(-1)], source.coordinates[corners.reshape(-1)])
-    uv[:, 1] = 1 - uv[:, 1]
-    page = drawn.layout.page[np.searchsorted(drawn.charts, chart)].tolist()
     return [
-        Face((points,), 0, (place,), shown)
-        for points, place, shown in zip(mesh.vertices[corners], uv.reshape(-1, 3, 2), page, strict=True)
+        [face_of(drawn, [whole.points[list(patches[i].rings[0])]], 0, patches[i].chart) for i in piece]
+        for piece in components(patches)
     ]

@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
-from scipy.spatial import KDTree
+
+from facade_core.export.patches import GRID_M
 
 # Metres per unit of a vertex.
-SCALE = 0.001
-# Corners of an object that lie this near each other are one: where eaves, hips and walls meet, they pass by millimetres, and
-# a ring with two of them has a sliver that faces anywhere.
-WELD_M = 0.01
+SCALE = GRID_M
 THEME = "streetloom"
 # Decimals of a texture coordinate: a hundredth of a texel of the largest page.
 DECIMALS = 6
@@ -98,27 +95,14 @@ def _area(grid: np.ndarray) -> float:
     return float(np.linalg.norm(np.cross(offset[1:-1], offset[2:]).sum(axis=0))) / 2
 
 
-def welded(faces: Sequence[Face]) -> list[Face]:
-    """Faces of one object, each of their corners moved to the first of those that lie within WELD_M of it, one by one."""
-    if not faces:
-        return []
-    rings = [ring for face in faces for ring in face.rings]
-    points = np.concatenate(rings)
-    near = KDTree(points).sparse_distance_matrix(KDTree(points), WELD_M, output_type="coo_matrix")
-    _, of = connected_components(near, directed=False)
-    _, first = np.unique(of, return_index=True)
-    moved = iter(np.split(points[first[of]], np.cumsum([len(ring) for ring in rings])[:-1]))
-    return [replace(face, rings=tuple(next(moved) for _ in face.rings)) for face in faces]
-
-
-def multi_surface(
+def geometry_of(
     faces: Sequence[Face], surfaces: Sequence[Mapping[str, Any]], pool: Pool, lod: str, kind: str = "MultiSurface"
 ) -> dict[str, Any]:
     """A geometry of faces, its vertices put into the pool. surfaces: what the faces' `semantic` counts; those without a face
-    left are dropped. `kind` is MultiSurface, or CompositeSurface, which has no semantics here."""
-    boundaries: list[list[list[int]]] = []
-    values: list[int] = []
-    textures: list[list[list[int | None]]] = []
+    left are dropped. `kind` is MultiSurface; Solid, of faces that close; or CompositeSurface, which has no semantics here."""
+    boundaries: list[Any] = []
+    values: list[Any] = []
+    textures: list[Any] = []
     for face in faces:
         rings = [
             pool.ring(points, face.uv[i] if face.page is not None else None) for i, points in enumerate(face.rings)
@@ -132,10 +116,14 @@ def multi_surface(
             textures.append([[None] for _ in rings])
         else:
             textures.append([[pool.picture(face.page), *places] for _, places in rings])
+    textured = any(rings[0] != [None] for rings in textures)
+    semantics = _semantics(values, surfaces) if kind != "CompositeSurface" else None
+    if kind == "Solid":
+        boundaries, textures = [boundaries], [textures]
     geometry: dict[str, Any] = {"type": kind, "lod": lod, "boundaries": boundaries}
-    if kind == "MultiSurface":
-        geometry["semantics"] = _semantics(values, surfaces)
-    if any(rings[0] != [None] for rings in textures):
+    if semantics is not None:
+        geometry["semantics"] = semantics | ({"values": [semantics["values"]]} if kind == "Solid" else {})
+    if textured:
         geometry["texture"] = {THEME: {"values": textures}}
     return geometry
 

@@ -1,4 +1,4 @@
-"""Charts as polygons, and walls with the windows and doors of their layout cut out."""
+"""Charts as polygons, and where in them the windows and doors of a layout are cut."""
 
 from __future__ import annotations
 
@@ -12,8 +12,10 @@ from facade_core.types import Element
 
 # A polygon is taken for its triangles when their areas differ by no more than this share.
 SAME_AREA = 1e-3
-# No smaller opening is cut, m2, nor a piece of wall kept that is left between openings.
-SMALLEST_OPENING_M2, SMALLEST_WALL_M2 = 0.05, 1e-4
+# No smaller opening is cut, m2, and none narrower.
+SMALLEST_OPENING_M2, NARROWEST_M = 0.05, 0.15
+# So far openings stay from the wall's border, and from each other.
+EDGE_M, APART_M = 0.05, 0.06
 # Doors are cut before windows: where both are stated, people walk through.
 OPENINGS = ("door", "window")
 
@@ -37,27 +39,27 @@ def outlines(corners: np.ndarray) -> list[Polygon]:
     return _seen(union)
 
 
-def cut_openings(wall: Polygon, elements: Sequence[Element]) -> tuple[list[Polygon], list[tuple[Element, Polygon]]]:
-    """A wall in its chart's frame without its doors and windows, and these, clipped to the wall and free of each other.
+def openings_in(wall: Polygon, elements: Sequence[Element]) -> list[tuple[Element, Polygon]]:
+    """The doors and windows of a wall in its chart's frame, clipped to lie EDGE_M within it, and APART_M from each other.
 
-    elements are in metres, y down from the chart's top left. Openings on the wall's border notch it.
+    elements are in metres, y down from the chart's top left. No opening crosses the wall's end, its top or the ground.
     """
     openings: list[tuple[Element, Polygon]] = []
-    taken = Polygon()
+    free = wall.buffer(-EDGE_M, join_style="mitre")
     wanted = [e for e in elements if e.label in OPENINGS]
-    for element in sorted(wanted, key=lambda e: (OPENINGS.index(e.label), -e.width * e.height)):
+    for element in sorted(wanted, key=lambda e: (OPENINGS.index(e.label), -e.width * e.height, e.x0, e.y0)):
         box = shapely.box(element.x0, element.y0, element.x1, element.y1)
-        free = [
+        parts = [
             part
-            for part in shapely.get_parts(box.intersection(wall).difference(taken))
-            if part.geom_type == "Polygon" and part.area >= SMALLEST_OPENING_M2
+            for part in shapely.get_parts(box.intersection(free))
+            if part.geom_type == "Polygon" and not part.interiors and part.area >= SMALLEST_OPENING_M2
         ]
-        if free:
-            opening = max(free, key=lambda part: part.area)
-            openings.append((element, _seen(opening)[0]))
-            taken = taken.union(opening)
-    rest = [part for part in _seen(wall.difference(taken)) if part.area >= SMALLEST_WALL_M2]
-    return rest, openings
+        if parts:
+            opening = max(parts, key=lambda part: part.area).simplify(EDGE_M / 2)
+            if not opening.buffer(-NARROWEST_M / 2).is_empty:
+                openings.append((element, _seen(opening)[0]))
+                free = free.difference(opening.buffer(APART_M, join_style="mitre"))
+    return openings
 
 
 def _seen(area: shapely.Geometry) -> list[Polygon]:

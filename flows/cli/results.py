@@ -96,6 +96,16 @@ def export(folder: Folder, style: str, to: Path | None, buildings: tuple[str, ..
     """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
 
     \b
+    glb           block and buildings, metres around an origin that its extras state with the CRS; y up
+    3dtiles       on the earth (EPSG:4978); heights over the ellipsoid by geoid_separation of the block file
+    cityjson(seq) LoD2, in the block's CRS; a Solid for each building whose surfaces close
+    lod3          the same, windows and doors set back in the walls, balconies before them
+    gpkg          facades, walls, buildings, roofs, ground, streets, in the block's CRS
+    coco,labelme  elements of the facades on their rectified pictures, in pixels
+
+    The block's CRS is metric; heights are metres, as the sources state them or above the ground assumed there.
+
+    \b
     Examples:
       streetloom export out/demo --format glb
       streetloom export out/demo --format 3dtiles --to tiles/

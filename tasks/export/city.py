@@ -42,8 +42,8 @@ def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> 
         file.write(_line(document(found.block, origin, url)))
         for id, make in objects:
             pool = Pool(origin)
-            city_object = make(pool)
-            feature = {"type": "CityJSONFeature", "id": id, "CityObjects": {id: city_object}} | pool.tables(images)
+            made = make(pool)
+            feature = {"type": "CityJSONFeature", "id": id, "CityObjects": made} | pool.tables(images)
             file.write(_line(feature))
     return [name], notes
 
@@ -57,7 +57,7 @@ def _write_document(
     pool = Pool(_origin(found))
     images, objects = _objects(found, buildings, folder, openings=openings)
     city = document(found.block, pool.origin, url)
-    city["CityObjects"] = {id: make(pool) for id, make in objects}
+    city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
     city |= pool.tables(images)
     city["metadata"]["geographicalExtent"] = pool.extent()
     (folder / name).write_text(_line(city), encoding="utf-8")
@@ -71,9 +71,9 @@ def _line(value: dict[str, Any]) -> str:
 def _objects(
     found: Published, buildings: np.ndarray, folder: Path, *, openings: bool
 ) -> tuple[list[str], Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]]:
-    """The files of the texture pages, which are written, and every city object as (id, what makes it in a pool)."""
-    from facade_core.export.buildings import building_faces, ground_faces
-    from facade_core.export.cityjson import multi_surface, welded
+    """The files of the texture pages, which are written, and every feature as (id, what makes its city objects in a pool)."""
+    from facade_core.export.buildings import ground_faces
+    from facade_core.export.cityjson import geometry_of
     from facade_core.export.models import GROUND_NODE, layout_of, page_jpeg
     from facade_core.grouping import grouped
 
@@ -90,43 +90,82 @@ def _objects(
     facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
     layouts = _layouts(found) if openings else {}
     triangles = grouped(source.charts.building[source.mesh.chart])
+    taken = set(found.names.values())
 
     def building(index: int, pool: Any) -> dict[str, Any]:
-        assumed = (
-            float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
-        )
-        faces, surfaces = building_faces(drawn, triangles[index], facades, layouts, assumed=assumed)
-        opened = any(surface["type"] in ("Window", "Door") for surface in surfaces)
+        made = building_objects(found, drawn, triangles[index], index, facades, layouts, pool, taken)
         advance("export", 1)
-        return {
-            "type": "Building",
-            "attributes": _attributes(found, index),
-            "geometry": [multi_surface(welded(faces), surfaces, pool, "3" if opened else "2")],
-        }
+        return made
 
-    def terrain(pool: Any) -> dict[str, Any]:
-        faces = ground_faces(drawn, triangles[-1])
-        advance("export", 1)
-        return {"type": "TINRelief", "geometry": [multi_surface(faces, (), pool, "2", "CompositeSurface")]}
+    def terrain(id: str, faces: Any, pool: Any) -> dict[str, Any]:
+        return {id: {"type": "TINRelief", "geometry": [geometry_of(faces, (), pool, "2", "CompositeSurface")]}}
 
-    def objects() -> Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]:
+    def features() -> Iterator[tuple[str, Callable[[Any], dict[str, Any]]]]:
         for index in buildings.tolist():
             yield found.names[index], partial(building, index)
         if -1 in shown and -1 in triangles:
-            taken = set(found.names.values())
-            yield next(id for id in (GROUND_NODE, "terrain", "terrain of the block") if id not in taken), terrain
+            for number, faces in enumerate(ground_faces(drawn, triangles[-1], _origin(found))):
+                id = _free(f"{GROUND_NODE}-{number}" if number else GROUND_NODE, taken)
+                yield id, partial(terrain, id, faces)
+            advance("export", 1)
 
-    return images, objects()
+    return images, features()
 
 
-def _attributes(found: Published, building: int) -> dict[str, Any]:
-    """What the plan and the finished facades say of a building, by CityJSON's own names where it has some."""
+def building_objects(
+    found: Published,
+    drawn: Any,
+    triangles: np.ndarray,
+    index: int,
+    facades: Mapping[int, str],
+    layouts: Mapping[int, list[Element]],
+    pool: Any,
+    taken: set[str],
+) -> dict[str, Any]:
+    """A building and its installations by id: a Solid where its surfaces close, and what stands out of it."""
+    from facade_core.export.buildings import modelled
+    from facade_core.export.cityjson import geometry_of
+
+    assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
+    made = modelled(drawn, triangles, facades, layouts, pool.origin, assumed=assumed)
+    opened = any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces)
+    name, lod = found.names[index], "3" if opened else "2"
+
+    def geometry(part: Any) -> list[dict[str, Any]]:
+        return [geometry_of(part.faces, part.surfaces, pool, lod, "Solid" if part.solid else "MultiSurface")]
+
+    attributes = _attributes(found, index, made.body)
+    body = {"type": "Building", "attributes": attributes, "geometry": geometry(made.body)}
+    wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.beside]
+    if layouts:
+        wanted += [("balcony", {"class": "balcony", "facade": facade}, part) for facade, part in made.balconies]
+    installations: dict[str, Any] = {}
+    for number, (kind, attributes, part) in enumerate(wanted):
+        installations[_free(f"{name}-{kind}-{number}", taken)] = {
+            "type": "BuildingInstallation",
+            **({"attributes": attributes} if attributes else {}),
+            "parents": [name],
+            "geometry": geometry(part),
+        }
+    return {name: body | ({"children": list(installations)} if installations else {})} | installations
+
+
+def _free(id: str, taken: set[str]) -> str:
+    """An id that no building has: this one, or with so many dashes behind it."""
+    while id in taken:
+        id += "-"
+    return id
+
+
+def _attributes(found: Published, building: int, body: Any) -> dict[str, Any]:
+    """What the plan and the finished facades say of a building, by CityJSON's own names where it has some; its height is that
+    of the highest place of its roof over its lowest corner, chimneys and what else stands beside its body left out."""
     row = {name: column[building] for name, column in found.buildings.items()}
     facades = [found.records[i] for i in found.rectified(np.array([building]))]
     levels, name = int(row["levels"]), row["name"]
     return {
         **({"name": name} if name else {}),
-        "measuredHeight": round(float(row["height"]), 3),
+        "measuredHeight": round(_rise(body), 3),
         "heightSource": row["height_source"],
         **({"storeysAboveGround": levels} if levels else {}),
         **({"partOf": row["part_of"]} if row.get("part_of") else {}),
@@ -136,12 +175,19 @@ def _attributes(found: Published, building: int) -> dict[str, Any]:
     }
 
 
+def _rise(body: Any) -> float:
+    """Metres from the lowest to the highest corner of a building's faces."""
+    heights = np.concatenate([ring[:, 2] for face in body.faces for ring in face.rings])
+    return float(np.ptp(heights))
+
+
 def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
     """What there is to say of a building's roof: of a model, and in an older store, nothing."""
     if not row.get("roof_shape"):
         return {}
     height, confidence = (round(float(row[name]), 3) for name in ("roof_height", "roof_confidence"))
-    return {"roofType": row["roof_shape"], "roofHeight": height, "roofConfidence": confidence}
+    eaves = round(float(row["height"]), 3)
+    return {"roofType": row["roof_shape"], "eavesHeight": eaves, "roofHeight": height, "roofConfidence": confidence}
 
 
 def _layouts(found: Published) -> dict[int, list[Element]]:

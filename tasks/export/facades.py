@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -67,11 +67,13 @@ def _left_out(found: Published, buildings: np.ndarray, written: int) -> list[str
 
 
 def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """BLOCK.gpkg with the layers facades, walls, buildings and streets."""
+    """BLOCK.gpkg with the layers facades, walls, buildings, roofs, ground and streets."""
     import shapely
 
     from catalogs.published.geopackage import write_layers
     from facade_core.export.footprints import footprints
+    from facade_core.geometry.charts import GROUND, ROOF
+    from facade_core.grouping import grouped
 
     plan, charts = found.plan, found.plan.scene.charts
     begin_stage("export", 1)
@@ -81,6 +83,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     top = charts.origin[chart]
     walls = shapely.polygons(np.stack([top + down, top + down + across, top + across, top], axis=1))
     outlines = footprints(found.textured)
+    of_building = grouped(charts.building[found.textured.mesh.chart])
     table = found.buildings
     chosen = {found.names[b] for b in buildings.tolist()}
     name = f"{file_stem(found.block)}.gpkg"
@@ -94,6 +97,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
                 "id": name,
                 "name": table["name"][b] or None,
                 "height_m": float(table["height"][b]),
+                **_levels(found, of_building[b]),
                 "height_source": table["height_source"][b],
                 "levels": int(table["levels"][b]) or None,
                 "roof_shape": table["roof_shape"][b] or None if "roof_shape" in table else None,
@@ -103,8 +107,43 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
             for b, name in found.names.items()
             if name in chosen and b in outlines
         ],
+        roofs=_surfaces(found, ROOF, buildings),
+        ground=_surfaces(found, GROUND, np.array([-1])),
         streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
         chosen=chosen,
     )
     advance("export", 1)
     return [name], []
+
+
+def _levels(found: Published, triangles: np.ndarray) -> dict[str, float]:
+    """How high a building's lowest and highest corners lie, chimneys and parapets among them, in the block's heights."""
+    from facade_core.export.surfaces import heights
+
+    low, high = heights(found.textured, triangles)
+    return {"base_z": round(low, 3), "top_z": round(high, 3)}
+
+
+def _surfaces(found: Published, kind: int, buildings: np.ndarray) -> list[dict[str, Any]]:
+    """The surfaces of one kind of some buildings (-1: the ground) as rows: outlines with heights, slope and area."""
+    from facade_core.export.surfaces import surface_polygons
+
+    source = found.textured
+    charts = source.chosen(buildings)
+    charts = charts[source.charts.kind[charts] == kind]
+    normal = source.charts.normal()
+    rows = []
+    for chart, polygon in surface_polygons(source, charts).items():
+        z = [corner[2] for part in polygon.geoms for corner in part.exterior.coords]
+        building = int(source.charts.building[chart])
+        rows.append(
+            {
+                **({"building": found.names[building]} if building >= 0 else {}),
+                "low_z": round(float(min(z)), 3),
+                "high_z": round(float(max(z)), 3),
+                "slope_deg": round(float(np.degrees(np.arccos(np.clip(normal[chart, 2], -1, 1)))), 2),
+                "area_m2": round(polygon.area / max(abs(float(normal[chart, 2])), 1e-3), 2),
+                "geometry": polygon,
+            }
+        )
+    return rows

@@ -27,7 +27,7 @@ from catalogs.readers.pictures.elevation import read_elevation
 from catalogs.readers.vectors.features import read_centrelines, read_footprints
 from catalogs.readers.vectors.graphml import read_graphml
 from catalogs.readers.walls import read_walls
-from facade_core.export.cityjson import Face, Pool, document, multi_surface
+from facade_core.export.cityjson import Face, Pool, document, geometry_of
 from facade_core.types import SEMANTICS
 
 EAST, NORTH = 385_000.0, 6_672_000.0
@@ -278,7 +278,7 @@ def test_cityjson_of_our_own(tmp_path_factory: pytest.TempPathFactory, data: st.
                 faces.append(Face((wall,), 0))
         surfaces = [{"type": kind} for kind in ("WallSurface", "RoofSurface", "GroundSurface")]
         attributes = {"measuredHeight": high, "name": f"Hall {at}", "storeysAboveGround": at + 1}
-        geometry = multi_surface(faces, surfaces, pool, "2")
+        geometry = geometry_of(faces, surfaces, pool, "2")
         city["CityObjects"][name] = {"type": "Building", "attributes": attributes, "geometry": [geometry]}
         expected[name] = (outline, low, high)
     city |= pool.tables([])

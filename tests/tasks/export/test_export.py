@@ -6,6 +6,7 @@ import json
 import shutil
 import subprocess
 import sys
+from collections import Counter
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -21,6 +22,7 @@ import trimesh
 from PIL import Image
 from pyproj import Transformer
 
+from benchmarks.solid import validated
 from catalogs.published.items import COLUMNS
 from catalogs.readers.cityjson.buildings import read_cityjson
 from facade_core.errors import InputError, StoreError
@@ -31,6 +33,8 @@ from tasks.export.models import write_3dtiles
 from tasks.published.opened import Published, published
 
 Run = tuple[Path, dict[str, Any]]
+# val3dity, where it lies beside the checkout.
+VALIDATOR = Path(__file__).parents[4] / "shared/tools/val3dity/run"
 
 
 @pytest.fixture(scope="module")
@@ -50,9 +54,10 @@ def cityjson_is_sound(city: dict[str, Any]) -> None:
     textures = city.get("appearance", {}).get("textures", [])
     for thing in city["CityObjects"].values():
         for geometry in thing["geometry"]:
-            for surface, texture in zip(
-                geometry["boundaries"], geometry["texture"]["streetloom"]["values"], strict=True
-            ):
+            solid = geometry["type"] == "Solid"
+            boundaries, textures_of = geometry["boundaries"], geometry["texture"]["streetloom"]["values"]
+            (boundaries, textures_of) = (boundaries[0], textures_of[0]) if solid else (boundaries, textures_of)
+            for surface, texture in zip(boundaries, textures_of, strict=True):
                 for ring, shown in zip(surface, texture, strict=True):
                     corners.update(ring)
                     assert len(set(ring)) == len(ring) >= 3
@@ -60,14 +65,24 @@ def cityjson_is_sound(city: dict[str, Any]) -> None:
                         assert 0 <= shown[0] < len(textures)
                         assert len(shown) == len(ring) + 1
                         places.update(shown[1:])
-            if geometry["type"] == "MultiSurface":
+            if solid:
+                watertight(boundaries)
+            if geometry["type"] != "CompositeSurface":
                 surfaces = geometry["semantics"]["surfaces"]
-                assert set(geometry["semantics"]["values"]) <= set(range(len(surfaces)))
-                assert len(geometry["semantics"]["values"]) == len(geometry["boundaries"])
+                values = geometry["semantics"]["values"][0] if solid else geometry["semantics"]["values"]
+                assert set(values) <= set(range(len(surfaces)))
+                assert len(values) == len(boundaries)
                 for i, surface in enumerate(surfaces):
                     assert "parent" not in surface or i in surfaces[surface["parent"]]["children"]
     assert corners == set(range(len(city["vertices"])))
     assert places == set(range(len(city["appearance"]["vertices-texture"])))
+
+
+def watertight(shell: list[list[list[int]]]) -> None:
+    """Each edge is there twice, in opposite directions."""
+    edges = Counter(e for rings in shell for ring in rings for e in zip(ring, ring[1:] + ring[:1], strict=True))
+    assert set(edges.values()) == {1}
+    assert all((b, a) in edges for a, b in edges)
 
 
 def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
@@ -135,6 +150,13 @@ def test_cityjson_is_read_again_where_it_was(found: Published, undisturbed: Run,
     path = export(undisturbed[0], "cityjson", tmp_path / "city").files[0]
     city = json.loads(path.read_text())
     cityjson_is_sound(city)
+    for name, thing in city["CityObjects"].items():
+        if thing["type"] == "Building":
+            (geometry,) = thing["geometry"]
+            assert geometry["type"] == "Solid", name
+            heights = [0.001 * city["vertices"][i][2] for face in geometry["boundaries"][0] for r in face for i in r]
+            assert thing["attributes"]["measuredHeight"] == pytest.approx(max(heights) - min(heights), abs=0.002)
+            assert thing["attributes"]["measuredHeight"] >= thing["attributes"].get("eavesHeight", 0) - 0.002
     assert city["metadata"]["referenceSystem"].endswith("/EPSG/0/32635")
     again = read_cityjson(path)
     assert {model.id for model in again.items} == {found.names[b] for b in found.choose(()).tolist()}
@@ -165,12 +187,30 @@ def test_lod3_has_the_openings_of_the_catalogue(found: Published, undisturbed: R
     assert sum(windows.values()) >= 0.97 * sum(expected.values())
 
 
+@pytest.mark.parametrize("style", ["cityjson", "lod3"])
+def test_val3dity_finds_every_object_valid(undisturbed: Run, tmp_path: Path, style: str) -> None:
+    if not VALIDATOR.is_file():
+        pytest.skip(f"{VALIDATOR} is not there: solids are not validated by it")
+    path = export(undisturbed[0], style, tmp_path / style).files[0]
+    valid, errors = validated(path, VALIDATOR)
+    assert not errors
+    assert set(json.loads(path.read_text())["CityObjects"]) == set(valid)
+    assert all(valid.values())
+
+
+def test_lod3_is_the_same_in_two_exports(undisturbed: Run, tmp_path: Path) -> None:
+    one, other = (export(undisturbed[0], "lod3", tmp_path / name).files[0].read_bytes() for name in ("one", "other"))
+    assert one == other
+
+
 def test_a_stream_is_a_header_and_features_that_stand_alone(found: Published, undisturbed: Run, tmp_path: Path) -> None:
     path = export(undisturbed[0], "cityjsonseq", tmp_path / "seq").files[0]
     header, *features = map(json.loads, path.read_text().splitlines())
     assert header["CityObjects"] == {}
     assert header["vertices"] == []
-    assert len(features) == len(found.choose(())) + 1
+    kinds = Counter(feature["CityObjects"][feature["id"]]["type"] for feature in features)
+    assert kinds["Building"] == len(found.choose(()))
+    assert kinds["TINRelief"] >= 1
     for feature in features:
         assert feature["type"] == "CityJSONFeature"
         assert feature["id"] in feature["CityObjects"]
@@ -208,7 +248,7 @@ def test_cjio_keeps_the_textures_of_a_subset_and_a_merge(found: Published, undis
     assert {first, second} <= set(merged["CityObjects"])
     for id in (first, second):
         values = merged["CityObjects"][id]["geometry"][0]["texture"]["streetloom"]["values"]
-        textured = [ring for surface in values for ring in surface if ring != [None]]
+        textured = [ring for surface in values[0] for ring in surface if ring != [None]]
         assert textured
         assert max(max(ring[1:]) for ring in textured) < len(merged["appearance"]["vertices-texture"])
 
@@ -288,7 +328,22 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
     building = found.names[int(found.plan.facades.building[0])]
     path = export(undisturbed[0], "gpkg", tmp_path / "one.gpkg", [building]).path
     assert path.is_file()
-    assert {name for name, _ in pyogrio.list_layers(path)} == {"facades", "walls", "buildings", "streets"}
+    assert {name for name, _ in pyogrio.list_layers(path)} == {
+        "facades",
+        "walls",
+        "buildings",
+        "roofs",
+        "ground",
+        "streets",
+    }
+    roofs, built = gpd.read_file(path, layer="roofs"), gpd.read_file(path, layer="buildings").set_index("id")
+    assert roofs.has_z.all()
+    assert (roofs.high_z <= roofs.building.map(built.top_z) + 0.001).all()
+    assert (built.top_z - built.base_z >= built.height_m - 0.001).all()
+    assert set(roofs.building) == set(built.index)
+    ground = gpd.read_file(path, layer="ground")
+    assert (ground.slope_deg < 45).all()
+    assert (ground.high_z >= ground.low_z).all()
     facades = gpd.read_file(path, layer="facades")
     assert set(facades.columns) == {column.name for column in COLUMNS}
     assert facades.crs == "EPSG:32635"

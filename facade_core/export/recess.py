@@ -1,0 +1,95 @@
+"""Windows and doors set back in their wall, with reveals; and whether there is room for that behind it."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from shapely import Polygon
+
+from facade_core.geometry.charts import Charts
+
+# Openings lie so far behind their wall; where that meets another surface so far, else they are flush.
+DEPTHS_M = (0.15, 0.05)
+# Nothing comes nearer to what is behind a wall than this.
+CLEAR_M = 0.03
+
+
+class Cut(NamedTuple):
+    """An opening: its ring in the wall (k, 3), counter-clockwise seen from outside, and in the chart's frame (k, 2); how far
+    behind the wall it lies, metres; the way back (3,), a unit vector."""
+
+    ring: np.ndarray
+    flat: np.ndarray
+    depth: float
+    back: np.ndarray
+
+    @property
+    def pane(self) -> np.ndarray:
+        """The ring of the opening itself, (k, 3)."""
+        return self.ring + self.depth * self.back
+
+    def reveals(self) -> list[tuple[np.ndarray, np.ndarray]]:
+        """The faces between wall and pane: (4, 3) each, and where on the chart (4, 2) their look is taken from, the wall beside
+        the opening turned in."""
+        if not self.depth:
+            return []
+        found = []
+        for k in range(len(self.ring)):
+            one, other = k, (k + 1) % len(self.ring)
+            along = self.flat[other] - self.flat[one]
+            # y is down: outside of a ring that runs counter-clockwise for the eye is to the left in the frame
+            away = np.array([-along[1], along[0]]) / np.linalg.norm(along) * self.depth
+            flat = np.array([self.flat[one], self.flat[other], self.flat[other] + away, self.flat[one] + away])
+            pane = self.pane
+            found.append((np.array([self.ring[one], self.ring[other], pane[other], pane[one]]), flat))
+        return found
+
+
+def cut(opening: Polygon, charts: Charts, chart: int, wall: np.ndarray, behind: list[np.ndarray]) -> Cut:
+    """An opening in a chart's frame, set back as far as there is room.
+
+    wall (k, 3): corners of the polygon that it lies in, whose plane it takes; behind: triangles (t, 3, 3) of all other surfaces
+    of the building, which those of the opening join.
+    """
+    flat = np.asarray(opening.exterior.coords)[:-1]
+    points = charts.points(chart, *flat.T)
+    out = charts.normal()[chart]
+    middle = wall.mean(axis=0)
+    _, _, axes = np.linalg.svd(wall - middle)
+    normal = axes[2]
+    points += np.outer((middle - points) @ normal / (out @ normal), out)
+    frame = np.stack([charts.axis_u[chart], charts.axis_v[chart], -out])
+    low = np.append(flat.min(axis=0), CLEAR_M)
+    origin = charts.points(chart, np.zeros(1), np.zeros(1))[0] + out * ((points[0] - charts.origin[chart]) @ out)
+    for depth in DEPTHS_M:
+        high = np.append(flat.max(axis=0), depth + CLEAR_M)
+        box = (low + high) / 2, (high - low) / 2
+        if not any(meets_box((triangles - origin) @ frame.T, *box).any() for triangles in behind):
+            found = Cut(points, flat, depth, -out)
+            behind.append(np.concatenate([_fan(found.pane), *(_fan(quad) for quad, _ in found.reveals())]))
+            return found
+    return Cut(points, flat, 0.0, -out)
+
+
+def _fan(ring: np.ndarray) -> np.ndarray:
+    return np.stack([np.array([ring[0], ring[k], ring[k + 1]]) for k in range(1, len(ring) - 1)])
+
+
+def meets_box(triangles: np.ndarray, centre: np.ndarray, half: np.ndarray) -> np.ndarray:
+    """Which triangles (t, 3, 3) meet a box with sides along the axes, (t,) bool: they do where no axis parts them (Akenine-
+    Moeller, "Fast 3D Triangle-Box Overlap Testing", 2001)."""
+    met = ((triangles.min(axis=1) <= centre + half) & (triangles.max(axis=1) >= centre - half)).all(axis=1)
+    if not met.any():
+        return met
+    corners = triangles[met] - centre
+    sides = np.roll(corners, -1, axis=1) - corners
+    normal = np.cross(sides[:, 0], sides[:, 1])
+    axes = [normal, *(np.cross(sides[:, k], unit) for k in range(3) for unit in np.eye(3))]
+    parted = np.zeros(len(corners), bool)
+    for axis in axes:
+        shadow = np.einsum("tcj,tj->tc", corners, axis)
+        reach = np.abs(axis) @ half
+        parted |= (shadow.min(axis=1) > reach) | (shadow.max(axis=1) < -reach)
+    met[met] = ~parted
+    return met

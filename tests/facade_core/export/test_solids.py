@@ -1,0 +1,130 @@
+"""Shells that close: corners that are one, T-junctions, curtains, planes; and the room behind openings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.export.body import body_of
+from facade_core.export.curtains import curtained
+from facade_core.export.models import Textured
+from facade_core.export.patches import Patch, Patches, components, flattened, is_closed, joined, open_edges
+from facade_core.export.recess import cut, meets_box
+from facade_core.geometry import block_surfaces, terrain_of
+from facade_core.geometry.charts import WALL
+from facade_core.grouping import grouped
+from facade_core.types import Building, Roof, Street
+
+ORIGIN = np.array([386000.0, 6671900.0, 0.0])
+
+
+def of(polygons: Sequence[Sequence[Sequence[float]]]) -> Patches:
+    rings = [[ORIGIN + np.array(polygon, float)] for polygon in polygons]
+    return joined(rings, [0] * len(rings), [0] * len(rings), ORIGIN)
+
+
+def test_corners_that_pass_by_millimetres_are_one_and_edges_have_the_corners_on_them() -> None:
+    # the hip of a roof meets the eaves twice, 4 mm apart; the wall below has no corner there
+    roof = [[0.0, 0, 3], [10, 0, 3], [10.004, 0, 3], [5, 5, 6]]
+    left = [[0.0, 0, 0], [4, 0, 0], [4, 0, 3], [0, 0, 3]]
+    right = [[4.0, 0, 0], [10, 0, 0], [10, 0, 3], [4, 0, 3]]
+    found = of([roof, left, right])
+    assert [len(patch.rings[0]) for patch in found.patches] == [4, 4, 4], "three corners, and one where the walls meet"
+    seam = {tuple(found.points[c] - ORIGIN) for c in found.patches[0].rings[0]}
+    assert (4.0, 0.0, 3.0) in seam
+    inner = {(a, b) for patch in found.patches for a, b in patch.edges()} - set(open_edges(found.patches))
+    assert len(inner) == 6, "two edges under the roof, one between the walls, both ways"
+
+
+def test_rings_that_fall_together_are_dropped() -> None:
+    sliver = [[0.0, 0, 0], [4, 0, 0], [4, 0, 0.004], [0, 0, 0.004]]
+    assert of([sliver]).patches == ()
+    spike = [[0.0, 0, 0], [4, 0, 0], [4, 0, 4], [2, 0, 4], [2, 0, 6], [2, 0, 4], [0, 0, 4]]
+    assert len(of([spike]).patches[0].rings[0]) == 5
+
+
+def test_what_is_not_planar_is_cut_into_triangles_and_stays_closed() -> None:
+    top = [[0.0, 0, 3], [4, 0, 3], [4, 4, 3.2], [0, 4, 3]]
+    foot = [[0.0, 0, 0], [0, 4, 0], [4, 4, 0], [4, 0, 0]]
+    sides = [[foot[(k + 1) % 4], foot[k], top[-k], top[-k - 1]] for k in range(4)]
+    body = of([top, foot, *sides])
+    assert is_closed(body.patches)
+    flat = flattened(body)
+    assert is_closed(flat.patches)
+    assert len(flat.patches) == len(body.patches) + 1
+
+
+def test_a_model_without_its_party_wall_gets_one() -> None:
+    foot = [[0.0, 0, 0], [0, 4, 0], [6, 4, 0], [6, 0, 0]]
+    gable = [[6.0, 0, 3], [6, 4, 3], [6, 2, 5]]
+    north = [[6.0, 4, 0], [0, 4, 0], [0, 4, 3], [6, 4, 3]]
+    south = [[0.0, 0, 0], [6, 0, 0], [6, 0, 3], [0, 0, 3]]
+    slopes = [[[0.0, 0, 3], [6, 0, 3], [6, 2, 5], [0, 2, 5]], [[6.0, 4, 3], [0, 4, 3], [0, 2, 5], [6, 2, 5]]]
+    west = [[0.0, 4, 0], [0, 0, 0], [0, 0, 3], [0, 2, 5], [0, 4, 3]]
+    shell = of([foot, north, south, *slopes, west])
+    assert not is_closed(shell.patches)
+    closed = curtained(shell, ORIGIN)
+    assert is_closed(closed.patches)
+    (added,) = (patch for patch in closed.patches if patch.chart < 0)
+    np.testing.assert_allclose(closed.normal(added), [4 * 3 + 4, 0, 0], atol=1e-6)
+    with_gable = curtained(of([foot, north, south, *slopes, west, gable]), ORIGIN)
+    (below,) = (patch for patch in with_gable.patches if patch.chart < 0)
+    np.testing.assert_allclose(with_gable.normal(below), [12, 0, 0], atol=1e-6)
+    assert is_closed(with_gable.patches)
+
+
+@pytest.mark.parametrize("shape", ["flat", "gabled", "hipped", "mansard", "skillion"])
+def test_what_is_extruded_here_closes_and_what_stands_out_is_beside(shape: str) -> None:
+    x, y = ORIGIN[:2]
+    outline = shapely.Polygon([(x, y), (x + 30, y), (x + 30, y + 12), (x + 14, y + 12), (x + 14, y + 30), (x, y + 30)])
+    roof = Roof(shape, 4.0, confidence=0.5)
+    buildings = [Building("a", outline, 12.0, "height", roof=roof)]
+    street = Street("s", None, shapely.LineString([(x - 20, y - 10), (x + 60, y - 10)]))
+    charts, mesh, _ = block_surfaces(buildings, [street], terrain=terrain_of([], None), ground_margin=10, largest=20)
+    source = Textured(charts, mesh, charts.size, np.ones((len(charts), 2), np.int64), lambda chart: np.zeros(0))
+    triangles = grouped(charts.building[mesh.chart])[0]
+    semantics = dict.fromkeys(np.unique(mesh.chart[triangles]).tolist(), 0)
+    body = body_of(source, triangles, semantics, 1, ORIGIN)
+    assert body.closed
+    assert is_closed(body.shell.patches)
+    assert len(components(body.shell.patches)) == 1
+    down = [patch for patch in body.shell.patches if patch.semantic == 1]
+    area = sum(float(body.shell.normal(patch)[2]) for patch in down)
+    assert area == pytest.approx(-outline.area, abs=0.1), "the ground below, facing down"
+    assert body.beside, "eaves or a parapet"
+
+
+def test_openings_are_as_deep_as_there_is_room(coloured: Textured) -> None:
+    charts = coloured.charts
+    chart = int(np.flatnonzero((charts.building == 0) & (charts.kind == WALL))[0])
+    wall = charts.at_shares(np.array([chart]), np.array([[0.0, 0], [0, 1], [1, 1], [1, 0]]))[0]
+    opening = shapely.orient_polygons(shapely.box(1, 2, 2.5, 4), exterior_cw=True)
+    out = charts.normal()[chart]
+    for gap, depth in ((0.3, 0.15), (0.1, 0.05), (0.04, 0.0)):
+        behind = wall - gap * out
+        triangles = behind[[[0, 1, 2], [0, 2, 3]]]
+        found = cut(opening, charts, chart, wall, [triangles])
+        assert found.depth == depth
+        np.testing.assert_allclose((wall[0] - found.pane) @ out, depth, atol=1e-9)
+        assert len(found.reveals()) == (4 if depth else 0)
+
+
+def test_triangles_meet_a_box_or_pass_it() -> None:
+    triangles = np.array(
+        [
+            [[-5.0, -5, 0], [5, -5, 0], [0, 5, 0]],  # through the middle
+            [[3.0, 0, 0], [0, 3, 0], [3, 3, 0]],  # its box meets, it passes the corner
+            [[0.2, 0.2, 0.2], [0.3, 0.2, 0.2], [0.2, 0.3, 0.2]],  # inside
+            [[2.0, 2, 2], [3, 2, 2], [2, 3, 2]],
+        ]
+    )
+    assert meets_box(triangles, np.zeros(3), np.ones(3)).tolist() == [True, False, True, False]
+
+
+def test_pieces_hang_together_over_edges() -> None:
+    patches = [Patch(((0, 1, 2),)), Patch(((5, 6, 7),)), Patch(((2, 1, 3),)), Patch(((3, 8, 9),))]
+    assert components(patches) == [[0, 2], [1], [3]]
+    assert components([]) == []
