@@ -143,11 +143,11 @@ def _sections(wall: Wall, bay: float) -> list[float]:
 
 def _off_seams(across: np.ndarray, seams: tuple[float, ...], beside: float) -> np.ndarray:
     """Borders (3 n + 1,) of bays and of the windows in them, these moved within their bays to where no seam crosses them, so
-    many metres beside it. One that has no such place stays."""
+    many metres beside it and the wall's ends. One that has no such place stays."""
     across = across.copy()
     for left in range(0, len(across) - 1, 3):
         start, first, last, end = across[left : left + 4]
-        if not any(first - beside < seam < last + beside for seam in seams):
+        if not any(first - beside < edge < last + beside for edge in (across[0], *seams, across[-1])):
             continue
         inner = [seam for seam in seams if start < seam < end]
         places = [(a + beside, b - beside) for a, b in pairwise([start, *inner, end])]

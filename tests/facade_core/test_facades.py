@@ -149,7 +149,7 @@ def test_windows_of_facets_are_whole_in_the_texels_that_show_them(style: Style) 
         assert bool(windows(labels)) == some
         for _, columns in windows(labels):
             ends = MPP * np.array([columns.start, columns.stop])
-            assert np.abs(ends[:, None] - seams).min() > 2 * texel - MPP
+            assert np.abs(ends[:, None] - np.array([0, *seams, size[0]])).min() > 2 * texel - MPP
             assert not ((seams > ends[0]) & (seams < ends[1])).any()
 
 
