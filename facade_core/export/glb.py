@@ -13,6 +13,8 @@ import numpy as np
 
 # glTF's numbers for component types, buffer targets, filters and wrapping.
 UNSIGNED_INT, FLOAT = 5125, 5126
+# Of component types, as numpy has them.
+BYTE_KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
 VERTICES, INDICES = 34962, 34963
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 # GLB's: the names of its chunks, and the length of its header in bytes.
@@ -141,7 +143,7 @@ def glb_bytes(
             **UNLIT,
             "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
             "meshes": meshes,
-            "materials": [_material(i) for i in range(len(jpegs))],
+            "materials": [material(i) for i in range(len(jpegs))],
             "textures": [{"source": i, "sampler": 0} for i in range(len(jpegs))],
             "images": [{"bufferView": pictures + i, "mimeType": "image/jpeg"} for i in range(len(jpegs))],
             "samplers": SAMPLERS,
@@ -149,11 +151,17 @@ def glb_bytes(
             "bufferViews": views,
             "buffers": [{"byteLength": offset}],
         }
+    return glb_of(document, chunks)
+
+
+def glb_of(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:
+    """A GLB of glTF's document and the parts of its buffer, which take multiples of four bytes together."""
     text = json.dumps(document, separators=(",", ":"), ensure_ascii=False, allow_nan=False).encode()
-    text += b" " * (-len(text) % 4)
+    # the buffer begins at a multiple of eight bytes, as tables in it want
+    text += b" " * (-(HEADER_BYTES + 8 + len(text) + 8) % 8)
     body = [struct.pack("<II", len(text), JSON), text]
-    if offset:
-        body += [struct.pack("<II", offset, BINARY), *chunks]
+    if length := sum(map(len, chunks)):
+        body += [struct.pack("<II", length, BINARY), *chunks]
     return b"".join([struct.pack("<4sII", b"glTF", 2, HEADER_BYTES + sum(map(len, body))), *body])
 
 
@@ -174,7 +182,8 @@ def pictures_of(glb: bytes) -> list[bytes]:
     return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
 
 
-def _material(picture: int) -> dict[str, Any]:
+def material(picture: int) -> dict[str, Any]:
+    """The unlit material that shows a picture."""
     return {
         "name": f"page-{picture}",
         "pbrMetallicRoughness": {

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -32,16 +32,17 @@ _DOWN = np.array([0.0, 0.0, -1.0])
 
 @dataclass(frozen=True)
 class Shells:
-    """Shells with rasters; kept (k,), the buildings without one; off, metres, the most that a shell leaves its building."""
+    """Shells with rasters; kept (k,), the buildings without one; off, building -> metres, how far its shell leaves it."""
 
     textured: Textured
     kept: np.ndarray
-    off: float
+    off: Mapping[int, float]
 
 
 def simplified_shells(source: Textured, density: float, tell: Callable[[], None] = lambda: None) -> Shells:
     """A shell for every building, with rasters of `density` texels per metre; `tell` is called after each building."""
-    pieces, kept, off = Pieces(), [], 0.0
+    pieces, kept = Pieces(), []
+    off: dict[int, float] = {}
     triangles = grouped(source.charts.building[source.mesh.chart])
     for building, mine in triangles.items():
         if building < 0:
@@ -51,8 +52,7 @@ def simplified_shells(source: Textured, density: float, tell: Callable[[], None]
             kept.append(building)
             tell()
             continue
-        outlines, base, top, apart = body
-        off = max(off, apart)
+        outlines, base, top, off[building] = body
         for outline in outlines:
             _extrude(pieces, building, outline, base, top)
     charts, mesh = pieces.values() if len(pieces) else _nothing()

@@ -1,63 +1,132 @@
-"""3D Tiles 1.1: a quadtree of buildings, coarse above and as textured below."""
+"""3D Tiles 1.1: a quadtree of buildings, coarse above and as textured below, whose parts answer."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from facade_core.export.attribution import Attribution
+from facade_core.export.cells import COARSE, Cell
 from facade_core.export.earth import EarthFrame
-from facade_core.export.glb import glb_bytes
-from facade_core.export.models import Drawn, Textured, jpegs, layout_of, nodes_of
-from facade_core.export.quadtree import members_of, quadrant_corner, quadrants
+from facade_core.export.encoders import MIPMAPS, Encoder
+from facade_core.export.features import Features
+from facade_core.export.models import Textured
 from facade_core.export.shells import Shells
+from facade_core.export.tile_glb import Batch, tile_glb
+from facade_core.export.tile_pages import TilePages, tile_pages
+from facade_core.grouping import grouped
 
-# Texels of a tile: a page of 2048 square. A cell with more is divided, a coarse tile has so much fewer per metre.
-TILE_TEXELS = 2048**2
-# Coarse tiles have this share of the texels per metre at most.
-COARSE = 0.25
 # A tile is replaced once a texel of its pictures covers a pixel: viewers do that where the error covers this many.
 ERROR_PIXELS = 16
-# No cell is divided more often.
-DEEPEST = 12
+# A view holds the finest tiles within so many metres of it, and coarse tiles of all else.
+VIEW_M = 300.0
+# Texels are made fewer in steps of this until a view fits.
+FEWER = 0.9
 
 
 @dataclass(frozen=True)
-class Cell:
-    """A cell of the quadtree: path of quadrants from the root; the buildings and pieces of ground (chart ids) whose middles lie
-    in it; texels of all their charts; scale of its coarse tile."""
+class Tiled:
+    """A tileset: its files of JSON by their paths, tileset.json among them; of its tiles texels of all pages, those that
+    triangles show, draw calls, and bytes."""
 
-    path: str
-    buildings: np.ndarray
-    ground: np.ndarray
+    tilesets: Mapping[str, Any]
     texels: int
+    used: float
+    draws: int
+    bytes: int
+
+
+@dataclass
+class _Writer:
+    source: Textured
+    shells: Shells
+    frame: EarthFrame
+    features: Features
+    encoder: Encoder
+    copyright: str
+    write: Callable[[str, bytes], None]
     scale: float
-    children: tuple[Cell, ...] = field(default=())
 
+    def __post_init__(self) -> None:
+        self.tilesets: dict[str, Any] = {}
+        self.texels, self.used, self.draws, self.bytes = 0, 0.0, 0, 0
+        self.shell_rows = self.features.of_building(self.shells.textured.charts.building, self.source.charts.building)
 
-def quadtree(source: Textured) -> Cell:
-    """The block's cells, divided until a cell's texels fit a tile or it holds one building."""
-    members = members_of(source.charts, source.texels.prod(axis=1), np.unique(source.mesh.chart))
-    points = members.points
-    low, high = points.min(axis=0), points.max(axis=0)
+    def content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
+        """Write a tile of pages with the rows (charts, 2) of their charts; its least and greatest corner (2, 3), z up."""
+        batches, pictures = [], []
+        for pages, rows in parts:
+            batches += _batches(pages, rows, self.frame)
+            pictures += [self.encoder.encode(pages.picture(page)) for page in range(len(pages.drawn.layout.pages))]
+            self.texels += pages.texels
+            self.used += pages.used
+        data = tile_glb(batches, pictures, self.encoder, self.features, self.copyright)
+        self.draws += len(batches)
+        self.bytes += len(data)
+        self.write(uri, data)
+        points = np.concatenate([batch.position for batch in batches])
+        corners = np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1]
+        return np.sort(corners, axis=0)
 
-    def divide(path: str, inside: np.ndarray, corner: np.ndarray, side: float) -> Cell:
-        total = int(members.weight[inside].sum())
-        # the coarse tile's texels per metre are halved until it fits
-        steps = np.ceil(np.log2(max(1.0, total * COARSE**2 / TILE_TEXELS)) / 2)
-        scale = COARSE * 0.5 ** float(steps)
-        children: tuple[Cell, ...] = ()
-        if total > TILE_TEXELS and len(inside) > 1 and len(path) < DEEPEST:
-            children = tuple(
-                divide(path + str(q), inside[mine], quadrant_corner(q, corner, side), side / 2)
-                for q, mine in quadrants(points[inside], corner, side).items()
-            )
-        return Cell(path, *members.split(inside), total, scale, children)
+    def full(self, cell: Cell) -> dict[str, Any]:
+        charts = charts_of(self.source, cell)
+        uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
+        corners = self.content(uri, [(tile_pages(self.source, charts, self.scale), self.rows)])
+        return {"boundingVolume": {"box": _box(corners)}, "geometricError": 0.0, "content": {"uri": f"../{uri}"}}
 
-    return divide("", np.arange(len(points)), low, float((high - low).max()) + 1e-6)
+    @property
+    def rows(self) -> np.ndarray:
+        return np.column_stack([self.features.of_chart, self.features.of_owner])
+
+    def below(self, cell: Cell) -> list[dict[str, Any]]:
+        """What replaces the coarse tile of a cell: tiles of the nearest cells within that are finer."""
+        finer = [t for c in cell.children for t in ([self.linked(c)] if c.scale > cell.scale else self.below(c))]
+        return finer or [self.full(cell)]
+
+    def linked(self, cell: Cell) -> dict[str, Any]:
+        """A coarse tile with all below it as a tileset of its own."""
+        root = self.coarse(cell)
+        uri = f"tilesets/{cell.path}.json"
+        error = root["geometricError"]
+        self.tilesets[uri] = {"asset": {"version": "1.1"}, "geometricError": error, "root": root}
+        return {
+            "boundingVolume": root["boundingVolume"],
+            "geometricError": error,
+            "content": {"uri": f"../{uri}"},
+        }
+
+    def coarse(self, cell: Cell) -> dict[str, Any]:
+        children = self.below(cell)
+        kept = np.intersect1d(cell.buildings, self.shells.kept)
+        shelled = np.setdiff1d(cell.buildings, kept)
+        own = np.union1d(cell.ground, self.source.chosen(kept)).astype(np.int64)
+        simple = self.shells.textured.chosen(shelled)
+        uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
+        parts = []
+        if len(simple):
+            # a shell's rasters are as coarse already as the finest coarse tile
+            pages = tile_pages(self.shells.textured, simple, self.scale * cell.scale / COARSE)
+            parts.append((pages, np.column_stack([self.shell_rows] * 2)))
+        if len(own):
+            parts.append((tile_pages(self.source, own, self.scale * cell.scale), self.rows))
+        corners = [self.content(uri, parts), *map(_corners, children)]
+        charts = charts_of(self.source, cell)
+        density = float((self.source.texels[charts] / self.source.extent[charts]).max())
+        errors = [
+            ERROR_PIXELS / (density * self.scale * cell.scale),
+            *(self.shells.off[building] for building in shelled.tolist()),
+            *(child["geometricError"] for child in children),
+        ]
+        return {
+            "boundingVolume": {"box": _box(np.concatenate(corners))},
+            "geometricError": max(errors),
+            "refine": "REPLACE",
+            "content": {"uri": f"../{uri}"},
+            "children": children,
+        }
 
 
 def write_tileset(
@@ -65,68 +134,89 @@ def write_tileset(
     cells: Cell,
     shells: Shells,
     frame: EarthFrame,
-    names: Mapping[int, str],
-    density: float,
+    features: Features,
+    encoder: Encoder,
     write: Callable[[str, bytes], None],
     *,
+    scale: float = 1.0,
     extras: Mapping[str, Any],
     attribution: Attribution,
-) -> dict[str, Any]:
-    """tileset.json of a quadtree as a value, its tiles given to `write` as (relative path, bytes).
+) -> Tiled:
+    """The tileset of a quadtree; its tiles are given to `write` as (relative path, bytes), one at a time.
 
-    density: texels per metre of the source. The lowest tiles show the source as it is. Every tile above shows shells with
-    fewer texels per metre, and buildings without a shell and the ground as they are, with as many fewer.
+    The lowest tiles show the source at `scale` of its texels per metre. Every tile above shows shells with fewer, and buildings
+    without a shell and the ground as they are, with as many fewer. A tile has one primitive a picture; its geometric error is
+    that of what it shows itself and of nothing elsewhere. Every coarse tile but the root begins a tileset of its own.
     """
-
-    def content(uri: str, drawn: Sequence[Drawn]) -> np.ndarray:
-        """Write a tile; its least and greatest corner (2, 3), z up."""
-        nodes, bounds = nodes_of(drawn, names, frame)
-        pictures = [jpeg for part in drawn for jpeg in jpegs(part)]
-        write(uri, glb_bytes(nodes, pictures, copyright=attribution.line))
-        return bounds[:, [0, 2, 1]] * [1, -1, 1]
-
-    def full(cell: Cell) -> dict[str, Any]:
-        uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
-        charts = np.union1d(cell.ground, source.chosen(cell.buildings)).astype(np.int64)
-        corners = content(uri, [layout_of(source, charts)])
-        return {"boundingVolume": {"box": _box(corners)}, "geometricError": 0.0, "content": {"uri": uri}}
-
-    def below(cell: Cell) -> list[dict[str, Any]]:
-        """What replaces the coarse tile of a cell: tiles of the nearest cells within that are finer."""
-        tiles = [t for c in cell.children for t in ([coarse(c)] if c.scale > cell.scale else below(c))]
-        return tiles or [full(cell)]
-
-    def coarse(cell: Cell) -> dict[str, Any]:
-        children = below(cell)
-        whole = np.intersect1d(cell.buildings, shells.kept)
-        own = np.union1d(cell.ground, source.chosen(whole)).astype(np.int64)
-        shelled = shells.textured.chosen(np.setdiff1d(cell.buildings, whole))
-        uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
-        # a shell's rasters are as coarse already as the finest coarse tile
-        drawn = [layout_of(shells.textured, shelled, cell.scale / COARSE), layout_of(source, own, cell.scale)]
-        corners = [content(uri, drawn), *map(_corners, children)]
-        errors = [shells.off, ERROR_PIXELS / (density * cell.scale), *(child["geometricError"] for child in children)]
-        return {
-            "boundingVolume": {"box": _box(np.concatenate(corners))},
-            "geometricError": max(errors),
-            "refine": "REPLACE",
-            "content": {"uri": uri},
-            "children": children,
-        }
-
-    root = coarse(cells)
+    writer = _Writer(source, shells, frame, features, encoder, attribution.line, write, scale)
+    root = _moved_up(writer.coarse(cells))
     root["transform"] = frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
-    return {
+    top = {
         "asset": {"version": "1.1", "extras": {**extras, "attribution": attribution.value()}},
         "geometricError": max(reach, 2 * root["geometricError"]),
         "root": root,
     }
+    return Tiled({"tileset.json": top, **writer.tilesets}, writer.texels, writer.used, writer.draws, writer.bytes)
 
 
 def count_tiles(cell: Cell, above: float = 0.0) -> int:
     """How many tiles `write_tileset` makes of a quadtree below a tile of scale `above`."""
     return (cell.scale > above) + (sum(count_tiles(child, cell.scale) for child in cell.children) or 1)
+
+
+def scale_of_view(source: Textured, cells: Cell, encoder: Encoder, most_bytes: float) -> float:
+    """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
+    tiles within VIEW_M of the middle of any of them. Coarse tiles take a sixteenth of that and are counted with them."""
+    leaves = list(cells.leaves())
+    middle = np.array([source.centres[charts_of(source, leaf), :2].mean(axis=0) for leaf in leaves])
+    near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_M
+    scale = 1.0
+    while True:
+        texels = np.array([tile_pages(source, charts_of(source, leaf), scale).texels for leaf in leaves])
+        held = float((near @ texels).max()) * (1 + COARSE**2) * encoder.texel_bytes * MIPMAPS
+        if held <= most_bytes or scale < COARSE:
+            return scale
+        scale *= max(COARSE, min(FEWER, float(np.sqrt(most_bytes / held))))
+
+
+def charts_of(source: Textured, cell: Cell) -> np.ndarray:
+    """The charts (k,) that a cell shows, ascending."""
+    return np.union1d(cell.ground, source.chosen(cell.buildings)).astype(np.int64)
+
+
+def _batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[Batch]:
+    """A batch for every page."""
+    drawn = pages.drawn
+    source, mesh = drawn.source, drawn.source.mesh
+    place = np.full(len(source.charts), -1, np.int64)
+    place[drawn.charts] = np.arange(len(drawn.charts))
+    mine = np.flatnonzero(place[mesh.chart] >= 0)
+    found = []
+    for _, here in sorted(grouped(drawn.layout.page[place[mesh.chart[mine]]]).items()):
+        used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
+        chart = mesh.vertex_chart[used]
+        found.append(
+            Batch(
+                frame.points(mesh.vertices[used]),
+                frame.directions(source.normals[used]),
+                drawn.texture_coordinates(chart, source.coordinates[used]),
+                index.reshape(-1, 3),
+                rows[chart],
+            )
+        )
+    return found
+
+
+def _moved_up(tile: dict[str, Any]) -> dict[str, Any]:
+    """A tile of a tileset in a folder, for the tileset above that folder."""
+    content = tile["content"] | {"uri": tile["content"]["uri"].removeprefix("../")}
+    # what is below in the same file is there too; a tileset that it leads to is not
+    return (
+        tile
+        | {"content": content}
+        | ({"children": [_moved_up(child) for child in tile["children"]]} if "children" in tile else {})
+    )
 
 
 def _box(points: np.ndarray) -> list[float]:

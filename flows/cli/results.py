@@ -92,7 +92,25 @@ def query(
     help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT; none of a bucket]",
 )
 @click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
-def export(folder: Folder, style: str, to: Path | None, buildings: tuple[str, ...]) -> None:
+@click.option(
+    "--textures",
+    type=click.Choice(["jpeg", "webp", "ktx2"]),
+    help="Of 3dtiles: ktx2 is held compressed by graphics cards (`make ktx2-setup`).  [default: jpeg]",
+)
+@click.option(
+    "--max-texture-mb",
+    type=click.FloatRange(min=1),
+    metavar="MB",
+    help="Of 3dtiles: texels are made fewer until a view's textures take no more of a graphics card.",
+)
+def export(
+    folder: Folder,
+    style: str,
+    to: Path | None,
+    buildings: tuple[str, ...],
+    textures: str | None,
+    max_texture_mb: float | None,
+) -> None:
     """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
 
     \b
@@ -109,6 +127,7 @@ def export(folder: Folder, style: str, to: Path | None, buildings: tuple[str, ..
     Examples:
       streetloom export out/demo --format glb
       streetloom export out/demo --format 3dtiles --to tiles/
+      streetloom export out/demo --format 3dtiles --textures webp --max-texture-mb 300
       streetloom export out/demo --format lod3 --building w123949253
       streetloom export out/demo --format gpkg --to demo.gpkg
     """
@@ -116,7 +135,7 @@ def export(folder: Folder, style: str, to: Path | None, buildings: tuple[str, ..
     from tasks.export.formats import export as write
 
     with progress(quiet=not sys.stderr.isatty()):
-        done = write(folder, style, to, buildings)
+        done = write(folder, style, to, buildings, textures=textures, max_texture_mb=max_texture_mb)
     for line in done.notes:
         note(line)
     for file in done.files if len(done.files) <= LISTED else [done.path]:

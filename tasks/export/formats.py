@@ -6,12 +6,10 @@ import hashlib
 import json
 import os
 import shutil
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from catalogs.published.places import Folder
 from catalogs.published.s3 import folder_at
@@ -31,8 +29,9 @@ class Exported:
     notes: tuple[str, ...]
 
 
-# Writes buildings of a published block into a folder; returns the files to open first, and notes.
-Writer = Callable[[Published, np.ndarray, Path], tuple[list[str], list[str]]]
+# Writes buildings of a published block into a folder, (published, buildings, folder, options by name); returns the files to
+# open first, and notes.
+Writer = Callable[..., tuple[list[str], list[str]]]
 
 
 def _writers() -> dict[str, Writer]:
@@ -55,15 +54,28 @@ def _writers() -> dict[str, Writer]:
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
 
 
-def export(out: Folder | str, format: str, to: Path | str | None = None, buildings: Sequence[str] = ()) -> Exported:
+def export(
+    out: Folder | str,
+    format: str,
+    to: Path | str | None = None,
+    buildings: Sequence[str] = (),
+    *,
+    textures: str | None = None,
+    max_texture_mb: float | None = None,
+) -> Exported:
     """Write what the run in `out` published as `format` (one of FORMATS), all of it or the `buildings` named by id.
 
     The folder `to` (OUT/exports/FORMAT where it is None) appears whole or not at all; an earlier export of the format there is
     replaced unless something in it was added or changed since. Where it ends in .gpkg, that format is written as this one
-    new file. Raises InputError in one line with the remedy.
+    new file. textures (jpeg where it is None, webp, ktx2) and max_texture_mb are of 3dtiles alone: how its pictures are
+    encoded, and what those of a view may take of a graphics card. Raises InputError in one line with the remedy.
     """
     if format not in FORMATS:
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
+    asked = {"textures": textures, "max_texture_mb": max_texture_mb}
+    options = {name: value for name, value in asked.items() if value is not None}
+    if options and format != "3dtiles":
+        raise InputError(f"--{next(iter(options)).replace('_', '-')}: is of 3dtiles; leave it out with {format}")
     as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)
@@ -71,10 +83,17 @@ def export(out: Folder | str, format: str, to: Path | str | None = None, buildin
     if to is None and not isinstance(place, Path):
         raise InputError(f"{place}: an export is written to this machine; name a folder of it with --to")
     with published(place) as found:
-        return _export(found, format, None if to is None else Path(to), buildings, as_file)
+        return _export(found, format, None if to is None else Path(to), buildings, as_file, options)
 
 
-def _export(found: Published, format: str, to: Path | None, buildings: Sequence[str], as_file: bool) -> Exported:
+def _export(
+    found: Published,
+    format: str,
+    to: Path | None,
+    buildings: Sequence[str],
+    as_file: bool,
+    options: Mapping[str, Any],
+) -> Exported:
     chosen = found.choose(buildings)
     target = Path(str(found.snapshot.out)) / "exports" / format if to is None else to.resolve()
     if to is None:
@@ -82,7 +101,7 @@ def _export(found: Published, format: str, to: Path | None, buildings: Sequence[
     temporary = target.with_name(f".{target.name}.{os.getpid()}.tmp")
     try:
         temporary.mkdir(parents=True)
-        main, notes = _writers()[format](found, chosen, temporary)
+        main, notes = _writers()[format](found, chosen, temporary, **options)
         if as_file:
             os.replace(temporary / main[0], target)
             return Exported(target, (target,), tuple(notes))

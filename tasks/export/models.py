@@ -11,6 +11,11 @@ from catalogs.features import file_stem
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
+# How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
+TEXTURES = "jpeg"
+# Beside a tileset: what all of its tiles take together.
+FIGURES = "figures.json"
+
 
 def with_ground(found: Published, buildings: np.ndarray) -> np.ndarray:
     """The buildings, and the ground (-1) where they are all there are."""
@@ -40,16 +45,26 @@ def write_models(found: Published, buildings: np.ndarray, folder: Path) -> tuple
     return ["block.glb"], []
 
 
-def write_3dtiles(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """tileset.json and its tiles, on the earth."""
+def write_3dtiles(
+    found: Published,
+    buildings: np.ndarray,
+    folder: Path,
+    *,
+    textures: str = TEXTURES,
+    max_texture_mb: float | None = None,
+) -> tuple[list[str], list[str]]:
+    """tileset.json and its tiles, on the earth, whose parts answer with the catalogue's columns."""
     from dataclasses import replace
 
+    from facade_core.export.cells import COARSE, quadtree
     from facade_core.export.earth import earth_frame
+    from facade_core.export.encoders import MIPMAPS, encoder
     from facade_core.export.models import local_frame, part_of
     from facade_core.export.shells import simplified_shells
-    from facade_core.export.tiles import COARSE, count_tiles, quadtree, write_tileset
+    from facade_core.export.tiles import count_tiles, scale_of_view, write_tileset
+    from tasks.export.features import features_of
 
-    source = found.textured
+    source, encoded = found.textured, encoder(textures)
     shown = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
     source = replace(source, mesh=part_of(source.mesh, shown))
     density = found.plan.scene.spec.texels_per_metre
@@ -67,24 +82,40 @@ def write_3dtiles(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     else:
         extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"
     cells = quadtree(source)
+    scale = 1.0 if max_texture_mb is None else scale_of_view(source, cells, encoded, max_texture_mb * 1e6)
+    if scale < 1:
+        notes.append(
+            f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {max_texture_mb:g} MB at most"
+        )
     begin_stage("export", len(buildings) + count_tiles(cells))
     shells = simplified_shells(source, density * COARSE, lambda: advance("export", 1))
-    (folder / "tiles").mkdir()
+    for name in ("tiles", "tilesets"):
+        (folder / name).mkdir()
 
     def write(uri: str, data: bytes) -> None:
         (folder / uri).write_bytes(data)
         advance("export", 1)
 
-    tileset = write_tileset(
+    tiled = write_tileset(
         source,
         cells,
         shells,
         earth_frame(found.crs, local_frame(source.mesh).origin, separation or 0.0),
-        found.names,
-        density,
+        features_of(found),
+        encoded,
         write,
+        scale=scale,
         extras=extras,
         attribution=found.attribution,
     )
-    (folder / "tileset.json").write_text(json.dumps(tileset, indent=1, allow_nan=False) + "\n")
+    for name, value in tiled.tilesets.items():
+        (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
+    told = {
+        "draw_calls": tiled.draws,
+        "bytes": tiled.bytes,
+        "texture_mb": round(tiled.texels * encoded.texel_bytes * MIPMAPS / 1e6, 1),
+        "texels_used": round(tiled.used / max(tiled.texels, 1), 4),
+        "scale": round(scale, 4),
+    }
+    (folder / FIGURES).write_text(json.dumps(told, indent=1) + "\n")
     return ["tileset.json"], notes

@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import io
+import posixpath
+import sys
+from collections.abc import Callable
+from itertools import pairwise, zip_longest
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
-import trimesh
+from PIL import Image
 from pyproj import Transformer
 
-from facade_core.export import tiles
+from facade_core.errors import InputError
+from facade_core.export import cells
 from facade_core.export.attribution import Attribution, Source
+from facade_core.export.cells import COARSE, quadtree
 from facade_core.export.earth import earth_frame
-from facade_core.export.glb import header_of
+from facade_core.export.encoders import MIPMAPS, encoder
+from facade_core.export.features import Features, Property
+from facade_core.export.glb import header_of, pictures_of
 from facade_core.export.models import Textured, local_frame
 from facade_core.export.shells import simplified_shells
-from facade_core.export.tiles import count_tiles, quadtree, write_tileset
+from facade_core.export.tile_pages import tile_pages
+from facade_core.export.tiles import Tiled, charts_of, count_tiles, scale_of_view, write_tileset
 from facade_core.geometry import ROOF, WALL
 from tests.facade_core.export.conftest import colour_of
 
@@ -59,54 +69,195 @@ def test_shells_look_like_their_buildings(coloured: Textured) -> None:
         assert np.abs(raster - colour_of(nearest)).max() <= 1
 
 
-def written(source: Textured) -> tuple[dict[str, Any], dict[str, bytes], int]:
+COLUMNS = (Property("id", "string", "", "which"), Property("floors", "int32", "", "storeys"))
+
+
+def features(source: Textured) -> Features:
+    """A row for every chart, and one for every building."""
+    charts = len(source.charts)
+    rows = [{"id": f"chart-{chart}", "floors": chart} for chart in range(charts)]
+    rows += [{"id": name} for name in "ab"]
+    own = np.arange(charts)
+    return Features(COLUMNS, rows, own, np.where(source.charts.building >= 0, charts + source.charts.building, own))
+
+
+def written(source: Textured, scale: float = 1.0) -> tuple[Tiled, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
     cells = quadtree(source)
-    shells = simplified_shells(source, 10 * tiles.COARSE)
+    shells = simplified_shells(source, 10 * COARSE)
     frame = earth_frame(CRS, local_frame(source.mesh).origin)
-    value = write_tileset(
-        source, cells, shells, frame, {0: "a", 1: "b"}, 10.0, files.__setitem__, extras={"k": 1}, attribution=OF
+    made = write_tileset(
+        source,
+        cells,
+        shells,
+        frame,
+        features(source),
+        encoder("jpeg"),
+        files.__setitem__,
+        scale=scale,
+        extras={"k": 1},
+        attribution=OF,
     )
-    return value, files, count_tiles(cells)
+    return made, files, count_tiles(cells)
 
 
-@pytest.mark.parametrize("texels", [tiles.TILE_TEXELS, 60_000, 3_000])
+def table_of(glb: bytes) -> list[dict[str, Any]]:
+    """The rows of a tile's property table."""
+    document, start = header_of(io.BytesIO(glb))
+    metadata = document["extensions"]["EXT_structural_metadata"]
+    (table,) = metadata["propertyTables"]
+
+    def view(number: int) -> bytes:
+        one = document["bufferViews"][number]
+        assert (start + one["byteOffset"]) % 8 == 0
+        return glb[start + one["byteOffset"] : start + one["byteOffset"] + one["byteLength"]]
+
+    offsets = np.frombuffer(view(table["properties"]["id"]["stringOffsets"]), "<u4")
+    text = view(table["properties"]["id"]["values"])
+    ids = [text[a:b].decode() for a, b in pairwise(offsets.tolist())]
+    floors = (
+        np.frombuffer(view(table["properties"]["floors"]["values"]), "<i4") if "floors" in table["properties"] else []
+    )
+    assert table["count"] == len(ids)
+    return [{"id": id, "floors": n} for id, n in zip_longest(ids, floors)]
+
+
+def drawn_ids(glb: bytes) -> set[str]:
+    """The ids that a tile's vertices name."""
+    document, start = header_of(io.BytesIO(glb))
+    rows = table_of(glb)
+    found = set()
+    for primitive in document["meshes"][0]["primitives"]:
+        accessor = document["accessors"][primitive["attributes"]["_FEATURE_ID_0"]]
+        view = document["bufferViews"][accessor["bufferView"]]
+        data = np.frombuffer(glb, "<u2", accessor["count"] * 2, start + view["byteOffset"])[::2]
+        found |= {rows[row]["id"] for row in np.unique(data).tolist()}
+    return found
+
+
+@pytest.mark.parametrize("texels", [cells.TILE_TEXELS, 60_000, 3_000])
 def test_tiles_nest_and_hold_every_building_at_both_levels(
     coloured: Textured, texels: int, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(tiles, "TILE_TEXELS", texels)
-    value, files, counted = written(coloured)
+    monkeypatch.setattr(cells, "TILE_TEXELS", texels)
+    made, files, counted = written(coloured)
+    value = made.tilesets["tileset.json"]
     assert value["asset"]["version"] == "1.1"
     assert value["asset"]["extras"] == {"k": 1, "attribution": OF.value()}
     assert len(value["root"]["transform"]) == 16
     finest: list[str] = []
     seen: list[str] = []
+    primitives = 0
 
-    def check(tile: dict[str, Any], error: float, around: np.ndarray | None) -> None:
-        uri = tile["content"]["uri"]
-        seen.append(uri)
+    def check(tile: dict[str, Any], place: str, error: float, around: np.ndarray | None) -> set[str]:
+        """What of the block a tile and all below it show."""
+        nonlocal primitives
         assert tile["geometricError"] <= error
+        uri = posixpath.normpath(posixpath.join(place, tile["content"]["uri"]))
+        if uri.endswith(".json"):
+            assert "children" not in tile
+            return check(made.tilesets[uri]["root"], posixpath.dirname(uri), tile["geometricError"], around)
+        seen.append(uri)
         box = np.array(tile["boundingVolume"]["box"])
         corners = np.stack([box[:3] - box[[3, 7, 11]], box[:3] + box[[3, 7, 11]]])
-        assert header_of(io.BytesIO(files[uri]))[0]["asset"]["copyright"] == OF.line
-        model = trimesh.load(io.BytesIO(files[uri]), file_type="glb")
-        low, high = model.bounds[:, [0, 2, 1]]
-        low[1], high[1] = -high[1], -low[1]
-        assert (corners[0] <= low + 1e-3).all()
-        assert (corners[1] >= high - 1e-3).all()
-        assert all(part.visual.material.baseColorTexture is not None for part in model.geometry.values())
+        document = header_of(io.BytesIO(files[uri]))[0]
+        assert document["asset"]["copyright"] == OF.line
+        drawn = document["meshes"][0]["primitives"]
+        assert len(drawn) == len(document["images"]), "one draw call a picture"
+        primitives += len(drawn)
+        node = document["nodes"][0]
+        for primitive in drawn:
+            place_of = document["accessors"][primitive["attributes"]["POSITION"]]
+            ends = [np.array(place_of[end]) * node["scale"] + node["translation"] for end in ("min", "max")]
+            low, high = np.array(ends)[:, [0, 2, 1]] * [1, -1, 1]
+            assert (np.minimum(low, high) >= corners[0] - 2e-3).all()
+            assert (np.maximum(low, high) <= corners[1] + 2e-3).all()
         if around is not None:
             assert (corners[0] >= around[0] - 1e-6).all()
             assert (corners[1] <= around[1] + 1e-6).all()
+        own = {owner_of(id) for id in drawn_ids(files[uri])}
         if "children" not in tile:
-            finest.extend(model.graph.nodes_geometry)
+            finest.extend(sorted(own))
             assert tile["geometricError"] == 0
-        for child in tile.get("children", ()):
-            check(child, tile["geometricError"], corners)
+            return own
+        within = [check(child, place, tile["geometricError"], corners) for child in tile["children"]]
+        assert own == set().union(*within), "what replaces a tile shows the same of the block: no holes"
+        return own
 
-    check(value["root"], value["geometricError"], None)
+    def owner_of(id: str) -> str:
+        if not id.startswith("chart-"):
+            return id
+        chart = int(id.removeprefix("chart-"))
+        building = int(coloured.charts.building[chart])
+        return "ab"[building] if building >= 0 else id
+
+    check(value["root"], "", value["geometricError"], None)
     assert sorted(seen) == sorted(files)
     assert len(files) == counted >= 2
-    assert sorted(name for name in finest if name != "ground") == ["a", "b"], "each building in one finest tile"
-    root = trimesh.load(io.BytesIO(files["tiles/coarse.glb"]), file_type="glb")
-    assert set(root.graph.nodes_geometry) >= {"a", "b"}
+    assert sum(map(len, files.values())) == made.bytes
+    assert primitives == made.draws
+    assert sorted(name for name in finest if name in "ab") == ["a", "b"], "each building in one finest tile"
+    assert 0 < made.used < made.texels
+
+
+def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Textured) -> None:
+    _, files, _ = written(coloured)
+    glb = files["tiles/full.glb"]
+    document, start = header_of(io.BytesIO(glb))
+    rows = table_of(glb)
+    node = document["nodes"][0]
+
+    def accessor(number: int, kind: str, width: int, stride: int) -> np.ndarray:
+        one = document["accessors"][number]
+        at = start + document["bufferViews"][one["bufferView"]]["byteOffset"]
+        size = np.dtype(kind).itemsize
+        return np.frombuffer(glb, kind, one["count"] * stride // size, at).reshape(one["count"], -1)[:, :width]
+
+    checked = set()
+    images = pictures_of(glb)
+    for primitive in document["meshes"][0]["primitives"]:
+        image = np.asarray(Image.open(io.BytesIO(images[primitive["material"]]))).astype(int)
+        attributes = primitive["attributes"]
+        uv = accessor(attributes["TEXCOORD_0"], "<u2", 2, 4) / 65535
+        ids = accessor(attributes["_FEATURE_ID_0"], "<u2", 1, 4)[:, 0]
+        position = accessor(attributes["POSITION"], "<u2", 3, 8) * node["scale"] + node["translation"]
+        assert np.isfinite(position).all()
+        triangles = accessor(primitive["indices"], "<u2", 1, 2).reshape(-1, 3)
+        assert len(triangles) * 3 == document["accessors"][primitive["indices"]]["count"]
+        for triangle in triangles:
+            chart = rows[ids[triangle[0]]]["floors"]
+            assert len(set(ids[triangle].tolist())) == 1
+            x, y = (uv[triangle].mean(axis=0) * image.shape[1::-1]).astype(int)
+            assert np.abs(image[y, x] - colour_of(chart)).max() < 14, "JPEG's error at most"
+            checked.add(chart)
+    assert checked == set(np.unique(coloured.mesh.chart).tolist())
+
+
+def test_a_view_takes_no_more_of_a_graphics_card_than_asked(coloured: Textured) -> None:
+    grid = quadtree(coloured)
+    assert scale_of_view(coloured, grid, encoder("jpeg"), 1e9) == 1.0
+    whole = tile_pages(coloured, charts_of(coloured, grid)).texels * 4 * MIPMAPS
+    scale = scale_of_view(coloured, grid, encoder("jpeg"), whole / 3)
+    assert 0.25 < scale < 1
+    assert tile_pages(coloured, charts_of(coloured, grid), scale).texels * 4 * MIPMAPS <= whole / 3
+
+
+def test_tiles_are_valid(coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path) -> None:
+    _, files, _ = written(coloured)
+    for uri, data in files.items():
+        (tmp_path / posixpath.basename(uri)).write_bytes(data)
+    for issues in gltf_issues(*sorted(tmp_path.glob("*.glb"))):
+        assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:3]
+
+
+def test_an_encoder_that_is_absent_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "alktx2", None)
+    with pytest.raises(InputError, match=r"--textures ktx2: .* `make ktx2-setup`"):
+        encoder("ktx2")
+
+
+def test_webp_is_read_again() -> None:
+    image = np.full((64, 32, 3), (10, 200, 90), np.uint8)
+    with Image.open(io.BytesIO(encoder("webp").encode(image))) as again:
+        assert again.format == "WEBP"
+        assert np.abs(np.asarray(again.convert("RGB")).astype(int) - image).max() < 6

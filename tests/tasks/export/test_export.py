@@ -377,6 +377,8 @@ def test_an_export_is_replaced_and_other_folders_are_not(undisturbed: Run, tmp_p
         export(undisturbed[0], "coco", tmp_path / "mine")
     with pytest.raises(InputError, match="is a folder"):
         export(undisturbed[0], "glb", tmp_path / "block.glb")
+    with pytest.raises(InputError, match="--textures: is of 3dtiles"):
+        export(undisturbed[0], "glb", textures="webp")
     with pytest.raises(InputError, match="choose glb"):
         export(undisturbed[0], "obj")
     with pytest.raises(InputError, match="holds an export of coco"):

@@ -1,0 +1,138 @@
+"""A tile as GLB: one primitive a picture, quantised, whose vertices name rows of one table."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.encoders import Encoder
+from facade_core.export.features import Features, feature_ids
+from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNLIT, UNSIGNED_INT, VERTICES, glb_of, material
+
+# glTF's numbers for the component types of quantised data, and the largest of each.
+BYTE, UNSIGNED_SHORT = 5120, 5123
+BYTE_MOST, SHORT_MOST = 127, 65535
+# Positions lie on a grid of a power of two of this many metres at least, which tiles of one size share: no cracks between them.
+FINEST_M = 2.0**-10
+LABELS = ("part", "building")
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Triangles that show one picture, whatever they are of; in glTF's frame (y up).
+
+    position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, v down; triangles (t, 3); rows (v, 2): the features'
+    rows of a vertex' part and of its building.
+    """
+
+    position: np.ndarray
+    normal: np.ndarray
+    uv: np.ndarray
+    triangles: np.ndarray
+    rows: np.ndarray
+
+
+def tile_glb(
+    batches: Sequence[Batch], pictures: Sequence[bytes], encoder: Encoder, features: Features, copyright: str
+) -> bytes:
+    """The tile of batches, the i-th of which shows the i-th picture."""
+    views: list[dict[str, Any]] = []
+    chunks: list[bytes] = []
+    accessors: list[dict[str, Any]] = []
+    length = 0
+
+    def add_view(data: bytes, **more: Any) -> int:
+        nonlocal length
+        views.append({"buffer": 0, "byteOffset": length, "byteLength": len(data), **more})
+        padded = data + b"\0" * (-len(data) % 8)
+        chunks.append(padded)
+        length += len(padded)
+        return len(views) - 1
+
+    def add_accessor(values: np.ndarray, component: int, kind: str, *, target: int = VERTICES, **more: Any) -> int:
+        """values (n, k), whose rows are padded to four bytes where they are a vertex'."""
+        count, stride = len(values), -(-values.itemsize * values.shape[1] // 4) * 4
+        wide = np.zeros((count, stride // values.itemsize), values.dtype)
+        wide[:, : values.shape[1]] = values
+        data = wide.tobytes() if target == VERTICES else values.tobytes()
+        view = add_view(data, target=target, **({"byteStride": stride} if target == VERTICES else {}))
+        accessors.append({"bufferView": view, "componentType": component, "count": count, "type": kind, **more})
+        return len(accessors) - 1
+
+    everything = np.concatenate([batch.position for batch in batches])
+    low, step = quantised_frame(everything)
+    used, index = np.unique(np.concatenate([batch.rows for batch in batches]), return_inverse=True)
+    index = index.reshape(-1, len(LABELS))
+    short = len(used) <= SHORT_MOST
+    primitives = []
+    start = 0
+    for number, batch in enumerate(batches):
+        place = np.round((batch.position - low) / step).astype("<u2")
+        ids = index[start : start + len(batch.position)]
+        start += len(batch.position)
+        bounds = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
+        attributes = {
+            "POSITION": add_accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
+            "NORMAL": add_accessor(np.round(batch.normal * BYTE_MOST).astype("i1"), BYTE, "VEC3", normalized=True),
+            "TEXCOORD_0": add_accessor(
+                np.round(batch.uv * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
+            ),
+        }
+        counts = {}
+        for column, label in enumerate(LABELS):
+            values = ids[:, column : column + 1].astype("<u2" if short else "<f4")
+            attributes[f"_FEATURE_ID_{column}"] = add_accessor(values, UNSIGNED_SHORT if short else FLOAT, "SCALAR")
+            counts[label] = len(np.unique(values))
+        wide = len(batch.position) > SHORT_MOST
+        triangles = batch.triangles.astype("<u4" if wide else "<u2").reshape(-1, 1)
+        primitives.append(
+            {
+                "attributes": attributes,
+                "indices": add_accessor(triangles, UNSIGNED_INT if wide else UNSIGNED_SHORT, "SCALAR", target=INDICES),
+                "material": number,
+                "extensions": {"EXT_mesh_features": feature_ids(counts)},
+            }
+        )
+    metadata = features.metadata(used, add_view)
+    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in pictures]
+    named = [encoder.extension] if encoder.extension else []
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
+        "extensionsUsed": [
+            *UNLIT["extensionsUsed"],
+            "KHR_mesh_quantization",
+            "EXT_mesh_features",
+            "EXT_structural_metadata",
+            *named,
+        ],
+        "extensionsRequired": ["KHR_mesh_quantization", *named],
+        "extensions": {"EXT_structural_metadata": metadata},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": [step] * 3}],
+        "meshes": [{"primitives": primitives}],
+        "materials": [material(i) for i in range(len(pictures))],
+        "textures": [
+            {"sampler": 0, **({"extensions": {encoder.extension: {"source": i}}} if named else {"source": i})}
+            for i in range(len(pictures))
+        ],
+        "images": images,
+        "samplers": SAMPLERS,
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": length}],
+    }
+    return glb_of(document, chunks)
+
+
+def quantised_frame(points: np.ndarray) -> tuple[np.ndarray, float]:
+    """Origin (3,) and step, metres, of the grid on which points (n, 3) fit 16 bits: the step a power of two, the origin on a
+    grid of whole steps that starts at zero."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    step = FINEST_M
+    while float((high - low).max()) / step > SHORT_MOST - 2:
+        step *= 2
+    return np.floor(low / step) * step, step

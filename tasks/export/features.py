@@ -1,0 +1,117 @@
+"""The parts of a published block as models answer for them: facades by the catalogue, others by their building."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from catalogs.published.items import COLUMNS, Column
+from facade_core.errors import InputError
+from facade_core.export.features import Features, Property
+from facade_core.geometry.charts import KINDS
+from tasks.published.opened import Published
+
+# The foot line is in the model already.
+LEFT_OUT = ("geometry",)
+# Columns that say of a building's other parts what they say of its facades; the sums over its facades that it has itself.
+OF_BUILDING = (
+    "block",
+    "building",
+    "part_of",
+    "levels",
+    "roof_shape",
+    "roof_height_m",
+    "roof_confidence",
+    "code_version",
+)
+SUMS = ("windows", "doors", "balconies", "shops", "windows_seen", "doors_seen", "balconies_seen", "shops_seen")
+
+
+def features_of(found: Published) -> Features:
+    """A row for every facade, every other surface of a building, every piece of ground and every building."""
+    charts, plan = found.plan.scene.charts, found.plan
+    rows: list[dict[str, Any]] = []
+    catalogue = _catalogue(found)
+    facade_at = dict(zip(plan.facades.chart.tolist(), plan.facades.id, strict=True))
+    of_chart, of_owner = (np.full(len(charts), -1, np.int64) for _ in range(2))
+
+    def add(row: Mapping[str, Any]) -> int:
+        rows.append({"kind": None, "status": "done", **row})
+        return len(rows) - 1
+
+    facades_of: dict[str, list[dict[str, Any]]] = {}
+    for row in catalogue.values():
+        facades_of.setdefault(row["building"], []).append(row)
+    building_rows: dict[int, int] = {}
+    shared: dict[tuple[int, int], int] = {}
+    counts: dict[tuple[int, int], int] = {}
+    for chart, (kind, building, surface) in enumerate(
+        zip(charts.kind.tolist(), charts.building.tolist(), charts.surface.tolist(), strict=True)
+    ):
+        if building < 0:
+            piece = {"id": f"ground-{chart}", "kind": KINDS[kind], "block": found.block}
+            of_chart[chart] = of_owner[chart] = add(piece)
+            continue
+        if building not in building_rows:
+            building_rows[building] = add(_building(found, building, facades_of.get(found.names[building], [])))
+        of_owner[chart] = building_rows[building]
+        if chart in facade_at and facade_at[chart] in catalogue:
+            of_chart[chart] = add(catalogue[facade_at[chart]])
+        elif (building, surface) in shared:
+            of_chart[chart] = shared[building, surface]
+        else:
+            whole = rows[building_rows[building]]
+            number = counts[building, kind] = counts.get((building, kind), -1) + 1
+            part = {"id": f"{found.names[building]}-{KINDS[kind]}-{number}", "kind": KINDS[kind]}
+            of_chart[chart] = add({name: whole.get(name) for name in OF_BUILDING} | part)
+            shared[building, surface] = int(of_chart[chart])
+    return Features(
+        tuple(map(_property, (column for column in COLUMNS if column.name not in LEFT_OUT))), rows, of_chart, of_owner
+    )
+
+
+def _catalogue(found: Published) -> dict[str, dict[str, Any]]:
+    """The rows of facades by their ids."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    names = [column.name for column in COLUMNS if column.name not in LEFT_OUT]
+    try:
+        table = pq.read_table(io.BytesIO(found.snapshot.items.read_bytes()), columns=names)
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{found.snapshot.items}: {found.snapshot.remedy}") from error
+    rows = [row | {"updated": row["updated"].isoformat()} for row in table.to_pylist() if row["kind"] == "facade"]
+    return {row["id"]: row for row in rows}
+
+
+def _property(column: Column) -> Property:
+    # the only times are text as ISO 8601 has them; integers of 64 bits are exact as doubles, which scripts can add up
+    types = {"int64": "double", "timestamp[us, UTC]": "string"}
+    return Property(column.name, types.get(column.type, column.type), column.unit, column.meaning)
+
+
+def _building(found: Published, building: int, facades: list[dict[str, Any]]) -> dict[str, Any]:
+    """A building's own row: what the plan says of it, and what its facades come to together."""
+    table = {name: column[building] for name, column in found.buildings.items()}
+    qualities = sorted({quality for row in facades for quality in str(row["quality"] or "").split(", ") if quality})
+    floors = [row["floors"] for row in facades if row["floors"] is not None]
+    sums = {name: sum(values) for name in SUMS if (values := [row[name] for row in facades if row[name] is not None])}
+    return {
+        "id": found.names[building],
+        "kind": "building",
+        "block": found.block,
+        "building": found.names[building],
+        "part_of": table.get("part_of") or None,
+        "height_m": float(table["height"]),
+        "levels": int(table["levels"]) or None,
+        "roof_shape": table.get("roof_shape") or None,
+        "roof_height_m": float(table["roof_height"]) if table.get("roof_shape") else None,
+        "roof_confidence": float(table["roof_confidence"]) if "roof_confidence" in table else None,
+        "floors": max(floors, default=None),
+        # good where all its facades are, else what is said of any
+        "quality": ", ".join(quality for quality in qualities if quality != "good") or ("good" if qualities else None),
+        **sums,
+    }
