@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from datetime import datetime, timedelta
+
+from facade_core.errors import InputError
 
 
 @dataclass(frozen=True)
@@ -20,3 +23,13 @@ class Asked:
         """The command line's options of the run of one block."""
         where = ("--dask", self.dask) if self.dask else ("--workers", str(self.workers))
         return [*where, *(("--keep", str(self.keep)) if self.keep else ())]
+
+
+def ends_at(until: str, now: datetime) -> datetime:
+    """When a local time of day is next. Raises InputError for what is none."""
+    try:
+        at = datetime.strptime(until, "%H:%M")
+    except ValueError:
+        raise InputError(f"--until {until}: is no time of day; write it such as 06:00") from None
+    today = now.replace(hour=at.hour, minute=at.minute, second=0, microsecond=0)
+    return today if today > now else today + timedelta(days=1)

@@ -7,7 +7,7 @@ from collections import deque
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
 from dataclasses import replace
-from datetime import datetime, timedelta
+from datetime import datetime
 from functools import partial
 from pathlib import Path
 from queue import SimpleQueue
@@ -19,13 +19,14 @@ from prefect.runtime import flow_run
 from prefect.states import Completed, State
 from prefect.task_runners import ThreadPoolTaskRunner
 
-from facade_core.errors import InputError
+from catalogs.published.places import Folder
+from catalogs.published.s3 import folder_at
 from flows.artifacts import tell_blocks
-from flows.asked import Asked
+from flows.asked import Asked, ends_at
 from flows.cli.console import tell
-from flows.lock import locked
+from flows.lock import locked, require_held
 from flows.markdown import plain
-from tasks.city.account import Account, Ended, known, write_account, write_summary
+from tasks.city.account import Account, Ended, known, write_ended, write_over_of, write_summary
 from tasks.city.over import write_over
 from tasks.city.running import TIME_IS_UP, run_block
 from tasks.city.sources import version
@@ -53,7 +54,7 @@ def flow_run_name() -> str:
 )
 def city(
     city_file: Path,
-    out: Path | None = None,
+    out: str | Path | None = None,
     workers: int = 2,
     dask: str | None = None,
     at_once: int = 1,
@@ -65,7 +66,8 @@ def city(
 
     Args:
         city_file: the city.
-        out: folder for the results, each block a run in out/blocks/NAME; out/NAME of the city file where there is none.
+        out: folder for the results, or s3://bucket/prefix, each block a run in out/blocks/NAME; out/NAME of the city file where
+            there is none.
         workers: local processes of each block.
         dask: address of a Dask scheduler to use instead, which all blocks share.
         at_once: blocks at a time.
@@ -74,7 +76,7 @@ def city(
         tiles: whether the 3D Tiles of each block are exported, to which out/tileset.json leads.
     """
     asked = Asked(workers, dask, at_once, until, keep, tiles)
-    summary = _run(city_file, out or Path("out") / city_file.stem, asked, _recorded, tell_blocks)
+    summary = _run(city_file, folder_at(out or Path("out") / city_file.stem), asked, _recorded, tell_blocks)
     if summary["failures"] or summary["left"]:
         said = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
         failed = "; ".join(f"{one['unit']}: {one['reason']}" for one in summary["failures"][:3])
@@ -82,7 +84,7 @@ def city(
     return summary
 
 
-def unrecorded_city(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
+def unrecorded_city(city_file: Path, out: Folder, asked: Asked) -> dict[str, Any]:
     """What `city` does, without a Prefect server."""
     with ThreadPoolExecutor(MOST_AT_ONCE, thread_name_prefix="blocks") as pool:
         return _run(city_file, out, asked, partial(_unrecorded, pool), lambda account: None)
@@ -96,7 +98,7 @@ def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any) -> Future
     return pool.submit(task.fn, *arguments)
 
 
-def _run(city_file: Path, out: Path, asked: Asked, submit: Submit, show: Callable[[Account], None]) -> dict[str, Any]:
+def _run(city_file: Path, out: Folder, asked: Asked, submit: Submit, show: Callable[[Account], None]) -> dict[str, Any]:
     begun = time.monotonic()
     ends = None if asked.until is None else ends_at(asked.until, datetime.now()).timestamp()
     with locked(out):
@@ -122,7 +124,8 @@ def _run(city_file: Path, out: Path, asked: Asked, submit: Submit, show: Callabl
             running -= 1
             how: Ended = future.result()
             account = account.ended(name, how)
-            write_account(out, account)
+            require_held(out)
+            write_ended(out, name, how)
             tell(f"block {name}: {_said(how)}; {len(waiting) + running} to go")
             if time.monotonic() >= over_at:
                 account, took = _over(out, account, show)
@@ -138,25 +141,16 @@ def _run(city_file: Path, out: Path, asked: Asked, submit: Submit, show: Callabl
     return summary
 
 
-def _over(out: Path, account: Account, show: Callable[[Account], None]) -> tuple[Account, float]:
+def _over(out: Folder, account: Account, show: Callable[[Account], None]) -> tuple[Account, float]:
     """Show how all blocks stand, and write what lies over them where it is not of what they published last. Says of what it is,
     and the seconds that took."""
     begun = time.monotonic()
     show(account)
+    require_held(out)
     if account.over != (of := account.snapshots()) and write_over(out, list(account.blocks), tell):
         account = replace(account, over=of)
-        write_account(out, account)
+        write_over_of(out, account)
     return account, time.monotonic() - begun
-
-
-def ends_at(until: str, now: datetime) -> datetime:
-    """When a local time of day is next. Raises InputError for what is none."""
-    try:
-        at = datetime.strptime(until, "%H:%M")
-    except ValueError:
-        raise InputError(f"--until {until}: is no time of day; write it such as 06:00") from None
-    today = now.replace(hour=at.hour, minute=at.minute, second=0, microsecond=0)
-    return today if today > now else today + timedelta(days=1)
 
 
 def _said(ended: Ended) -> str:

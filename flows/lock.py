@@ -13,10 +13,11 @@ from catalogs.published.places import Folder, local_side
 from catalogs.published.s3 import S3Folder
 from facade_core.atlas.store import guarded
 from facade_core.errors import InputError, MachineError
-from flows.lease import leased, who_holds
+from flows.lease import Lease, leased, who_holds
 
-# Folders that this process holds: the command line locks before it starts a server, and the flow locks for itself.
-_held: set[Folder] = set()
+# Folders that this process holds, and of those in buckets the lease: the command line locks before it starts a server, and the
+# flow locks for itself.
+_held: dict[Folder, Lease | None] = {}
 
 
 @contextmanager
@@ -33,15 +34,22 @@ def locked(out: Folder) -> Iterator[None]:
         return
     with ExitStack() as holds:
         local = local_side(out)
-        token = holds.enter_context(_locked_here(local, out))
+        lease, token = None, holds.enter_context(_locked_here(local, out))
         if isinstance(out, S3Folder):
             lease = holds.enter_context(leased(out, token))
             holds.enter_context(guarded(out / "store", lease.require))
-        _held.add(out)
+        _held[out] = lease
         try:
             yield
         finally:
-            _held.discard(out)
+            del _held[out]
+
+
+def require_held(out: Folder) -> None:
+    """Raise MachineError where this process may write no more into a folder in a bucket that it locked: another may be at work
+    there by now."""
+    if (lease := _held[out.resolve()]) is not None:
+        lease.require()
 
 
 @contextmanager

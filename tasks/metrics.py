@@ -4,26 +4,20 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
-from pathlib import Path
 
 from prometheus_client import CollectorRegistry, Gauge, generate_latest
 
-from catalogs.published.places import sizes_in
+from catalogs.published.places import Folder, sizes_in
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from tasks.kinds.order import STAGES
 
-
-def stores_in(folder: Path) -> dict[str, Path]:
-    """The runs that have a store, by name: `folder` itself, else those at most two levels below it, as a city has them."""
-    if (folder / "store").is_dir():
-        return {folder.resolve().name: folder}
-    found = [path.parent for pattern in ("[!.]*/store", "[!.]*/[!.]*/store") for path in folder.glob(pattern)]
-    return {str(path.relative_to(folder)): path for path in sorted(found) if (path / "store").is_dir()}
+# What becomes of a unit.
+STATES = ("done", "failed", "stale")
 
 
-def exposition(runs: Mapping[str, Path]) -> str:
+def exposition(runs: Mapping[str, Folder]) -> str:
     """The metrics of runs, by the names that they are to be known by."""
     registry = CollectorRegistry()
     units = Gauge("streetloom_units", "Units in the journal.", ["run", "stage", "state"], registry=registry)
@@ -40,8 +34,9 @@ def exposition(runs: Mapping[str, Path]) -> str:
         begun = [0.0]
         for stage in STAGES:
             records = [record for record in read_journal(root, stage) if record]
-            for state, count in Counter(record["status"] for record in records).items():
-                units.labels(name, stage, state).set(count)
+            counts = Counter(record["status"] for record in records)
+            for state in sorted({*STATES, *counts}):  # an alarm is on what grows: it is there before there is any
+                units.labels(name, stage, state).set(counts[state])
             seconds.labels(name, stage).set(sum(sum(record.get("seconds", {}).values()) for record in records))
             begun += [record["started"] for record in records if record.get("started")]
         latest.labels(name).set(max(begun))

@@ -57,7 +57,10 @@ def check_city(values: Any, path: Path) -> Whole | str:
     rest, indexes = _with_files({key: value for key, value in values.items() if key != CUT}, path)
     keys = check_keys(rest)
     if keys.streets is None:
-        raise ValueError("streets: missing, and a city is cut along its streets; write streets: {path: FILE}")
+        raise ValueError(
+            "streets: missing, and a city is cut along its streets; write streets: {path: FILE}, or, where this is one block, "
+            f"`streetloom run {path}`"
+        )
     side = values.get(CUT, {})
     metres = side.get("metres", SIDE_M) if isinstance(side, Mapping) and set(side) <= {"metres"} else None
     if not isinstance(metres, int | float) or isinstance(metres, bool) or not LEAST_M <= metres <= MOST_M:

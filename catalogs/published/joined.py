@@ -8,13 +8,14 @@ since is read of the run.
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from catalogs.published.places import Folder, each, put, remove
 from catalogs.published.runs import Run
+from catalogs.published.s3 import S3Folder, filesystem
 
 if TYPE_CHECKING:
     import pyarrow as pa
@@ -27,34 +28,49 @@ PER_FILE = 128
 class Joined:
     """A file of several runs' rows: its columns, and the snapshot of each run, by name, whose rows it holds."""
 
-    path: Path
+    path: Folder
     columns: pa.Schema
     runs: dict[str, str]
 
 
-def joined_in(out: Path) -> list[Joined]:
+def joined_in(out: Folder) -> list[Joined]:
     """The joined files of a folder of runs; one that cannot be read is none."""
+    return [one for one in each(_joined, _files(out), out) if one is not None]
+
+
+def _joined(path: Folder) -> Joined | None:
     import pyarrow as pa
+
+    try:
+        columns = schema_of(path)
+        runs = json.loads((columns.metadata or {})[SAID])
+        return Joined(path, columns.remove_metadata(), {str(run): str(of) for run, of in runs.items()})
+    except (OSError, ValueError, KeyError, AttributeError, pa.ArrowException):
+        return None
+
+
+def schema_of(path: Folder) -> pa.Schema:
+    """The columns of a Parquet file."""
     import pyarrow.parquet as pq
 
-    found = []
-    for path in sorted((out / FOLDER).glob("*.parquet")):
-        try:
-            columns = pq.read_schema(path)
-            runs = json.loads((columns.metadata or {})[SAID])
-            found.append(Joined(path, columns.remove_metadata(), {str(run): str(of) for run, of in runs.items()}))
-        except (OSError, ValueError, KeyError, AttributeError, pa.ArrowException):
-            continue
-    return found
+    return pq.read_schema(path.path, filesystem=filesystem()) if isinstance(path, S3Folder) else pq.read_schema(path)
 
 
-def join_runs(out: Path, runs: Sequence[tuple[Run[Path], str]]) -> None:
+def _files(out: Folder) -> list[Folder]:
+    folder = out / FOLDER
+    found: Iterable[Folder] = folder.iterdir() if folder.is_dir() else ()
+    # a name that begins with a dot is of a file that is being written
+    return sorted((one for one in found if one.name.endswith(".parquet") and one.name[0] != "."), key=str)
+
+
+def join_runs(out: Folder, runs: Sequence[tuple[Run, str]]) -> None:
     """Join the catalogues of runs in `out`, each given with the snapshot that it published last. Only files of which a run
     changed are written anew; a run whose catalogue cannot be read, or does not fit the others, is in none."""
-    (out / FOLDER).mkdir(exist_ok=True)
+    if isinstance(out, Path):
+        (out / FOLDER).mkdir(exist_ok=True)
     before = {one.path.name: one.runs for one in joined_in(out)}
     held = {run: file for file, of in before.items() for run in of}
-    by_file: dict[str, list[tuple[Run[Path], str]]] = {file: [] for file in before}
+    by_file: dict[str, list[tuple[Run, str]]] = {file: [] for file in before}
     for one in runs:
         if one[0].name in held:
             by_file[held[one[0].name]].append(one)
@@ -67,30 +83,43 @@ def join_runs(out: Path, runs: Sequence[tuple[Run[Path], str]]) -> None:
     for file, of in by_file.items():
         if of and before.get(file) != {run.name: snapshot for run, snapshot in of}:
             _write_rows(out / FOLDER / file, of)
-    for path in (out / FOLDER).glob("*.parquet"):
+    for path in _files(out):
         if not by_file.get(path.name):
-            path.unlink(missing_ok=True)
+            remove(path)
 
 
-def _write_rows(path: Path, runs: Iterable[tuple[Run[Path], str]]) -> None:
+def _write_rows(path: Folder, runs: Sequence[tuple[Run, str]]) -> None:
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     tables, schema, said = [], pa.schema([]), {}
-    for run, snapshot in runs:
+    for (run, snapshot), table in zip(runs, each(_rows, runs, path), strict=True):
+        if table is None:
+            continue
         try:
-            table = pq.read_table(run.folder / "published" / snapshot / "items.parquet")
-            table = table.select([name for name in table.column_names if name != "run"])
             schema = pa.unify_schemas([schema, table.schema.remove_metadata()], promote_options="permissive")
-        except (OSError, pa.ArrowException):
+        except pa.ArrowException:
             continue
         names = pa.array([run.name] * len(table), pa.string())
         tables.append(table.append_column("run", names).replace_schema_metadata(None))
         said[run.name] = snapshot
     if not tables:
-        path.unlink(missing_ok=True)
+        remove(path)
         return
     rows = pa.concat_tables(tables, promote_options="permissive").replace_schema_metadata({SAID: json.dumps(said)})
-    temporary = path.with_name(f".{path.name}.tmp")
-    pq.write_table(rows, temporary, compression="zstd")
-    os.replace(temporary, path)
+    written = pa.BufferOutputStream()
+    pq.write_table(rows, written, compression="zstd")
+    put(path, written.getvalue().to_pybytes())
+
+
+def _rows(one: tuple[Run, str]) -> pa.Table | None:
+    """The rows of a run's catalogue; None where it cannot be read."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    run, snapshot = one
+    try:
+        table = pq.read_table(pa.BufferReader((run.folder / "published" / snapshot / "items.parquet").read_bytes()))
+        return table.select([name for name in table.column_names if name != "run"])
+    except (OSError, pa.ArrowException):
+        return None

@@ -7,6 +7,8 @@ import os
 import re
 import shutil
 import uuid
+from collections.abc import Callable, Iterable
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 from typing import TypeAlias, TypeVar
 
@@ -15,6 +17,16 @@ from catalogs.published.s3 import S3Folder
 
 Folder: TypeAlias = Path | S3Folder
 F = TypeVar("F", bound=Folder)
+T = TypeVar("T")
+R = TypeVar("R")
+
+
+def each(act: Callable[[T], R], items: Iterable[T], place: Folder) -> list[R]:
+    """What comes of each item, in their order; what asks a bucket is under way many at a time."""
+    if isinstance(place, Path):
+        return list(map(act, items))
+    with ThreadPoolExecutor(objects.AT_ONCE) as threads:
+        return list(threads.map(act, items))
 
 
 def put(path: Folder, data: bytes) -> None:
@@ -54,6 +66,26 @@ def remove(path: Folder) -> None:
         shutil.rmtree(path)
     else:
         path.unlink(missing_ok=True)
+
+
+def move(folder: F, to: F) -> None:
+    """Move a folder, over what is there. In a bucket object by object, the pointer that readers follow first to go."""
+    if isinstance(folder, Path) and isinstance(to, Path):
+        shutil.rmtree(to, ignore_errors=True)
+        to.parent.mkdir(parents=True, exist_ok=True)
+        os.replace(folder, to)
+    elif isinstance(folder, S3Folder) and isinstance(to, S3Folder):
+        to.remove()
+        each(lambda name: objects.copy(f"{folder.path}/{name}", f"{to.path}/{name}"), folder.sizes(), folder)
+        (folder / "current").unlink()
+        folder.remove()
+
+
+def size_of(path: Folder) -> int | None:
+    """The bytes of a file; None where there is none."""
+    if isinstance(path, S3Folder):
+        return path.size()
+    return path.stat().st_size if path.is_file() else None
 
 
 def local_side(place: Folder) -> Path:

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from typing import Generic, cast
 
 from catalogs.features import natural_order
-from catalogs.published.places import F, Folder
+from catalogs.published.places import F, Folder, each
 from facade_core.errors import InputError
 
 
@@ -34,11 +34,12 @@ def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
     while waiting:
         parent = waiting.pop()
         try:
-            for child in sorted(_folders(parent), key=str):
+            children = sorted(_folders(parent), key=str)
+            for child, holds in zip(children, each(_holds, children, folder), strict=True):
                 name = str(child)[len(str(folder)) :].strip("/")
-                if (child / "current").is_file():
+                if holds == "current":
                     runs.append(Run(child, name))
-                elif (child / "store").is_dir():
+                elif holds == "store":
                     left_out.append(f"{name} is left out: nothing is published there yet")
                 elif parent == folder:
                     waiting.append(child)
@@ -48,6 +49,31 @@ def runs_in(folder: F) -> tuple[list[Run[F]], list[str]]:
         raise InputError(f"{folder}: nothing is published there; {publishes(folder, 'finishes and publishes')}")
     runs.sort(key=lambda run: natural_order(run.name))
     return runs, sorted(left_out, key=natural_order)
+
+
+def stores_in(folder: F) -> dict[str, F]:
+    """The runs that have a store, published or not, by name: `folder` itself, else those at most two levels down."""
+    if (folder / "store").is_dir():
+        return {folder.resolve().name: folder}
+    found: dict[str, F] = {}
+    waiting = _folders(folder) if folder.is_dir() else []
+    while waiting:
+        with_store = each(lambda one: (one / "store").is_dir(), waiting, folder)
+        found |= {
+            str(one)[len(str(folder)) :].strip("/"): cast(F, one)
+            for one, is_run in zip(waiting, with_store, strict=True)
+            if is_run
+        }
+        without = [one for one, is_run in zip(waiting, with_store, strict=True) if not is_run]
+        waiting = [child for one in without if one.parent == folder for child in _folders(one)]
+    return dict(sorted(found.items(), key=lambda one: natural_order(one[0])))
+
+
+def _holds(folder: Folder) -> str | None:
+    """By what a run is known, as far as it has come."""
+    if (folder / "current").is_file():
+        return "current"
+    return "store" if (folder / "store").is_dir() else None
 
 
 def _folders(parent: F) -> list[F]:

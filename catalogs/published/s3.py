@@ -97,6 +97,11 @@ class S3Folder:
         """The objects below this folder, by their paths in it, with their sizes in bytes."""
         return {name: one.size for name, one in objects.listed(self.path).items()}
 
+    def size(self) -> int | None:
+        """The bytes of this object; None where there is none."""
+        with reached(self):
+            return filesystem().get_file_info(self.path).size
+
     def remove(self) -> None:
         """Remove all that is below this folder."""
         objects.delete(f"{self.path}/{name}" for name in objects.listed(self.path))

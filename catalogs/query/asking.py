@@ -11,8 +11,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.published.items import COLUMNS, arrow_type
-from catalogs.published.joined import Joined, joined_in
-from catalogs.published.places import Folder
+from catalogs.published.joined import Joined, joined_in, schema_of
+from catalogs.published.places import Folder, each
 from catalogs.published.runs import Run, runs_in
 from catalogs.published.s3 import S3Folder, filesystem, folder_at, reached
 from catalogs.published.snapshot import current
@@ -52,24 +52,23 @@ def query(
     box, start = _checked_box(bbox), None if since is None else parse_since(since)
     with ExitStack() as holds, duckdb.connect(":memory:", config=_SETTINGS) as connection:
         files, found, schema = _published(out, note, holds)
-        local = [*(one.path for one, _ in files), *(path for _, path, _ in found if isinstance(path, Path))]
+        named = [*(one.path for one, _ in files), *(path for _, path, _ in found)]
+        local = [path for path in named if isinstance(path, Path)]
         connection.execute("SET TimeZone = 'UTC'")
         # of the world the condition may see these files and no others, and only the columns that it names are read of all rows
         connection.execute(
             "SET allowed_paths = $1", [[form for p in local for form in (str(p.resolve()), _pattern(p))]]
         )
         parts = []
-        for joined, stale in files:
+        joined = [(None, one.path, one.columns, stale) for one, stale in files]
+        for number, (run, path, columns, stale) in enumerate([*joined, *((*one, []) for one in found)]):
             but = [f"run NOT IN ({', '.join(map(_text, stale))})"] if stale else []
-            rows = _select(None, joined.columns, schema, _read(joined.path))
-            parts.append(rows + _conditions(joined.columns, box, start, but))
-        for number, (run, path, columns) in enumerate(found):
             if isinstance(path, S3Folder):
                 # DuckDB speaks S3 by an extension that it would download: Arrow reads, and skips what box and time rule out
-                connection.register(f"run_{number}", _dataset(path, columns, box, start))
-                parts.append(_select(run, columns, schema, f"run_{number}"))
+                connection.register(f"rows_{number}", _dataset(path, columns, box, start))
+                parts.append(_select(run, columns, schema, f"rows_{number}") + _conditions(columns, [], None, but))
             else:
-                parts.append(_select(run, columns, schema, _read(path)) + _conditions(columns, box, start))
+                parts.append(_select(run, columns, schema, _read(path)) + _conditions(columns, box, start, but))
         connection.execute("SET enable_external_access = false")
         connection.execute("SET lock_configuration = true")
         connection.execute(f"CREATE TEMP VIEW items AS {' UNION ALL '.join(parts)}")
@@ -109,7 +108,7 @@ def _published(
     folder = folder_at(out)
     runs, left_out = runs_in(folder)
     united = pa.schema(pa.field(c.name, arrow_type(c)) for c in COLUMNS)
-    files, rest = _joined(folder, runs) if isinstance(folder, Path) and len(runs) > 1 else ([], runs)
+    files, rest = _joined(folder, runs) if len(runs) > 1 else ([], runs)
     for one, _ in files:
         united = pa.unify_schemas([united, one.columns], promote_options="permissive")
     readable = []
@@ -117,7 +116,7 @@ def _published(
         try:
             path = holds.enter_context(current(run.folder).being_read()).items
             try:
-                columns = _schema(path)
+                columns = schema_of(path)
                 united = pa.unify_schemas([united, columns], promote_options="permissive")
             except (pa.ArrowTypeError, pa.ArrowInvalid, OSError) as error:
                 raise InputError(_unreadable(run, path, error)) from error
@@ -135,31 +134,28 @@ def _published(
     return files, readable, pa.schema([*fields[: len(COLUMNS)], pa.field("run", pa.string()), *fields[len(COLUMNS) :]])
 
 
-def _joined(out: Path, runs: Sequence[Run]) -> tuple[Files, list[Run]]:
+def _joined(out: Folder, runs: Sequence[Run]) -> tuple[Files, list[Run]]:
     """The files in which runs are joined, and the runs that are not, or have published since."""
-    here = {run.name: run for run in runs}
     files: Files = []
+    found = joined_in(out)
+    joined_at_all = {name for joined in found for name in joined.runs}
+    asked = [run for run in runs if run.name in joined_at_all]
+    now = dict(zip([run.name for run in asked], each(lambda run: _named(run.folder), asked, out), strict=True))
     fresh: set[str] = set()
-    for joined in joined_in(out):
-        stands = {name for name, of in joined.runs.items() if name in here and _names(here[name].folder, of)} - fresh
+    for joined in found:
+        stands = {name for name, of in joined.runs.items() if now.get(name) == of} - fresh
         if stands:
             files.append((joined, sorted(joined.runs.keys() - stands)))
             fresh |= stands
     return files, [run for run in runs if run.name not in fresh]
 
 
-def _names(folder: Path, snapshot: str) -> bool:
-    """Whether `current` of a run names a snapshot."""
+def _named(folder: Folder) -> str | None:
+    """The snapshot that `current` of a run names."""
     try:
-        return (folder / "current").read_text(encoding="utf-8", errors="replace").strip() == snapshot
+        return (folder / "current").read_text(encoding="utf-8", errors="replace").strip()
     except OSError:
-        return False
-
-
-def _schema(path: Folder) -> pa.Schema:
-    import pyarrow.parquet as pq
-
-    return pq.read_schema(path.path, filesystem=filesystem()) if isinstance(path, S3Folder) else pq.read_schema(path)
+        return None
 
 
 def _unreadable(run: Run, path: Folder, error: Exception) -> str:

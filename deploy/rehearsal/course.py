@@ -246,7 +246,8 @@ def main(folder: Path, blocks: int, cut_s: float, bucket: bool) -> None:
         if bucket:
             first = min((folder / "alone" / "input").glob("*.yaml"))
             digest = in_bucket(parts, first)["atlas_digest"]
-            known = json.loads((folder / "alone" / "city.json").read_text())["blocks"][first.stem]["summary"]
+            ended = folder / "alone" / "blocks" / first.stem / "ended.json"
+            known = json.loads(ended.read_text())["summary"]
             result["same_in_bucket"] = digest == known["atlas_digest"]
             parts.tell(f"block {first.stem} in a bucket: {digest}; in the folder: {known['atlas_digest']}")
         click.echo(json.dumps(result | {"seconds": round(time.monotonic() - parts.begun, 1)}))

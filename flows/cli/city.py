@@ -5,19 +5,25 @@ from __future__ import annotations
 import json
 import sys
 from dataclasses import asdict
+from datetime import datetime
 from pathlib import Path
-from typing import Any, cast
+from typing import TYPE_CHECKING, Any, cast
 
 import click
 
-from flows.asked import Asked
-from flows.cli.paths import EXISTING_FILE, FOLDER
+from flows.asked import Asked, ends_at
+from flows.cli.paths import EXISTING_FILE, OUT
 from flows.cli.say import note, say
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
 
 
 @click.command()
 @click.argument("city_file", metavar="CITY.yaml", type=EXISTING_FILE)
-@click.option("--out", type=FOLDER, help="Where results go.  [default: out/NAME of the city file]")
+@click.option(
+    "--out", type=OUT, help="Where results go, a folder or s3://bucket/prefix.  [default: out/NAME of the city file]"
+)
 @click.option("--at-once", default=1, show_default=True, type=click.IntRange(1, 64), help="Blocks at a time.")
 @click.option("--until", metavar="HH:MM", help="End then, done or not; the next run goes on from there.")
 @click.option(
@@ -33,7 +39,7 @@ from flows.cli.say import note, say
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object last.")
 def city(
     city_file: Path,
-    out: Path | None,
+    out: Folder | None,
     at_once: int,
     until: str | None,
     tiles: bool,
@@ -48,11 +54,14 @@ def city(
     Examples:
       streetloom city helsinki.yaml --out out/helsinki
       streetloom city helsinki.yaml --at-once 4 --workers 8 --until 06:00
+      streetloom city helsinki.yaml --out s3://bucket/helsinki
       streetloom query out/helsinki --where "floors >= 5"
     """
     from flows.cli.interrupts import end_on_interrupt
     from flows.lock import locked
 
+    if until is not None:
+        ends_at(until, datetime.now())  # said before anything is read
     out = out or Path("out") / city_file.stem
     with locked(out):
         end_on_interrupt()
@@ -121,13 +130,14 @@ def _show(summary: dict[str, Any]) -> None:
         say(f"  failed {failure['unit']}: {failure['reason']}")
     if summary["left"]:
         say(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
-    say(f"  model  {Path(summary['out']) / 'overview.glb'}")
+    say(f"  model  {summary['out']}/overview.glb")
     say(f"  look   streetloom query {summary['out']}")
 
 
-def _textured(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
+def _textured(city_file: Path, out: Folder, asked: Asked) -> dict[str, Any]:
     """The summary of a run that Prefect's server keeps a record of; where there is none, the run goes on without, and where
     nothing is due, it needs none."""
+    from catalogs.published.places import local_side
     from flows.server.starting import ServerDown, server
     from tasks.city.account import known
 
@@ -135,7 +145,7 @@ def _textured(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
         from flows.city import unrecorded_city
 
         return unrecorded_city(city_file, out, asked)
-    with server(out / "prefect") as record:
+    with server(local_side(out) / "prefect") as record:
         from flows.city import city as recorded
         from flows.city import unrecorded_city
 
@@ -144,4 +154,4 @@ def _textured(city_file: Path, out: Path, asked: Asked) -> dict[str, Any]:
         except ServerDown as error:
             note(f"no Prefect server ({error}); the run does without, and has no record there")
             return unrecorded_city(city_file, out, asked)
-        return cast(dict[str, Any], recorded(city_file, out, **asdict(asked)))
+        return cast(dict[str, Any], recorded(city_file, str(out), **asdict(asked)))

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
+from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,6 +16,7 @@ from flows.cli.say import say
 
 if TYPE_CHECKING:
     from catalogs.published.places import Folder
+    from tasks.doctor.findings import Finding
 
 WORDS = {True: "ok", False: "wrong", None: "note"}
 
@@ -22,7 +25,7 @@ WORDS = {True: "ok", False: "wrong", None: "note"}
 @click.argument("out", metavar="[OUT]", type=EXISTING_OUT, required=False)
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def doctor(out: Folder | None, as_json: bool) -> None:
-    """Say whether the environment is as it should be, and what is wrong or stale in a run's folder OUT.
+    """Say whether the environment is as it should be, and what is wrong or stale in the run in OUT, or in all runs below it.
 
     Reads the whole store; changes nothing. Exits with 1 where something is wrong; each line names the remedy.
 
@@ -36,14 +39,14 @@ def doctor(out: Folder | None, as_json: bool) -> None:
     from catalogs.published.places import local_side
     from facade_core.errors import InputError
     from flows.lock import is_held
-    from tasks.doctor import examine_folder, examine_machine
+    from tasks.doctor import examine_machine
 
     if out and is_held(out):
         raise InputError(f"{out}: a run is at work in it; wait for it, or look on: streetloom view {out}")
     found = []
     side = local_side(out) if out else Path.cwd()
     disk = next(folder for folder in (side, *side.parents) if folder.is_dir())  # a bucket's may not be there yet
-    for finding in chain(examine_machine(disk), examine_folder(out) if out else ()):
+    for finding in chain(examine_machine(disk), _examined(out) if out else ()):
         found.append(finding)
         if not as_json:
             say(f"{WORDS[finding.well]:<6} {finding.concern:<10} {finding.said}")
@@ -52,3 +55,16 @@ def doctor(out: Folder | None, as_json: bool) -> None:
         lines = [{"concern": f.concern, "state": WORDS[f.well], "said": f.said} for f in found]
         say(json.dumps({"ok": well, "findings": lines}))
     sys.exit(0 if well else 1)
+
+
+def _examined(out: Folder) -> Iterator[Finding]:
+    """What is to be said of the run in a folder, or of each below it, which is then named."""
+    from catalogs.published.runs import stores_in
+    from tasks.doctor import examine_folder
+
+    runs = {} if (out / "store").is_dir() else stores_in(out)
+    if not runs:
+        yield from examine_folder(out)
+    for name, folder in runs.items():
+        for finding in examine_folder(folder):
+            yield replace(finding, said=f"{name}: {finding.said}")

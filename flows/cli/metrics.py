@@ -2,16 +2,19 @@
 
 from __future__ import annotations
 
-from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.paths import EXISTING_FOLDER
+from flows.cli.paths import EXISTING_OUT
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
 
 
 @click.command()
-@click.argument("out", metavar="OUT", type=EXISTING_FOLDER)
-def metrics(out: Path) -> None:
+@click.argument("out", metavar="OUT", type=EXISTING_OUT)
+def metrics(out: Folder) -> None:
     """Print metrics of a run, or of all runs below OUT, in Prometheus' text format.
 
     Units by stage and state, seconds, commits, bytes of the store.
@@ -20,8 +23,9 @@ def metrics(out: Path) -> None:
     Example, for node_exporter's textfile collector:
       streetloom metrics out > /var/lib/node_exporter/streetloom.prom.tmp && mv /var/lib/node_exporter/streetloom.prom{.tmp,}
     """
+    from catalogs.published.runs import stores_in
     from facade_core.errors import InputError
-    from tasks.metrics import exposition, stores_in
+    from tasks.metrics import exposition
 
     if not (runs := stores_in(out)):
         raise InputError(f"{out}: holds no run; `streetloom run BLOCK.yaml --out {out}` makes one")

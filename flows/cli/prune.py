@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flows.cli.paths import EXISTING_OUT
-from flows.cli.say import say
+from flows.cli.say import note, say
 
 if TYPE_CHECKING:
     from catalogs.published.places import Folder
@@ -17,7 +17,8 @@ if TYPE_CHECKING:
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
 @click.option("--keep", type=click.IntRange(1), required=True, metavar="N", help="Published snapshots to keep.")
 def prune(out: Folder, keep: int) -> None:
-    """Remove all but the N newest published snapshots of the run in OUT, and what only they and killed runs left.
+    """Remove all but the N newest published snapshots of the run in OUT, or of each below, and what only they and killed
+    runs left.
 
     What `current` names is kept, and what somebody reads; in a bucket, what was superseded within the hour. `streetloom run
     --keep N` does the same after each run.
@@ -26,9 +27,14 @@ def prune(out: Folder, keep: int) -> None:
     Example:
       streetloom prune out/mine --keep 7
     """
+    from catalogs.published.runs import runs_in
     from flows.lock import locked
     from tasks.published.prune import prune as remove
 
-    with locked(out):
-        for line in remove(out, keep):
-            say(line)
+    runs, left_out = runs_in(out)
+    for run in runs:
+        with locked(run.folder):
+            for line in remove(run.folder, keep):
+                say(line)
+    for line in left_out:
+        note(line)

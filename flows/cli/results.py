@@ -89,7 +89,7 @@ def query(
 @click.option(
     "--to",
     type=LocalPath(path_type=Path),
-    help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT; none of a bucket]",
+    help="Folder, or FILE.gpkg.  [default: OUT/exports/FORMAT]",
 )
 @click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
 @click.option(
@@ -228,18 +228,17 @@ def _run_in(folder: Folder) -> Folder:
 
     Raises InputError that names the runs where there are several, or says that there is none.
     """
+    from catalogs.published.runs import stores_in
+    from catalogs.published.s3 import S3Folder
     from facade_core.errors import InputError
     from flows.lock import is_held
 
-    if (folder / "store").is_dir():
-        return folder
-    if not isinstance(folder, Path):
-        raise InputError(
-            f"{folder}: no run has written there; name what `streetloom run --out` named, or start the run"
-        )
-    found = sorted(store.parent for pattern in ("*/store", "*/*/store") for store in folder.glob(pattern))
-    found = [run for run in found if not (run.parent / "store").is_dir()]  # a run's own folders are no runs
+    found = list(stores_in(folder).items())
     if not found:
+        if isinstance(folder, S3Folder):
+            raise InputError(
+                f"{folder}: no run has written there; name what `streetloom run --out` named, or start the run"
+            )
         locks = [folder / ".lock", *(lock for pattern in ("*/.lock", "*/*/.lock") for lock in folder.glob(pattern))]
         for begun in (lock.parent for lock in locks if is_held(lock.parent)):
             raise InputError(
@@ -250,6 +249,7 @@ def _run_in(folder: Folder) -> Folder:
             f"{folder}: no run has written here; name the folder that `streetloom run --out` wrote, or start the run"
         )
     if len(found) > 1:
-        names = ", ".join(run.relative_to(folder).as_posix() for run in found)
-        raise InputError(f"{folder}: holds {len(found)} runs ({names}); open one: streetloom view {found[0]}")
-    return found[0]
+        names = ", ".join(name for name, _ in found[:LISTED])
+        more = f" and {len(found) - LISTED} more" if len(found) > LISTED else ""
+        raise InputError(f"{folder}: holds {len(found)} runs ({names}{more}); open one: streetloom view {found[0][1]}")
+    return found[0][1]

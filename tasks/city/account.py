@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 import json
-import os
-import shutil
 from collections.abc import Collection, Mapping, Sequence
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
 from catalogs.city.keys import name_of
+from catalogs.published.places import Folder, at, each, local_side, move, put
+from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import unit_key
 from facade_core.errors import BlockFileError, InputError
@@ -19,10 +19,9 @@ from tasks.city.cost import shipped
 from tasks.city.counting import Counts
 from tasks.city.sources import source_digest, version
 
-# In a city's folder: the runs of its blocks, and what is known of them.
-BLOCKS, ACCOUNT, SUMMARY = "blocks", "city.json", "summary.json"
-# A block's own 3D Tiles, in its folder.
-OF_BLOCK = Path("exports") / "3dtiles" / "tileset.json"
+# In a city's folder: the runs of its blocks; of which blocks it is and what they read; of what that which lies over all of them
+# is; what all come to. In that of a block: how it ended last.
+BLOCKS, ACCOUNT, OVER, SUMMARY, ENDED = "blocks", "city.json", "over.json", "summary.json", "ended.json"
 # Those of blocks that there were before it was cut otherwise: hidden from who looks for runs.
 GONE = ".gone"
 # What of a block's summary is added up.
@@ -46,7 +45,12 @@ class Ended:
     processor: float = 0.0
 
 
-def stands(out: Path, name: str, ended: Ended, digest: str, *, tiles: bool = False) -> bool:
+def tileset_of(block: Folder, snapshot: str) -> Folder:
+    """A block's own 3D Tiles, in its folder; in a bucket those of each snapshot lie beside those before."""
+    return at(block, f"exports/3dtiles/{f'{snapshot}/' if isinstance(block, S3Folder) else ''}tileset.json")
+
+
+def stands(out: Folder, name: str, ended: Ended, digest: str, *, tiles: bool = False) -> bool:
     """Whether a block is done and published as it is now, units that its input spoils aside: these fail again, as they did.
 
     tiles: whether its 3D Tiles are asked for too.
@@ -56,7 +60,7 @@ def stands(out: Path, name: str, ended: Ended, digest: str, *, tiles: bool = Fal
     snapshot = current_if_any(out / BLOCKS / name)
     if snapshot is None or snapshot.id != ended.snapshot:
         return False
-    return not tiles or (ended.tiles == snapshot.id and (out / BLOCKS / name / OF_BLOCK).is_file())
+    return not tiles or (ended.tiles == snapshot.id and tileset_of(out / BLOCKS / name, snapshot.id).is_file())
 
 
 @dataclass(frozen=True)
@@ -89,17 +93,18 @@ class Account:
     def ended(self, name: str, how: Ended) -> Account:
         return replace(self, blocks={**self.blocks, name: how})
 
-    def due(self, out: Path, *, tiles: bool = False) -> list[str]:
+    def due(self, out: Folder, *, tiles: bool = False) -> list[str]:
         """The blocks that do not stand, in their order."""
-        return [
-            name for name, ended in self.blocks.items() if not stands(out, name, ended, self.digests[name], tiles=tiles)
-        ]
+        found = each(
+            lambda name: stands(out, name, self.blocks[name], self.digests[name], tiles=tiles), self.blocks, out
+        )
+        return [name for name, standing in zip(self.blocks, found, strict=True) if not standing]
 
     def snapshots(self) -> str:
         """Of which snapshots what lies over all blocks would be, as a digest."""
         return unit_key([f"{name} {ended.snapshot} {ended.tiles}" for name, ended in sorted(self.blocks.items())])
 
-    def summary(self, out: Path) -> dict[str, Any]:
+    def summary(self, out: Folder) -> dict[str, Any]:
         """What all blocks come to."""
         found = [ended.summary for ended in self.blocks.values() if ended.summary]
         digests = [f"{name} {ended.summary.get('atlas_digest')}" for name, ended in sorted(self.blocks.items())]
@@ -120,8 +125,9 @@ class Account:
         }
 
 
-def known(city_file: Path, out: Path) -> tuple[Account, dict[str, Path]]:
-    """What is known of a city's blocks, and their block files; it is read and cut again where a file of it changed.
+def known(city_file: Path, out: Folder) -> tuple[Account, dict[str, Path]]:
+    """What is known of a city's blocks, and their block files; it is read and cut again where a file of it changed, or where
+    this machine has not the block files of a city in a bucket.
 
     Raises InputError where the folder is another city's or a block's.
     """
@@ -135,7 +141,8 @@ def known(city_file: Path, out: Path) -> tuple[Account, dict[str, Path]]:
         raise InputError(f"{out}: holds the run of a block; give city {name} a folder of its own with --out")
     if account.blocks and account.name != name:
         raise InputError(f"{out}: holds city {account.name}; give city {name} a folder of its own with --out")
-    files = {name: out / "input" / f"{name}.yaml" for name in account.blocks}
+    local = local_side(out)
+    files = {name: local / "input" / f"{name}.yaml" for name in account.blocks}
     whole = account.told.keys() == account.blocks.keys() and all(
         file.is_file() and file.with_suffix(".npz").is_file() for file in files.values()
     )
@@ -145,43 +152,66 @@ def known(city_file: Path, out: Path) -> tuple[Account, dict[str, Path]]:
         one: CityBlock(one, Path(), account.digests[one], Counts(**account.told[one]), of)
         for one, of in account.sources.items()
     }
-    found = read_city(city_file, out, before)
+    found = read_city(city_file, local, before)
     account = account.of(found, f"{source} {version()}" if source else "")
+    _put_away(out, account.blocks)  # before the new cut is known: after a kill it is cut again
     write_account(out, account)
-    _put_away(out, account.blocks)
     return account, {block.name: block.file for block in found.blocks}
 
 
-def _put_away(out: Path, names: Collection[str]) -> None:
+def _put_away(out: Folder, names: Collection[str]) -> None:
     """Put the runs of blocks that the cut has no more where no query finds them: what they published is in other blocks now."""
-    for folder in [one for one in (out / BLOCKS).glob("*") if one.is_dir() and one.name not in names]:
-        gone = out / GONE / folder.name
-        shutil.rmtree(gone, ignore_errors=True)
-        gone.parent.mkdir(exist_ok=True)
-        os.replace(folder, gone)
+    if (out / BLOCKS).is_dir():
+        for folder in [one for one in (out / BLOCKS).iterdir() if one.name not in names and one.is_dir()]:
+            move(folder, out / GONE / folder.name)
 
 
-def read_account(out: Path) -> Account:
+def read_account(out: Folder) -> Account:
     """What is known of the blocks in a city's folder: nothing where it cannot be read."""
     try:
         held = json.loads((out / ACCOUNT).read_text(encoding="utf-8"))
-        blocks = {name: Ended(**ended) for name, ended in held.pop("blocks").items()}
-        return Account(**held, blocks=blocks)
+        names = list(held["digests"])
+        blocks = dict(zip(names, each(lambda name: _read_ended(out, name), names, out), strict=True))
+        return Account(**held, blocks=blocks, over=_read_over(out))
     except (OSError, ValueError, TypeError, KeyError, AttributeError):
         return Account("")
 
 
-def write_account(out: Path, account: Account) -> None:
-    """Keep what is known, in one step."""
-    held = asdict(account)
-    _write(out / ACCOUNT, held)
+def _read_ended(out: Folder, name: str) -> Ended:
+    try:
+        return Ended(**json.loads((out / BLOCKS / name / ENDED).read_text(encoding="utf-8")))
+    except (OSError, ValueError, TypeError):  # it is run again, and finds what is done
+        return Ended()
 
 
-def write_summary(out: Path, summary: Mapping[str, Any]) -> None:
+def _read_over(out: Folder) -> str:
+    try:
+        return str(json.loads((out / OVER).read_text(encoding="utf-8"))["snapshots"])
+    except (OSError, ValueError, TypeError, KeyError):  # it is written again
+        return ""
+
+
+def write_account(out: Folder, account: Account) -> None:
+    """Keep of which blocks a city is and what they read."""
+    _write(out / ACCOUNT, {key: value for key, value in asdict(account).items() if key not in ("blocks", "over")})
+
+
+def write_ended(out: Folder, name: str, ended: Ended) -> None:
+    """Keep how a block ended, beside its run: that costs the same however many there are."""
+    _write(out / BLOCKS / name / ENDED, asdict(ended))
+
+
+def write_over_of(out: Folder, account: Account) -> None:
+    """Keep of which snapshots what lies over all blocks was written."""
+    _write(out / OVER, {"snapshots": account.over})
+
+
+def write_summary(out: Folder, summary: Mapping[str, Any]) -> None:
     _write(out / SUMMARY, summary)
 
 
-def _write(path: Path, value: Any) -> None:
-    temporary = path.with_name(f".{path.name}.tmp")
-    temporary.write_text(json.dumps(value, indent=1, ensure_ascii=False) + "\n", encoding="utf-8")
-    os.replace(temporary, path)
+def _write(path: Folder, value: Any) -> None:
+    """In one step."""
+    if isinstance(path, Path):
+        path.parent.mkdir(parents=True, exist_ok=True)
+    put(path, (json.dumps(value, indent=1, ensure_ascii=False) + "\n").encode())

@@ -3,46 +3,47 @@
 from __future__ import annotations
 
 import json
-import os
+import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from catalogs.published import objects
 from catalogs.published.joined import FOLDER as JOINED
 from catalogs.published.joined import join_runs
+from catalogs.published.places import Folder, each, local_side, put, size_of
 from catalogs.published.runs import Run
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.catalog import CATALOG, write_catalog
 from facade_core.errors import InputError
 from facade_core.export.joined import join_glbs, part_of_file
-from tasks.city.account import BLOCKS, OF_BLOCK
+from tasks.city.account import BLOCKS, tileset_of
 
 TILESET, OVERVIEW = "tileset.json", "overview.glb"
 # The overview is written where it has no more bytes than this; viewers can take those of the blocks one by one.
 OVERVIEW_BYTES = 512_000_000
 
 
-def write_over(out: Path, names: Sequence[str], note: Callable[[str], None]) -> bool:
+def write_over(out: Folder, names: Sequence[str], note: Callable[[str], None]) -> bool:
     """Write out/catalog.json, out/items/, out/tileset.json and out/overview.glb of the blocks that have published, each in one
     step.
 
     note: is told of what cannot be written or is left out, in a line each: no block waits for that. Returns whether all
     could be written.
     """
-    found = [(out / BLOCKS / name, current_if_any(out / BLOCKS / name)) for name in names]
-    published = [(folder, snapshot) for folder, snapshot in found if snapshot is not None]
-    folders = [folder for folder, _ in published]
-    runs = [(Run(folder, f"{BLOCKS}/{folder.name}"), snapshot.id) for folder, snapshot in published]
+    found = each(lambda name: current_if_any(out / BLOCKS / name), names, out)
+    published = [(name, snapshot) for name, snapshot in zip(names, found, strict=True) if snapshot is not None]
+    runs = [(Run(snapshot.out, f"{BLOCKS}/{name}"), snapshot.id) for name, snapshot in published]
     steps: list[tuple[str, Callable[[], object]]] = [
         (CATALOG, lambda: write_catalog(out, note=lambda line: None)),
         (JOINED, lambda: join_runs(out, runs)),
-        (TILESET, lambda: _write_tileset(out, [one / OF_BLOCK for one in folders if (one / OF_BLOCK).is_file()])),
+        (TILESET, lambda: _write_tileset(out, [tileset_of(snapshot.out, snapshot.id) for _, snapshot in published])),
         (OVERVIEW, lambda: _write_overview(out, [snapshot for _, snapshot in published], note)),
     ]
     whole = True
-    for name, write in steps if folders else ():
+    for name, write in steps if published else ():
         try:
             write()
         except (InputError, OSError, ValueError, KeyError) as error:
@@ -51,18 +52,19 @@ def write_over(out: Path, names: Sequence[str], note: Callable[[str], None]) -> 
     return whole
 
 
-def _write_tileset(out: Path, tilesets: Sequence[Path]) -> None:
-    """A root over the tilesets of blocks: each is loaded when it is in sight."""
+def _write_tileset(out: Folder, paths: Sequence[Folder]) -> None:
+    """A root over the tilesets of blocks, those that there are: each is loaded when it is in sight."""
     children, spheres = [], []
-    for path in tilesets:
-        tileset = json.loads(path.read_text(encoding="utf-8"))
+    for path, tileset in zip(paths, each(_tileset, paths, out), strict=True):
+        if tileset is None:
+            continue
         sphere = _sphere(tileset["root"])
         spheres.append(sphere)
         children.append(
             {
                 "boundingVolume": {"sphere": sphere.tolist()},
                 "geometricError": tileset["geometricError"],
-                "content": {"uri": path.relative_to(out).as_posix()},
+                "content": {"uri": str(path)[len(str(out)) :].strip("/")},
             }
         )
     if not children:
@@ -77,9 +79,15 @@ def _write_tileset(out: Path, tilesets: Sequence[Path]) -> None:
         "children": children,
     }
     tileset = {"asset": {"version": "1.1"}, "geometricError": 4 * radius, "root": root}
-    temporary = out / f".{TILESET}.tmp"
-    temporary.write_text(json.dumps(tileset, indent=1) + "\n", encoding="utf-8")
-    os.replace(temporary, out / TILESET)
+    put(out / TILESET, (json.dumps(tileset, indent=1) + "\n").encode())
+
+
+def _tileset(path: Folder) -> dict[str, Any] | None:
+    """A block's tileset; None where it has none."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8"))
+    except FileNotFoundError:
+        return None
 
 
 def _sphere(root: dict[str, Any]) -> np.ndarray:
@@ -91,13 +99,27 @@ def _sphere(root: dict[str, Any]) -> np.ndarray:
     return np.append(centre, np.linalg.norm(box[3:].reshape(3, 3).sum(axis=0)))
 
 
-def _write_overview(out: Path, snapshots: Sequence[Snapshot[Path]], note: Callable[[str], None]) -> None:
+def _write_overview(out: Folder, snapshots: Sequence[Snapshot], note: Callable[[str], None]) -> None:
     """The overviews of all blocks as one model, around the first one's origin."""
-    files = [snapshot.overview for snapshot in snapshots if snapshot.overview.is_file()]
-    if sum(file.stat().st_size for file in files) > OVERVIEW_BYTES:
+    sizes = each(lambda snapshot: size_of(snapshot.overview), snapshots, out)
+    files = [snapshot.overview for snapshot, size in zip(snapshots, sizes, strict=True) if size is not None]
+    if sum(filter(None, sizes)) > OVERVIEW_BYTES:
         note(f"{OVERVIEW} would be too large: {TILESET} leads to the blocks")
         return
-    parts = [part_of_file(file) for file in files]
-    extras = [part.document["scenes"][0]["extras"] for part in parts]
-    if parts:
-        join_glbs(out / OVERVIEW, parts, extras[0]["origin"], extras={"crs": extras[0]["crs"]})
+    with tempfile.TemporaryDirectory(dir=local_side(out), prefix=f".{OVERVIEW}.") as name:
+        parts = [part_of_file(file) for file in each(lambda file: _at_hand(file, Path(name)), files, out)]
+        extras = [part.document["scenes"][0]["extras"] for part in parts]
+        if parts:
+            model = out / OVERVIEW if isinstance(out, Path) else Path(name) / OVERVIEW
+            join_glbs(model, parts, extras[0]["origin"], extras={"crs": extras[0]["crs"]})
+            if not isinstance(out, Path):
+                objects.put((out / OVERVIEW).path, model)
+
+
+def _at_hand(file: Folder, folder: Path) -> Path:
+    """A block's overview as a file of this machine: one that is in a bucket is brought into a folder."""
+    if isinstance(file, Path):
+        return file
+    brought = folder / f"{file.parent.parent.parent.name}.glb"
+    brought.write_bytes(file.read_bytes())
+    return brought

@@ -20,8 +20,9 @@ from typing import IO, Any
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
+from catalogs.published.places import Folder
 from catalogs.published.snapshot import current_if_any
-from tasks.city.account import BLOCKS, OF_BLOCK, Ended
+from tasks.city.account import BLOCKS, Ended, tileset_of
 
 log = logging.getLogger(__name__)
 
@@ -35,7 +36,7 @@ _LEFT_OUT = ("outputs", "failures", "out", "seconds")
 
 @task(name="block", task_run_name="block {name}", cache_policy=NO_CACHE)
 def run_block(
-    out: Path,
+    out: Folder,
     name: str,
     block_file: Path,
     options: Sequence[str],
@@ -61,7 +62,7 @@ def run_block(
 
 
 def _run(
-    folder: Path, block_file: Path, options: Sequence[str], before: Ended, ends: float | None, tiles: bool
+    folder: Folder, block_file: Path, options: Sequence[str], before: Ended, ends: float | None, tiles: bool
 ) -> Ended:
     ran = _called(["run", str(block_file), "--out", str(folder), *options, "--json"], ends)
     code, processor = ran.code, ran.processor
@@ -73,7 +74,7 @@ def _run(
     reason = "" if code == 0 else _reason(failures, ran.said)
     published = current_if_any(folder)
     snapshot = published.id if published else ""
-    tiled = before.tiles if before.tiles == snapshot and (folder / OF_BLOCK).is_file() else ""
+    tiled = before.tiles if before.tiles == snapshot and tileset_of(folder, snapshot).is_file() else ""
     if code in (0, 1) and tiles and snapshot and not tiled:
         exported = _called(["export", str(folder), "--format", "3dtiles"], ends)
         processor += exported.processor

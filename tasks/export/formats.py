@@ -11,8 +11,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from catalogs.published.places import Folder
-from catalogs.published.s3 import folder_at
+from catalogs.published import objects
+from catalogs.published.places import Folder, at, each, local_side, remove
+from catalogs.published.s3 import S3Folder, folder_at
 from facade_core.errors import InputError
 from tasks.published.opened import Published, published
 
@@ -24,8 +25,8 @@ MARKER = "export.json"
 class Exported:
     """An export: its folder, or its one file; the files to open first; what the reader should know, one line each."""
 
-    path: Path
-    files: tuple[Path, ...]
+    path: Folder
+    files: tuple[Folder, ...]
     notes: tuple[str, ...]
 
 
@@ -67,8 +68,10 @@ def export(
 
     The folder `to` (OUT/exports/FORMAT where it is None) appears whole or not at all; an earlier export of the format there is
     replaced unless something in it was added or changed since. Where it ends in .gpkg, that format is written as this one
-    new file. textures (jpeg where it is None, webp, ktx2) and max_texture_mb are of 3dtiles alone: how its pictures are
-    encoded, and what those of a view may take of a graphics card. Raises InputError in one line with the remedy.
+    new file. Of a run in a bucket that is exported whole it is OUT/exports/FORMAT/SNAPSHOT where it is None; the marker
+    arrives last, and of earlier exports the newest stays, as somebody may read it. textures (jpeg where it is None, webp, ktx2)
+    and max_texture_mb are of 3dtiles alone: how its pictures are encoded, and what those of a view may take of a graphics
+    card. Raises InputError in one line with the remedy.
     """
     if format not in FORMATS:
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
@@ -80,8 +83,10 @@ def export(
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)
     place = folder_at(out)
-    if to is None and not isinstance(place, Path):
-        raise InputError(f"{place}: an export is written to this machine; name a folder of it with --to")
+    if to is None and isinstance(place, S3Folder):
+        if buildings:
+            raise InputError(f"{place}: only a whole block is exported into its bucket; name a folder here with --to")
+        return _export_in_bucket(place, format, options)
     with published(place) as found:
         return _export(found, format, None if to is None else Path(to), buildings, as_file, options)
 
@@ -122,6 +127,31 @@ def _export(
     finally:
         shutil.rmtree(temporary, ignore_errors=True)
     return Exported(target, tuple(target / name for name in main), tuple(notes))
+
+
+def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) -> Exported:
+    here = local_side(place) / "exports" / format
+    try:
+        with published(place) as found:
+            target = at(place, f"exports/{format}/{found.snapshot.id}")
+            written = _export(found, format, here, (), False, options)
+        names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())
+        each(lambda name: objects.put(at(target, name).path, at(here, name)), [n for n in names if n != MARKER], target)
+        objects.put((target / MARKER).path, here / MARKER)
+    finally:
+        shutil.rmtree(here, ignore_errors=True)
+    _forget_exports(target)
+    files = tuple(at(target, path.relative_to(here).as_posix()) for path in written.files if isinstance(path, Path))
+    return Exported(target, files, written.notes)
+
+
+def _forget_exports(newest: S3Folder) -> None:
+    """Remove what lies beside the newest export of a format in a bucket, but for the one before it."""
+    beside = {name: one for name, one in objects.listed(newest.parent.path).items() if "/" in name}
+    whole = {name.partition("/")[0]: one.written for name, one in beside.items() if name.endswith(f"/{MARKER}")}
+    before = max(whole.keys() - {newest.name}, key=lambda name: whole[name], default=None)
+    for name in {name.partition("/")[0] for name in beside} - {newest.name, before}:
+        remove(newest.parent / name)
 
 
 def _check_target(target: Path, format: str, as_file: bool) -> None:

@@ -7,8 +7,7 @@ from datetime import datetime
 import pytest
 
 from facade_core.errors import InputError
-from flows.asked import Asked
-from flows.city import ends_at
+from flows.asked import Asked, ends_at
 
 
 @pytest.mark.parametrize(

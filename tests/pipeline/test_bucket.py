@@ -167,7 +167,7 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
     for style, name in (("glb", ""), ("gpkg", "a.gpkg")):
         exported = call(main, ["export", str(runs.out), "--format", style, "--to", str(tmp_path / (name or style))])
         assert exported.exit_code == 0, exported.output
-    refused = call(main, ["export", str(runs.out), "--format", "glb"])
+    refused = call(main, ["export", str(runs.out), "--format", "glb", "--building", "a"])
     assert refused.exit_code == 2
     assert "--to" in refused.stderr
     examined = call(main, ["doctor", str(runs.out), "--json"])

@@ -87,7 +87,7 @@ def test_context_reaches_as_far_as_what_is_asked_for_reads() -> None:
 @pytest.mark.parametrize(
     ("values", "said"),
     [
-        ({"name": "a", "buildings": {"path": "b"}}, "streets: missing"),
+        ({"name": "a", "buildings": {"path": "b"}}, "streets: missing.*streetloom run"),
         ({"name": "a", "buildings": {"path": "b"}, "streets": {"path": "s"}, "cut": {"meters": 3}}, "cut: "),
         ({"name": "a", "buildings": {"path": "b"}, "streets": {"path": "s"}, "cut": {"metres": 3}}, "20 to 20000"),
         ({"name": "a", "buildings": {"path": "b"}, "streets": {"path": "s"}, "part": {}}, "part: "),

@@ -40,7 +40,7 @@ def test_a_query_of_what_is_joined_is_one_of_the_runs(
 ) -> None:
     before = answer(tmp_path)
     join_runs(tmp_path, runs)
-    monkeypatch.setattr(asking, "_schema", lambda path: pytest.fail(f"{path} is read"))
+    monkeypatch.setattr(asking, "schema_of", lambda path: pytest.fail(f"{path} is read"))
     pd.testing.assert_frame_equal(answer(tmp_path), before)
     assert set(query(tmp_path, where="run = 'blocks/x2'").block) == {"x2"}
     west = before[before.id == "w12-f0"].iloc[0]

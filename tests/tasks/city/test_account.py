@@ -13,7 +13,7 @@ from catalogs.block import read_block
 from facade_core.errors import InputError
 from tasks.city import account as accounts
 from tasks.city import blocks
-from tasks.city.account import Account, Ended, known, read_account, stands, version
+from tasks.city.account import Account, Ended, known, read_account, stands, version, write_ended
 from tests.pipeline.stages import write_block
 
 # Houses along one street, farther apart than context reaches.
@@ -83,8 +83,20 @@ def test_a_block_stands_where_it_was_done_by_this_code_of_what_it_reads(tmp_path
 
 
 def test_what_cannot_be_read_is_known_of_no_block(tmp_path: Path) -> None:
-    (tmp_path / "city.json").write_text(json.dumps({"name": "a", "blocks": {"x": {"colour": 3}}}))
+    (tmp_path / "city.json").write_text(json.dumps({"name": "a", "colour": 3}))
     assert read_account(tmp_path) == Account("")
+
+
+def test_each_block_has_a_record_of_its_own(tmp_path: Path) -> None:
+    account, _ = known(town(tmp_path), tmp_path / "out")
+    held = (tmp_path / "out" / "city.json").stat()
+    one, other, *_ = account.blocks
+    how = Ended(0, digest="d", snapshot="S1", summary={"facades_done": 3}, seconds=2.0)
+    write_ended(tmp_path / "out", one, how)
+    write_ended(tmp_path / "out", other, Ended(1, reason="cut"))
+    (tmp_path / "out" / "blocks" / other / "ended.json").write_text("{cut")
+    assert (tmp_path / "out" / "city.json").stat().st_ino == held.st_ino, "the cost of a block is not all blocks'"
+    assert read_account(tmp_path / "out").blocks == {**account.blocks, one: how}, "of a damaged record nothing is known"
 
 
 def test_failed_blocks_are_told_and_the_others_added_up(tmp_path: Path) -> None:
