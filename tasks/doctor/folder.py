@@ -60,14 +60,22 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
         yield Finding("store", False, f"the newest snapshot cannot be read ({line}); {again} goes back to one that can")
         yield from _published(out, None, again)
         return
-    yield _units(attrs, records, again)
+    yield _units(attrs, records, group, again)
     yield from _store(out, repository, session, group, again)
     yield from _published(out, session.snapshot_id, again)
     yield _stale(out, source, session, group)
 
 
-def _units(attrs: dict[str, Any], records: dict[str, list[Record | None]], again: str) -> Finding:
-    states = Counter(r["status"] if r else "waiting" for journal in records.values() for r in journal)
+def _units(
+    attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str
+) -> Finding:
+    # a street from which no wall is seen has nothing to be done, and no record
+    seen = set(group["viewpoints/street"][:].tolist())
+    kept = {
+        stage: [r for index, r in enumerate(journal) if r or stage != "streets" or index in seen]
+        for stage, journal in records.items()
+    }
+    states = Counter(r["status"] if r else "waiting" for journal in kept.values() for r in journal)
     told = ", ".join(f"{states[state]} {state}" for state in ("done", "failed", "stale", "waiting") if states[state])
     left = sum(states.values()) - states["done"]
     return Finding("units", not left, f"block {attrs.get('block')}: {told}{f'; {again} goes on' if left else ''}")
