@@ -207,7 +207,11 @@ def _nothing(
     if keys.area:
         named = " of these names" if key == "streets" and keys.streets and keys.streets.names else ""
         span = f"; they span [{', '.join(f'{value:.4f}' for value in bounds)}]" if bounds else ""
-        return file.fault("area", f"{path} has no {key}{named} inside area {keys.area}{span}; mend area")
+        south, west, north, east = keys.area
+        remedy = "mend area"
+        if bounds and west <= bounds[2] and east >= bounds[0] and south <= bounds[3] and north >= bounds[1]:
+            remedy = f"latitudes come first there: write {[west, south, east, north]}"
+        return file.fault("area", f"{path} has no {key}{named} inside area {keys.area}{span}; {remedy}")
     return file.fault(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
 
 

@@ -23,7 +23,8 @@ def _even(value: int) -> int:
 def _box(area: list[float]) -> list[float]:
     west, south, east, north = area
     if not (-180 <= west < east <= 180 and -90 <= south < north <= 90):
-        raise ValueError("must be [west, south, east, north] in degrees of longitude and latitude")
+        turned = "; west and east, or south and north, are changed about" if west > east or south > north else ""
+        raise ValueError(f"must be [west, south, east, north] in degrees of longitude and latitude{turned}")
     return area
 
 
@@ -172,6 +173,8 @@ def check_keys(values: Any) -> BlockKeys:
 
 
 _UNKNOWN = ("extra_forbidden", "unexpected_keyword_argument", "invalid_key")
+# Keys that only the file of a city has.
+OF_A_CITY = ("cut", "blocks")
 _OUTSIDE = ("greater_than_equal", "less_than_equal", "finite_number")
 _EXPECTED = {
     "float_type": ("a number", "write it in digits, without quotes"),
@@ -186,6 +189,8 @@ _EXPECTED = {
 def _line(fault: Mapping[str, Any]) -> str:
     kind, value = fault["type"], fault["input"]
     key = str(fault["loc"][-1]) if kind == "invalid_key" else dotted(fault["loc"])
+    if kind in _UNKNOWN and key in OF_A_CITY:
+        return f"{key}: is a key of a city, and this is to be one block; run it with `streetloom city`"
     if kind in _UNKNOWN:
         return f"{key if len(key) <= 60 else key[:57] + '...'}: unknown key; {_suggestion(key[:60])}"
     if kind == "missing":

@@ -66,9 +66,7 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
     yield _stale(out, source, session, group)
 
 
-def _units(
-    attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str
-) -> Finding:
+def _units(attrs: dict[str, Any], records: dict[str, list[Record | None]], group: StoreGroup, again: str) -> Finding:
     # a street from which no wall is seen has nothing to be done, and no record
     seen = set(group["viewpoints/street"][:].tolist())
     kept = {

@@ -103,6 +103,21 @@ def test_streets_by_name_photos_by_facade_and_a_named_frame(read: Read, folder: 
         ("", {"buildings": ""}, "buildings: missing; write buildings: {path: FILE}"),
         ("", {"streets": "streets: {path: city.osm.pbf, names: [Mikkonkatu]}"}, "did you mean Mikonkatu?"),
         ("", {"area": "area: [24.947, 60.165, 24.940, 60.169]"}, "area: must be [west, south, east, north]"),
+        (
+            "",
+            {"area": "area: [24.947, 60.165, 24.940, 60.169]"},
+            "west and east, or south and north, are changed about",
+        ),
+        (
+            "",
+            {"area": "area: [60.165, 24.940, 60.169, 24.947]"},
+            "latitudes come first there: write [24.94, 60.165, 24.947",
+        ),
+        (
+            "cut: {metres: 400}",
+            {},
+            "cut: is a key of a city, and this is to be one block; run it with `streetloom city`",
+        ),
         ("", {"area": "area: [24, 60, 25]"}, "area: wrong number of entries"),
         (
             "",
