@@ -43,7 +43,7 @@ def main() -> None:
 def _exported(out: Path, style: str, to: Path) -> Path:
     from tasks.export.formats import export
 
-    return export(out, style, to).files[0]
+    return Path(str(export(out, style, to).files[0]))
 
 
 def of_model(given: Path, folder: Path) -> Path:

@@ -102,7 +102,7 @@ def main() -> None:
                 textures=textures,
                 max_texture_mb=arguments.max_texture_mb,
             )
-            told[textures] = measure(made.path) | {"seconds": round(time.monotonic() - start, 1)}
+            told[textures] = measure(Path(str(made.path))) | {"seconds": round(time.monotonic() - start, 1)}
     print(json.dumps(told, indent=1))
 
 

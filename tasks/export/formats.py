@@ -115,7 +115,6 @@ def _export(
             "block": found.block,
             "snapshot": found.snapshot.id,
             "crs": found.crs,
-            "notes": notes,
         }
         about |= {"notes": notes, "files": main, "digests": _digests(temporary)}
         (temporary / MARKER).write_text(json.dumps(about, indent=1) + "\n")
