@@ -11,7 +11,7 @@ import numpy as np
 from facade_core.errors import InputError
 from facade_core.export.pages import QUALITY, encode
 
-# Of WebP and of ETC1S, chosen to lose no more than JPEG at QUALITY (benchmarks.tiles): 0 to 100.
+# Of WebP and of ETC1S, 0 to 100, by the eye: what they lose beside JPEG at QUALITY is not measured.
 WEBP_QUALITY, ETC1S_QUALITY, ETC1S_EFFORT = 85, 90, 1
 # A texture and its mipmaps: a third more.
 MIPMAPS = 4 / 3
