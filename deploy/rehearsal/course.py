@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import signal
+import socket
 import subprocess
 import sys
 import time
@@ -68,6 +69,7 @@ class Parts:
         here = ["--host", self.net.addresses["scheduler"], "--port", "8786", "--protocol", "tls"]
         command = [sys.executable, "-m", "dask", "scheduler", *here, "--dashboard-address", ":8787"]
         self.net.start("scheduler", "scheduler", command, self.environment(), self.folder)
+        self.until(lambda: listens(self.net.addresses["scheduler"], 8786), "the scheduler listens")
 
     def worker(self, name: str, code: Path = ROOT) -> None:
         options = ["--nthreads", "1", "--memory-limit", "2GB", "--name", name, "--host", self.net.addresses[name]]
@@ -107,6 +109,15 @@ class Parts:
     def said(self, name: str) -> str:
         log = self.net.logs / f"{name}.log"
         return log.read_text(errors="replace") if log.exists() else ""
+
+
+def listens(address: str, port: int) -> bool:
+    """Whether somebody takes a connection there."""
+    try:
+        socket.create_connection((address, port), timeout=5).close()
+    except OSError:
+        return False
+    return True
 
 
 def answers(url: str, body: Mapping[str, Any] | None = None) -> Any:

@@ -26,7 +26,7 @@ PLAIN_BAYS = 1.3
 BARE, EVEN = (0.08, 0.12, 0.18, 0.27, 0.4), 3.0
 # Walls between seams that are as wide as so many bays have whole ones. A window lies beside a seam within a bay by so much,
 # metres, and by so many texels, and may be so much narrower for it; where it would be narrower still, there is none.
-WHOLE, BESIDE_SEAM_M, BESIDE_SEAM_TEXELS, NARROWER = 0.75, 0.08, 2.5, 0.5
+WHOLE, BESIDE_SEAM_M, BESIDE_SEAM_TEXELS, NARROWER = 0.75, 0.08, 3.0, 0.5
 # A ground floor goes on over a narrow wall where at least so much of it is wall.
 WALLED = 0.6
 # And over a corner that shows no shop.
