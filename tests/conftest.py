@@ -13,6 +13,7 @@ import pytest
 from hypothesis import settings
 
 from tasks.compute.workers import limit_threads
+from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages
 from tests.pipeline.runs import TYPED, run, write_block
 

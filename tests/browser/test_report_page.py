@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import wait
+from tests.chromium import wait
 from tests.faults.hostile_names import hostile_block
 
 

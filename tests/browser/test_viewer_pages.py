@@ -17,7 +17,7 @@ from PIL import Image
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from flows.lock import locked
-from tests.browser.conftest import wait
+from tests.chromium import wait
 from tests.pipeline.viewed import get, viewing
 
 

@@ -13,8 +13,6 @@ from typing import Any
 
 import pytest
 
-from tests.browser.conftest import browser as browser  # the same Chromium
-
 HERE = Path(__file__).resolve().parent
 PACKAGES = HERE.parent.parent / ".venv" / "clients" / "node_modules"
 
