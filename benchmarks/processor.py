@@ -131,7 +131,7 @@ class Clock:
                 "count": len(of),
                 "median": round(statistics.median(of), 3),
                 "max": round(max(of), 3),
-                "total": round(sum(of), 1),
+                "total": round(sum(of), 2),
             }
             for name, of in self._seconds.items()
         }

@@ -1,11 +1,13 @@
-"""The model by which `streetloom plan` estimates a city: fitted on blocks of several sizes and densities, checked on one that
-it was not fitted on. Seconds are those of the processor, so other work on the machine does not count.
+"""The model by which `streetloom plan` estimates a city: fitted on blocks of several sizes, densities and panoramas, checked on
+blocks that it was not fitted on. Seconds are those of the processor, so other work on the machine counts little.
 
-    python -m benchmarks.city.cost [--blocks 1x1@3 3x1@3 1x1@8 1x1@3/4.5] [--check 2x1@5 3x3@4] [--write]
+    python -m benchmarks.city.cost [--blocks ...] [--command ...] [--check ...] [--keep FILE] [--write]
 
-A block is so many tiles of a town (`benchmarks.city.reading`) at so many texels a metre, and viewpoints so far apart (9 m). Its
-stages are run one after the other in this process, after one that compiles; what the command takes beside, for starting and
-ending, is measured on the first.
+A block is so many tiles of a town (`benchmarks.city.reading`), or one of those into which packaged Helsinki is cut, at so many
+texels a metre, with panoramas so many pixels wide: 3x1@8:256, x966y16682@16:512. Stages of those that the model is fitted on
+run one after the other in this process (`benchmarks.processor`), after one that compiles; what the command takes beside, to
+start, report and end, is that of those of `--command`, which it runs too. Those of `--check` are run by the command alone, as
+`streetloom city` does: by what the model is off there, it may be off of a city.
 """
 
 from __future__ import annotations
@@ -15,157 +17,178 @@ import json
 import os
 import platform
 import re
+import sys
 import tempfile
+import threading
 import time
-from collections.abc import Sequence
-from dataclasses import asdict, dataclass
-from datetime import UTC, datetime
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from benchmarks.city.laying import COMMAND, COURSE, EXPORT, OF_BYTES, OF_SECONDS, Ran, errors, fit, of_it
 from benchmarks.city.reading import write_town
-from benchmarks.decisions.timing import bytes_in, figures
+from benchmarks.city.whole import write_city
+from benchmarks.decisions.timing import bytes_in
+from benchmarks.processor import measured
 from catalogs.block import read_block
+from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.store import BRANCH, open_repository
-from tasks.city.account import Ended
-from tasks.city.cost import COEFFICIENTS, WHAT, Cost, cost_of
-from tasks.city.counting import NOTHING, Counts, counts_of
+from tasks.city.account import BLOCKS, Ended
+from tasks.city.blocks import read_city
+from tasks.city.cost import COEFFICIENTS
+from tasks.city.counting import Counts, counts_of
 from tasks.city.running import run_block
-from tasks.stages.publish import publish_block
+from tasks.export.formats import export
 from tasks.store.commits import journal
-from tests.pipeline.stages import texture
 
-# What a block's seconds, bytes and commits are laid to, by least squares that are not negative: few enough for few blocks.
-OF = {
-    "seconds": ("facades", "viewpoints", "megatexels", "blocks"),
-    "bytes": ("facades", "viewpoints", "megatexels", "blocks"),
-    "commits": ("facades", "viewpoints", "blocks"),
-}
-
-
-@dataclass(frozen=True)
-class Ran:
-    """A block that was run: its name, texels a metre; what its map told, what it had; seconds, bytes, commits."""
-
-    name: str
-    density: float
-    told: Counts
-    had: Counts
-    seconds: float
-    bytes: float
-    commits: float
+FITTED = (
+    "1x1@3:128",
+    "3x1@3:128",
+    "3x3@3:128",
+    "1x1@8:256",
+    "1x1@16:512",
+    "1x1@32:1024",
+    "x966y16681@3:128",
+    "x966y16682@16:512",
+)
+COMMANDS = ("1x1@3:128", "3x3@3:128", "1x1@32:1024")
+CHECKED = ("2x1@12:384", "x966y16681@8:256", "x966y16682@32:1024")
+# Exemplars of Helsinki's blocks: few, as each block prepares them.
+EXEMPLARS, METRES = 6, 400.0
+NAME = re.compile(r"(?:(\d+)x(\d+)|(x\d+y\d+))@([\d.]+):(\d+)")
 
 
-def run(folder: Path, name: str) -> Ran:
-    """Run a block, such as 3x1@8: tiles along and across, texels a metre."""
-    density = _written(folder, name)
-    told = counts_of(read_block(folder / "block.yaml"))
-    begun = time.process_time()
-    done = texture(folder / "block.yaml", folder / "out").run
-    repository = open_repository(done.store)
-    commits = len(list(repository.ancestry(branch=BRANCH))) - 1
-    publish_block.fn(done, folder / "block.yaml")
-    seconds = time.process_time() - begun
-
-    def count(stage: str, start: str = "") -> int:
-        return sum(record is not None and record["unit"].startswith(start) for record in journal(done.store, stage))
-
-    had = Counts(
-        count("facades"), count("viewpoints"), count("surfaces", "ground-"), count("exemplars"), told.megatexels
-    )
-    return Ran(name, density, told, had, seconds, float(bytes_in(folder / "out")), float(commits))
-
-
-def _written(folder: Path, name: str) -> float:
-    """Write a block by its name; says its texels a metre."""
-    found = re.fullmatch(r"(\d+)x(\d+)@([\d.]+)(?:/([\d.]+))?", name)
+def write_named(folder: Path, name: str) -> tuple[Path, float]:
+    """Write a block by its name; returns its block file and its texels a metre."""
+    found = NAME.fullmatch(name)
     if found is None:
-        raise SystemExit(f"{name}: is no block; write it such as 3x1@8 or 1x1@3/4.5")
-    columns, rows, density, spacing = found.groups()
-    write_town(folder, int(columns), int(rows), texels=float(density), spacing=float(spacing or 9))
-    return float(density)
+        raise SystemExit(f"{name}: is no block; write it such as 3x1@8:256 or x966y16682@16:512")
+    columns, rows, of_city, density, panorama = found.groups()
+    if of_city is None:
+        write_town(folder, int(columns), int(rows), texels=float(density), panorama=int(panorama))
+        return folder / "block.yaml", float(density)
+    texture = {"texels_per_metre": float(density), "panorama_width": int(panorama), "viewpoint_spacing": 9.0}
+    read_city(write_city(folder, texture, METRES, EXEMPLARS), folder / "cut")
+    return folder / "cut" / "input" / f"{of_city}.yaml", float(density)
 
 
-def starting(folder: Path, name: str, units: float) -> float:
-    """What the command takes of a block beside its units, its 3D Tiles included, seconds of the processor."""
-    _written(folder, name)
-    options = ["--workers", "1"]
-    ended = run_block.fn(folder, "one", folder / "block.yaml", options, Ended(), "", "", None, tiles=True)
+def by_stages(folder: Path, name: str) -> Ran:
+    """Run a block's stages in this process."""
+    block_file, density = write_named(folder, name)
+    with _commits(folder / "out" / "store") as commits:
+        took = measured(folder / "out", block_file, None, 1, [])["seconds"]
+    begun = time.process_time()
+    export(folder / "out", "3dtiles")
+    seconds = dict.fromkeys((*OF_SECONDS, EXPORT), 0.0) | {EXPORT: time.process_time() - begun}
+    del seconds[COMMAND]
+    for named, of in took.items():
+        if named.partition(" ")[0] not in ("imports", "compile"):
+            stage = named.partition(":")[0] if ":" in named else COURSE
+            seconds[_STAGES.get(stage, stage) if stage in _STAGES or stage in seconds else COURSE] += of["total"]
+    return _ran(name, density, block_file, folder / "out", seconds, max(commits))
+
+
+# Stages whose seconds are laid to the same.
+_STAGES = {"streets": "viewpoints"}
+
+
+def by_command(folder: Path, name: str) -> Ran:
+    """Run a block as `streetloom city` does, with one worker."""
+    block_file, density = write_named(folder, name)
+    out = folder / BLOCKS / "one"
+    out.parent.mkdir(parents=True)
+    with _commits(out / "store") as commits:
+        ended = run_block.fn(folder, "one", block_file, ["--workers", "1"], Ended(), "", "", None, tiles=True)
     if ended.code:
         raise SystemExit(f"{name}: {ended.reason}")
-    return max(0.0, ended.processor - units)
+    return _ran(name, density, block_file, out, {COMMAND: ended.processor}, max(commits))
 
 
-def fit(blocks: Sequence[Ran], start: float, machine: str = "") -> Cost:
-    """The model of some blocks, run on a machine of these words."""
-    told, had = (sum((getattr(block, name) for block in blocks), NOTHING) for name in ("told", "had"))
-    each = {name: getattr(had, name) / max(getattr(told, name), 1e-9) for name in WHAT}
-    parts = {what: _laid(blocks, what, names) for what, names in OF.items()}
-    parts["seconds"]["blocks"] = figures(parts["seconds"]["blocks"] + start)
-    return cost_of(
-        {
-            "fitted": {
-                "on": datetime.now(UTC).strftime("%Y-%m-%d"),
-                "machine": machine,
-                "blocks": len(blocks),
-                "facades": int(had.facades),
-                "texels_per_metre": sorted({block.density for block in blocks}),
-            },
-            "counted": {name: figures(value) for name, value in each.items()},
-            **parts,
-        }
+def _ran(name: str, density: float, block_file: Path, out: Path, seconds: Mapping[str, float], commits: int) -> Ran:
+    told = counts_of(read_block(block_file))
+
+    def count(stage: str, start: str = "") -> int:
+        return sum(one is not None and one["unit"].startswith(start) for one in journal(out / "store", stage))
+
+    plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
+    placement = plan.scene.placement
+    texels = float((placement.width.astype(float) * placement.height)[plan.own].sum())
+    had = Counts(
+        facades=count("facades"),
+        viewpoints=count("viewpoints"),
+        ground=count("surfaces", "ground-"),
+        exemplars=count("exemplars"),
+        megatexels=texels / 1e6,
     )
+    had = replace(had, megapixels=told.megapixels * had.viewpoints / max(told.viewpoints, 1.0))
+    sizes = {part: float(bytes_in(out / part)) for part in OF_BYTES}
+    return Ran(name, density, told, had, seconds, sizes, {"commits": float(commits)})
 
 
-def _laid(blocks: Sequence[Ran], what: str, names: Sequence[str]) -> dict[str, float]:
-    """Least squares of shares: a block that is off by a tenth counts the same whatever its size."""
-    from scipy.optimize import nnls
+@contextmanager
+def _commits(store: Path) -> Iterator[list[int]]:
+    """How many snapshots there are of a store, looked at until the end: publishing expires those before."""
+    seen, over = [0], threading.Event()
 
-    took = np.array([getattr(block, what) for block in blocks])
-    columns = np.array([[getattr(block.had, name) for name in names] for block in blocks])
-    found, _ = nnls(columns / took[:, None], np.ones(len(blocks)))
-    return dict.fromkeys(WHAT, 0.0) | {name: figures(one) for name, one in zip(names, found.tolist(), strict=True)}
+    def look() -> None:
+        while not over.wait(0.1):
+            if (store / "snapshots").is_dir():
+                seen.append(sum(1 for _ in os.scandir(store / "snapshots")))
 
-
-def checked(cost: Cost, blocks: Sequence[Ran], start: float) -> dict[str, Any]:
-    """What the model says of the units of blocks that were run, beside what they took."""
-    said = sum((block.told.times(cost.counted) for block in blocks), NOTHING)
-    pairs = {name: (getattr(said, name), sum(getattr(b.had, name) for b in blocks)) for name in WHAT[:3]}
-    for what in OF:
-        beside = start * len(blocks) if what == "seconds" else 0.0
-        spent = sum(asdict(said.times(getattr(cost, what))).values()) - beside
-        pairs[what] = spent, sum(getattr(block, what) for block in blocks)
-    return {
-        name: {"said": figures(one), "took": figures(took), "of_it": figures(one / took)}
-        for name, (one, took) in pairs.items()
-    }
+    watcher = threading.Thread(target=look)
+    watcher.start()
+    try:
+        yield seen
+    finally:
+        over.set()
+        watcher.join()
 
 
 def main() -> None:
     """Run the blocks, fit the model, check it, print all of that as JSON."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--blocks", nargs="+", default=["1x1@3", "3x1@3", "1x1@8", "1x1@3/4.5"], help="to fit on")
-    parser.add_argument("--check", nargs="*", default=["2x1@5", "3x3@4"], help="to check on")
+    parser.add_argument("--blocks", nargs="+", default=FITTED, help=f"to fit on [{' '.join(FITTED)}]")
+    parser.add_argument(
+        "--command", nargs="+", default=COMMANDS, help=f"of these, by the command too [{' '.join(COMMANDS)}]"
+    )
+    parser.add_argument("--check", nargs="*", default=CHECKED, help=f"to check on [{' '.join(CHECKED)}]")
     machine = f"{os.cpu_count()} cores, {platform.machine()}"
     parser.add_argument("--machine", default=machine, help=f"on which they are run, in words [{machine}]")
+    parser.add_argument("--keep", type=Path, help="a file of blocks that were run, which are not run again")
     parser.add_argument("--write", action="store_true", help="keep the model in the project")
     asked = parser.parse_args()
-    ran: dict[str, Ran] = {}
     with tempfile.TemporaryDirectory() as name:
-        run(Path(name) / "compiles", asked.blocks[0])
-        for number, block in enumerate((*asked.blocks, *asked.check)):
-            ran[block] = run(Path(name) / str(number), block)
-            print(json.dumps(asdict(ran[block])), flush=True)
-        start = starting(Path(name) / "command", asked.blocks[0], ran[asked.blocks[0]].seconds)
-    fitted_on = [ran[block] for block in asked.blocks]
-    cost = fit(fitted_on, figures(start), asked.machine)
-    result = {"model": asdict(cost), "fitted_on_itself": checked(cost, fitted_on, start)}
-    held = {block: checked(cost, [ran[block]], start) for block in asked.check}
-    print(json.dumps(result | {"check": held}, indent=1))
+        ran = _run(Path(name), asked)
+    fitted_on = [ran[f"stages {block}"] for block in asked.blocks]
+    for one in (ran[f"command {block}"] for block in asked.command):
+        alone = ran[f"stages {one.name}"].all_of("seconds")
+        fitted_on.append(replace(one, seconds={COMMAND: max(one.seconds[COMMAND] - alone, 0.0)}, bytes={}, commits={}))
+    held = {block: of_it(fit(fitted_on), ran[f"command {block}"]) for block in asked.check}
+    cost = fit(fitted_on, asked.machine, errors(list(held.values())) if held else None)
+    on_itself = {block: of_it(cost, ran[f"command {block}"]) for block in asked.command}
+    print(json.dumps({"model": asdict(cost), "fitted_on": on_itself, "check": held}, indent=1))
     if asked.write:
         COEFFICIENTS.write_text(json.dumps(asdict(cost), indent=1) + "\n", encoding="utf-8")
+
+
+def _run(folder: Path, asked: argparse.Namespace) -> dict[str, Ran]:
+    """Each block that is not kept, as it is wanted."""
+    kept: dict[str, Any] = json.loads(asked.keep.read_text("utf-8")) if asked.keep and asked.keep.is_file() else {}
+    ran = {key: Ran(**one | {w: Counts(**one[w]) for w in ("told", "had")}) for key, one in kept.items()}
+    wanted = [f"stages {one}" for one in asked.blocks]
+    wanted += [f"command {one}" for one in (*asked.command, *asked.check)]
+    for number, key in enumerate(one for one in wanted if one not in ran):
+        how, _, name = key.partition(" ")
+        act = by_stages if how == "stages" else by_command
+        if number == 0:
+            by_stages(folder / "compiles", asked.blocks[0])
+        ran[key] = act(folder / str(number), name)
+        print(json.dumps({key: asdict(ran[key])}), file=sys.stderr, flush=True)
+        if asked.keep:
+            asked.keep.write_text(json.dumps({key: asdict(one) for key, one in ran.items()}), encoding="utf-8")
+    return ran
 
 
 if __name__ == "__main__":

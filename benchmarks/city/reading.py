@@ -26,7 +26,7 @@ HOUSES = ((8, 56, 14, 9, 7.0), (22, 56, 12, 9, 10.0), (55, 56, 16, 9, 9.0), (10,
 
 
 def write_town(
-    folder: Path, columns: int, rows: int, *, metres: int = TILE_M, texels: float = 3.0, spacing: float = 9.0
+    folder: Path, columns: int, rows: int, *, metres: int = TILE_M, texels: float = 3.0, panorama: int = 128
 ) -> Path:
     """A city file of so many tiles, of five houses each, streets along all of them, cut into blocks of so many metres."""
     houses = {
@@ -40,7 +40,7 @@ def write_town(
         f"n{column}": [(TILE_M * column, y) for y in (10, *range(50, TILE_M * rows, TILE_M), TILE_M * rows - 10)]
         for column in range(columns)
     }
-    texture = {"texels_per_metre": texels, "viewpoint_spacing": spacing}
+    texture = {"texels_per_metre": texels, "panorama_width": panorama}
     block = write_block(folder, buildings=houses, streets=along | across, texture=texture)
     keys = yaml.safe_load(block.read_text()) | {"name": "town", "cut": {"metres": metres}}
     (folder / "town.yaml").write_text(yaml.safe_dump(keys))

@@ -69,12 +69,12 @@ def run(block: Path, out: Path, workers: int) -> Ran:
 
 def _watch(process: subprocess.Popen, store: Path, ran: Ran) -> None:
     while process.poll() is None:
-        ran.looks.append(_look(process.pid))
+        ran.looks.append(look_at(process.pid))
         ran.history = max(ran.history, _history(store), key=lambda one: one[1])
         time.sleep(LOOK_S)
 
 
-def _look(pid: int) -> Look:
+def look_at(pid: int) -> Look:
     megabytes: dict[str, list[float]] = {"coordinator": [], "server": [], "workers": []}
     try:
         root = psutil.Process(pid)

@@ -102,12 +102,17 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
     counts = f"{said['facades']} facades, {said['viewpoints']} viewpoints, {said['ground']} pieces of ground"
     say(f"{account.name}: {said['blocks']} blocks, {counts}")
     alone = f"{said['processor_hours']:.2g} h of a processor"
+    off = {what: f"{share:.0%}" for what, share in fitted["error"].items()}
     say(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers}), {alone}")
     say(f"  kept   {said['gigabytes']:.2g} GB, {said['commits']} commits")
     say(f"  most   {said['bottleneck_share']:.0%} of the time: {said['bottleneck']}")
     densities = ", ".join(f"{one:g}" for one in fitted["texels_per_metre"])
     say(
         f"  model  fitted {fitted['on']} on {fitted['machine']}, {fitted['facades']} facades, {densities} texels a metre"
+    )
+    say(
+        f"  error  of blocks that it was not fitted on at most {off['seconds']} of a processor's time, {off['bytes']} of the "
+        f"bytes, {off['commits']} of the commits; time is of processors that do nothing else"
     )
 
 
@@ -130,6 +135,9 @@ def _show(summary: dict[str, Any]) -> None:
         say(f"  failed {failure['unit']}: {failure['reason']}")
     if summary["left"]:
         say(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
+    if (estimate := summary["estimate"])["processor_hours_taken"]:
+        taken, said = (f"{estimate[f'processor_hours{of}']:.2g} h" for of in ("_taken", ""))
+        say(f"  took   {taken} of a processor; said were {said}")
     say(f"  model  {summary['out']}/overview.glb")
     say(f"  look   streetloom query {summary['out']}")
 

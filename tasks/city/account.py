@@ -15,7 +15,7 @@ from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import unit_key
 from facade_core.errors import BlockFileError, InputError
 from tasks.city.blocks import City, CityBlock, read_city
-from tasks.city.cost import shipped
+from tasks.city.cost import WHAT, shipped
 from tasks.city.counting import Counts
 from tasks.city.sources import source_digest, version
 
@@ -143,14 +143,16 @@ def known(city_file: Path, out: Folder) -> tuple[Account, dict[str, Path]]:
         raise InputError(f"{out}: holds city {account.name}; give city {name} a folder of its own with --out")
     local = local_side(out)
     files = {name: local / "input" / f"{name}.yaml" for name in account.blocks}
+    counted = all(one.keys() == set(WHAT) for one in account.told.values())
     whole = account.told.keys() == account.blocks.keys() and all(
         file.is_file() and file.with_suffix(".npz").is_file() for file in files.values()
     )
-    if source and whole and account.source == f"{source} {version()}":
+    if source and counted and whole and account.source == f"{source} {version()}":
         return account, files
     before = {
         one: CityBlock(one, Path(), account.digests[one], Counts(**account.told[one]), of)
         for one, of in account.sources.items()
+        if counted
     }
     found = read_city(city_file, local, before)
     account = account.of(found, f"{source} {version()}" if source else "")

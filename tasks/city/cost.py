@@ -18,6 +18,7 @@ WORDS = {
     "viewpoints": "viewpoints of streets",
     "ground": "ground",
     "megatexels": "texels: half as many a metre are a quarter",
+    "megapixels": "pixels of panoramas: half as wide are a quarter",
     "exemplars": "exemplars, prepared by each block",
     "blocks": "starting blocks and publishing them, which workers wait for",
 }
@@ -25,7 +26,8 @@ WORDS = {
 
 @dataclass(frozen=True)
 class Cost:
-    """The model. fitted: when, on which machine, by how many blocks of which density (texels a metre).
+    """The model. fitted: when, on which machine, by how many blocks of which density (texels a metre); error: by which share of
+    them seconds, bytes and commits were off at most on blocks that it was not fitted on.
 
     counted: of each of WHAT how many there are for one that the map tells of; seconds, bytes, commits: what one takes: seconds
     of a processor that does nothing else, bytes kept in store and published.

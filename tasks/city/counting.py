@@ -9,6 +9,7 @@ import shapely
 
 from catalogs.block.reading import Block
 from facade_core.facades import FREE
+from facade_core.geometry.density import FAR_M, NEAR_M, PARTY, coarsest
 from facade_core.geometry.walls import JOINT_M, NARROW_M
 
 # Ground is cut on a grid of this step, and lies so far around buildings where no street is near, metres.
@@ -17,8 +18,8 @@ GROUND_M, AROUND_M = 32.0, 22.0
 
 @dataclass(frozen=True)
 class Counts:
-    """Of a block, or of some: facades, viewpoints, pieces of ground, exemplars (once for each block), millions of texels at the
-    full density, blocks."""
+    """Of a block, or of some: facades, viewpoints, pieces of ground, exemplars (once for each block), millions of texels,
+    blocks, millions of pixels of panoramas."""
 
     facades: float
     viewpoints: float
@@ -26,6 +27,7 @@ class Counts:
     exemplars: float
     megatexels: float
     blocks: float = 1.0
+    megapixels: float = 0.0
 
     def __add__(self, other: Counts) -> Counts:
         return Counts(*(getattr(self, f.name) + getattr(other, f.name) for f in fields(self)))
@@ -44,19 +46,45 @@ def counts_of(block: Block) -> Counts:
     walked = {s.id for s in block.streets} if part is None else set(part.streets)
     mine = [building for building in block.buildings if building.id in own]
     lines = [street.line for street in block.streets if street.id in walked]
-    spacing = block.texture.viewpoint_spacing
+    spacing, width = block.texture.viewpoint_spacing, block.texture.panorama_width
     viewpoints = sum(max(1, int(np.ceil((line.length - spacing / 2) / spacing))) for line in lines)
-    ground = _ground(block, own, walked)
+    cells = _ground(block, own, walked)
     exemplars = len(block.exemplars) if block.texture.walls == "exemplar" else 0
-    walls = sum(building.footprint.length * building.height + building.footprint.area for building in mine)
-    megatexels = (walls + ground * GROUND_M**2) * block.texture.texels_per_metre**2 / 1e6
-    return Counts(_free_walls(block, mine), viewpoints, ground, exemplars, megatexels)
+    density = _Density(block)
+    texels = sum(density.texels(shapely.box(x, y, x + GROUND_M, y + GROUND_M)) * GROUND_M**2 for x, y in cells)
+    texels += sum(building.footprint.area for building in mine) * density.coarsest**2  # roofs are seen from no street
+    free, of_walls = _walls(block, mine, density)
+    return Counts(
+        facades=free,
+        viewpoints=viewpoints,
+        ground=len(cells),
+        exemplars=exemplars,
+        megatexels=(texels + of_walls) / 1e6,
+        megapixels=viewpoints * width * (width // 2) / 1e6,
+    )
 
 
-def _free_walls(block: Block, mine: list) -> int:
-    """The walls of some buildings that stand free of others, by their outlines."""
+class _Density:
+    """Texels by how near a street comes (`facade_core.geometry.density`), whatever stands between and whichever way a wall
+    looks."""
+
+    def __init__(self, block: Block) -> None:
+        self._full = block.texture.texels_per_metre
+        self.coarsest = coarsest(self._full)
+        self._streets = shapely.STRtree([street.line for street in block.streets])
+
+    def texels(self, shape: shapely.Geometry) -> float:
+        """Of a square metre of what is over some place on the map."""
+        halved = 2
+        if len(near := self._streets.query(shape, "dwithin", distance=FAR_M)):
+            halved = int(shapely.distance(self._streets.geometries[near], shape).min() > NEAR_M)
+        return max(self._full / 2**halved, self.coarsest) ** 2
+
+
+def _walls(block: Block, mine: list, density: _Density) -> tuple[int, float]:
+    """The walls of some buildings that stand free of others, by their outlines, and the texels of all of their walls."""
     outlines = [building.footprint for building in block.buildings]
-    tree, count = shapely.STRtree(outlines), 0
+    tree, count, texels = shapely.STRtree(outlines), 0, 0.0
     for building in mine:
         rings = [part.exterior for part in shapely.get_parts(building.footprint)]
         edges = np.concatenate([_edges(ring) for ring in rings])
@@ -64,10 +92,12 @@ def _free_walls(block: Block, mine: list) -> int:
             i for i in tree.query(building.footprint, "dwithin", distance=JOINT_M) if block.buildings[i] is not building
         ]
         against = shapely.union_all([outlines[i] for i in near]).buffer(JOINT_M)
-        long = shapely.length(edges) >= NARROW_M
-        left = shapely.length(shapely.difference(edges[long], against)) / shapely.length(edges[long])
-        count += int((left >= FREE).sum())
-    return count
+        lengths = shapely.length(edges)
+        left = shapely.length(shapely.difference(edges, against)) / np.maximum(lengths, 1e-9)
+        count += int(((left >= FREE) & (lengths >= NARROW_M)).sum())
+        for edge, metres, free in zip(edges, lengths.tolist(), left.tolist(), strict=True):
+            texels += metres * building.height * (density.texels(edge) if free > PARTY else density.coarsest**2)
+    return count, texels
 
 
 def _edges(ring: shapely.LinearRing) -> np.ndarray:
@@ -75,14 +105,16 @@ def _edges(ring: shapely.LinearRing) -> np.ndarray:
     return shapely.linestrings(np.stack([points[:-1], points[1:]], axis=1))
 
 
-def _ground(block: Block, buildings: set[str], streets: set[str]) -> int:
-    """The cells of the ground's grid to which something of the block's own is nearest."""
+def _ground(block: Block, buildings: set[str], streets: set[str]) -> list[tuple[float, float]]:
+    """The south-western corners of the cells of the ground's grid to whose middle something of the block's own is nearest."""
     shapes = [*(b.footprint for b in block.buildings), *(s.line for s in block.streets)]
     own = np.array([*(b.id in buildings for b in block.buildings), *(s.id in streets for s in block.streets)])
     low, high = np.reshape(shapely.total_bounds(np.array(shapes, object)[own]), (2, 2))
     reach = block.texture.visibility_range
     first, last = (np.floor((low - reach) / GROUND_M).astype(int), np.ceil((high + reach) / GROUND_M).astype(int))
     x, y = (np.arange(a, b) * GROUND_M + GROUND_M / 2 for a, b in zip(first, last, strict=True))
-    cells = shapely.points(np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2))
-    near = shapely.STRtree(shapes).query_nearest(cells, max_distance=max(reach, AROUND_M), all_matches=False)
-    return int(own[near[1]].sum())
+    middles = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    cell, near = shapely.STRtree(shapes).query_nearest(
+        shapely.points(middles), max_distance=max(reach, AROUND_M), all_matches=False
+    )
+    return [(x, y) for x, y in (middles[cell[own[near]]] - GROUND_M / 2).tolist()]
