@@ -38,6 +38,28 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
     DuckDB's own parser makes the tree that is checked, and the text that it parsed is the text that is returned, so
     nothing is run that was not looked at. Raises InputError in one line with the remedy.
     """
+    query = f"SELECT * FROM {table} WHERE {where}"
+    condition = _one_condition(connection, table, where)
+    _check(condition, where, columns)
+    _check_boolean(condition, where)
+    return query
+
+
+def all_of(conditions: Sequence[str]) -> str | None:
+    """The condition that holds where all of some do, None of none. Each is looked at alone before, so that none ends in the
+    middle of another. Raises InputError as `select_where`."""
+    if len(conditions) < 2:
+        return next(iter(conditions), None)
+    import duckdb
+
+    with duckdb.connect() as connection:
+        for one in conditions:
+            _one_condition(connection, "items", one)
+    return " AND ".join(f"({one}\n)" for one in conditions)  # a comment ends with its line
+
+
+def _one_condition(connection: duckdb.DuckDBPyConnection, table: str, where: str) -> Any:
+    """What DuckDB's parser makes of a text that is one condition."""
     if not where.strip():
         raise InputError(
             "--where is empty; give a condition such as \"floors >= 5 AND status = 'done'\", or leave it out"
@@ -46,8 +68,7 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
         raise InputError(f"--where has {len(where)} characters; at most {LONGEST} are read")
     if where != where.encode(errors="replace").decode():
         raise refusal(where, "it holds half a character", "write it as UTF-8")
-    query = f"SELECT * FROM {table} WHERE {where}"
-    tree = _tree(connection, query)
+    tree = _tree(connection, f"SELECT * FROM {table} WHERE {where}")
     if tree.get("error"):
         problem = tree["error_message"] if tree.get("error_type") == "parser" else "not a condition"
         raise refusal(where, problem, 'give one condition such as "floors >= 5"')
@@ -58,9 +79,7 @@ def select_where(connection: duckdb.DuckDBPyConnection, table: str, where: str, 
         raise refusal(
             where, "more than a condition", "give one boolean expression; ORDER BY, LIMIT and the like are not read"
         )
-    _check(condition, where, columns)
-    _check_boolean(condition, where)
-    return query
+    return condition
 
 
 def named_in(where: str, columns: Sequence[str]) -> list[str]:

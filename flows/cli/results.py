@@ -65,11 +65,12 @@ def query(
     """
     from catalogs.query import query as find
     from catalogs.query.answers import format_items, parquet_bytes
+    from catalogs.query.where import all_of
     from facade_core.errors import InputError
 
     if style == "parquet" and sys.stdout.isatty():
         raise InputError("--format parquet: is no text; send it to a file, such as > facades.parquet")
-    where = " and ".join(f"({one})" for one in conditions) if len(conditions) > 1 else next(iter(conditions), None)
+    where = all_of(conditions)
     found = find(folder, where=where, bbox=bbox or None, since=since, note=note)
     if style == "parquet":
         click.echo(parquet_bytes(found), nl=False)

@@ -19,7 +19,7 @@ from shapely import LineString
 import catalogs
 from catalogs.published.items import COLUMNS, ROW_KEYS, write_items
 from catalogs.query import format_items, query
-from catalogs.query.where import parse_since
+from catalogs.query.where import all_of, parse_since
 from facade_core.errors import InputError
 from flows.cli.commands import main
 
@@ -367,3 +367,16 @@ def test_a_time_without_a_zone_is_in_utc_wherever_the_machine_is(monkeypatch: py
     finally:
         monkeypatch.undo()
         time.tzset()
+
+
+def test_of_several_conditions_each_is_one_by_itself(out: Path) -> None:
+    assert all_of([]) is None
+    both = all_of(["floors >= 1 -- of any", "id = 'f1' OR id = 'f2'"])
+    assert list(query(out, where=both).id) == ["f1", "f2"]
+    for broken, words in (
+        ("id = 'f1') OR (TRUE", "syntax error"),
+        ("", "--where is empty"),
+        ("TRUE LIMIT 1", "more than"),
+    ):
+        with pytest.raises(InputError, match=words):
+            all_of(["floors >= 1", broken])
