@@ -272,4 +272,4 @@ def test_of_several_conditions_all_must_hold(tmp_path: Path, monkeypatch: pytest
     monkeypatch.setattr("catalogs.query.query", find)
     for more in ([], ["--where", "a or b"], ["--where", "a or b", "--where", "c"]):
         CliRunner().invoke(main, ["query", str(tmp_path), *more])
-    assert asked == [None, "a or b", "(a or b) and (c)"]
+    assert asked == [None, "a or b", "(a or b\n) AND (c\n)"]
