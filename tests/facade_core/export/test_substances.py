@@ -1,0 +1,34 @@
+"""What texels are of, by labels and by materials."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.export import substances
+from facade_core.export.substances import BRICK, FRAME, GLASS, OF_MATERIAL, OF_SURFACE, RAILING, ROUGHNESS, of_labels
+from facade_core.labels import BALCONY, CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.street import field_kernels as field
+from facade_core.types import SURFACES
+
+
+def test_every_label_material_and_surface_is_of_something() -> None:
+    labels = np.array([[*range(len(CLASSES)), UNKNOWN]], np.uint8)
+    found = of_labels(labels, BRICK, np.zeros(labels.shape, bool))
+    assert found[0, WALL] == found[0, -1] == BRICK
+    assert found[0, WINDOW] == FRAME
+    assert found[0, BALCONY] == RAILING
+    assert len(OF_SURFACE) == len(SURFACES)
+    assert set(OF_MATERIAL) == {
+        getattr(field, name)
+        for name in "SOIL SHEET TILE LAID PLASTER PANE BOARDS UNDERSIDE BRICK SLATE FELT BALLAST".split()
+    }
+    assert len(substances.SUBSTANCES) == len({one.name for one in substances.SUBSTANCES})
+
+
+def test_panes_are_glass_and_smoother_than_all_but_water() -> None:
+    labels = np.full((3, 3), WINDOW, np.uint8)
+    panes = np.zeros((3, 3), bool)
+    panes[1, 1] = True
+    found = of_labels(labels, BRICK, panes)
+    assert (found == GLASS).sum() == 1
+    assert np.sort(ROUGHNESS)[1] == ROUGHNESS[GLASS]
