@@ -46,9 +46,9 @@ bench: setup  ## What the demo's block takes; README names the command of each o
 	$(BIN)/streetloom bench block --json
 
 constraints: setup  ## Pin anew what pyproject.toml asks for
-	$(BIN)/uv pip compile pyproject.toml --extra dev --extra viewer --universal --python-version 3.11 \
+	$(BIN)/uv pip compile pyproject.toml --extra dev --extra otlp --extra viewer --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/constraints.txt
-	$(BIN)/uv pip compile pyproject.toml --extra viewer --universal --python-version 3.11 \
+	$(BIN)/uv pip compile pyproject.toml --extra otlp --extra viewer --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade \
 		-c deploy/constraints/constraints.txt -o deploy/constraints/runtime.txt
 	$(BIN)/uv pip compile pyproject.toml --extra dev --extra train --universal --python-version 3.11 \

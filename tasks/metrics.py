@@ -1,11 +1,14 @@
-"""What lies in runs' stores, as metrics in Prometheus' text format: read from the journals, whether a run is at work or not."""
+"""What lies in runs' stores, as metrics: read from the journals, whether a run is at work or not.
+
+They are defined here once, in Prometheus' form; `tasks.otlp` sends the same to a collector.
+"""
 
 from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Mapping
 
-from prometheus_client import CollectorRegistry, Gauge, generate_latest
+from prometheus_client import CollectorRegistry, Gauge
 
 from catalogs.published.places import Folder, sizes_in
 from catalogs.published.snapshot import current_if_any
@@ -17,7 +20,7 @@ from tasks.kinds.order import STAGES
 STATES = ("done", "failed", "stale")
 
 
-def exposition(runs: Mapping[str, Folder]) -> str:
+def metrics_of(runs: Mapping[str, Folder]) -> CollectorRegistry:
     """The metrics of runs, by the names that they are to be known by."""
     registry = CollectorRegistry()
     units = Gauge("streetloom_units", "Units in the journal.", ["run", "stage", "state"], registry=registry)
@@ -43,4 +46,4 @@ def exposition(runs: Mapping[str, Folder]) -> str:
         commits.labels(name).set(sum(1 for _ in repository.ancestry(branch=BRANCH)))
         held.labels(name).set(sum(sizes_in(folder / "store").values()))
         current.labels(name).set(current_if_any(folder) is not None)
-    return generate_latest(registry).decode()
+    return registry

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 import click
 
 from flows.cli.paths import EXISTING_OUT
+from flows.cli.say import say
 
 if TYPE_CHECKING:
     from catalogs.published.places import Folder
@@ -14,19 +15,30 @@ if TYPE_CHECKING:
 
 @click.command()
 @click.argument("out", metavar="OUT", type=EXISTING_OUT)
-def metrics(out: Folder) -> None:
+@click.option("--otlp", metavar="URL", help="Send them to this OpenTelemetry collector instead, over HTTP.")
+def metrics(out: Folder, otlp: str | None) -> None:
     """Print metrics of a run, or of all runs below OUT, in Prometheus' text format.
 
     Units by stage and state, seconds, commits, bytes of the store.
 
     \b
-    Example, for node_exporter's textfile collector:
+    Examples, the first for node_exporter's textfile collector:
       streetloom metrics out > /var/lib/node_exporter/streetloom.prom.tmp && mv /var/lib/node_exporter/streetloom.prom{.tmp,}
+      streetloom metrics out --otlp http://127.0.0.1:4318
     """
-    from catalogs.published.runs import stores_in
+    from prometheus_client import generate_latest
+
+    from catalogs.published.runs import publishes, stores_in
     from facade_core.errors import InputError
-    from tasks.metrics import exposition
+    from tasks.metrics import metrics_of
 
     if not (runs := stores_in(out)):
-        raise InputError(f"{out}: holds no run; `streetloom run BLOCK.yaml --out {out}` makes one")
-    click.echo(exposition(runs), nl=False)
+        raise InputError(f"{out}: holds no run; {publishes(out, 'makes one')}")
+    if otlp is None:
+        click.echo(generate_latest(metrics_of(runs)).decode(), nl=False)
+        return
+    try:
+        from tasks.otlp import send
+    except ModuleNotFoundError as error:
+        raise InputError(f"--otlp needs {error.name}; install it with: pip install 'streetloom[otlp]'") from error
+    say(f"{otlp}: took {send(metrics_of(runs), otlp)} values of {len(runs)} run{'s' if len(runs) > 1 else ''}")
