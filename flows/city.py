@@ -71,12 +71,14 @@ def city(
         workers: local processes of each block.
         dask: address of a Dask scheduler to use instead, which all blocks share.
         at_once: blocks at a time.
-        until: local time of day, such as 06:00, at which the run ends, done or not; what is committed stays.
+        until: local time of day, such as 06:00, at which the run ends, done or not; what is committed stays. It is
+            the next after the run was to begin: one that begins later, or is tried again then, begins no block.
         keep: published snapshots of each block to keep, the newest; all without.
         tiles: whether the 3D Tiles of each block are exported, to which out/tileset.json leads.
     """
     asked = Asked(workers, dask, at_once, until, keep, tiles)
-    summary = _run(city_file, folder_at(out or Path("out") / city_file.stem), asked, _recorded, tell_blocks)
+    since = flow_run.scheduled_start_time.astimezone().replace(tzinfo=None)
+    summary = _run(city_file, folder_at(out or Path("out") / city_file.stem), asked, since, _recorded, tell_blocks)
     if summary["failures"] or summary["left"]:
         said = f"{summary['blocks_done']} of {summary['blocks']} blocks are done; {len(summary['left'])} are left"
         failed = "; ".join(f"{one['unit']}: {one['reason']}" for one in summary["failures"][:3])
@@ -87,7 +89,7 @@ def city(
 def unrecorded_city(city_file: Path, out: Folder, asked: Asked) -> dict[str, Any]:
     """What `city` does, without a Prefect server."""
     with ThreadPoolExecutor(MOST_AT_ONCE, thread_name_prefix="blocks") as pool:
-        return _run(city_file, out, asked, partial(_unrecorded, pool), lambda account: None)
+        return _run(city_file, out, asked, datetime.now(), partial(_unrecorded, pool), lambda account: None)
 
 
 def _recorded(task: Task, *arguments: Any) -> PrefectFuture:
@@ -98,9 +100,11 @@ def _unrecorded(pool: ThreadPoolExecutor, task: Task, *arguments: Any) -> Future
     return pool.submit(task.fn, *arguments)
 
 
-def _run(city_file: Path, out: Folder, asked: Asked, submit: Submit, show: Callable[[Account], None]) -> dict[str, Any]:
+def _run(
+    city_file: Path, out: Folder, asked: Asked, since: datetime, submit: Submit, show: Callable[[Account], None]
+) -> dict[str, Any]:
     begun = time.monotonic()
-    ends = None if asked.until is None else ends_at(asked.until, datetime.now()).timestamp()
+    ends = None if asked.until is None else ends_at(asked.until, since).timestamp()
     with locked(out):
         account, files = known(city_file, out)
         due = account.due(out, tiles=asked.tiles)

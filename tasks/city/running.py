@@ -74,7 +74,7 @@ def _run(
     reason = "" if code == 0 else _reason(failures, ran.said)
     published = current_if_any(folder)
     snapshot = published.id if published else ""
-    tiled = before.tiles if before.tiles == snapshot and tileset_of(folder, snapshot).is_file() else ""
+    tiled = before.tiles if snapshot and before.tiles == snapshot and tileset_of(folder, snapshot).is_file() else ""
     if code in (0, 1) and tiles and snapshot and not tiled:
         exported = _called(["export", str(folder), "--format", "3dtiles"], ends)
         processor += exported.processor

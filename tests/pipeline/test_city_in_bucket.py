@@ -1,10 +1,16 @@
-"""A city of two blocks in a bucket is that of a folder; its blocks are run in this process, which starts none for each."""
+"""A city of two blocks in a bucket is that of a folder: with its blocks in this process, which starts none for each, and as it
+is typed, stopped by the clock, killed, and gone on with on a cluster."""
 
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
+import time
 from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime, timedelta
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -14,33 +20,45 @@ from click.testing import CliRunner
 import facade_core.export.views
 from catalogs.published import objects
 from catalogs.published.joined import joined_in
-from catalogs.published.places import Folder
+from catalogs.published.places import Folder, local_side
 from catalogs.published.s3 import S3Folder, folder_at
 from catalogs.query import query
+from facade_core.errors import InputError
+from flows import city as flows_of_cities
 from flows.asked import Asked
 from flows.block import unrecorded_block
 from flows.city import unrecorded_city
 from flows.cli.commands import main
 from tasks.city import running
+from tasks.city.running import TIME_IS_UP
 from tasks.export.formats import export
-from tests.bucket import SECRET, served
+from tests.bucket import KEY, SECRET, served
+from tests.pipeline.runs import ROOT, environment, working_in
 from tests.pipeline.stages import VIEW_SIZE, write_block
+from tests.pipeline.test_bucket import done
 from tests.pipeline.test_city import HOUSES, STREETS
+from tests.pipeline.test_cluster import finish, machines, wait_until
 
-pytestmark = pytest.mark.timeout(1200)
+pytestmark = pytest.mark.timeout(2400)
+
+# What runs a block as it is typed.
+TYPED = running._called
 
 
 def called(arguments: Sequence[str], ends: float | None) -> running.Called:
     """What the command line does with some arguments, here."""
     if arguments[0] == "run":
-        summary = unrecorded_block(Path(arguments[1]), folder_at(arguments[3]), workers=1)
+        try:
+            summary = unrecorded_block(Path(arguments[1]), folder_at(arguments[3]), workers=1)
+        except InputError as error:
+            return running.Called(2, str(error), "", 0.0)
         return running.Called(0, "", json.dumps(summary, default=str), 0.0)
     export(folder_at(arguments[1]), arguments[3])
     return running.Called(0, "", "", 0.0)
 
 
-def textured(file: Path, out: Folder) -> dict[str, Any]:
-    return unrecorded_city(file, out, Asked(workers=1))
+def textured(file: Path, out: Folder, **asked: Any) -> dict[str, Any]:
+    return unrecorded_city(file, out, Asked(workers=1, **asked))
 
 
 @pytest.fixture(scope="module")
@@ -95,11 +113,106 @@ def test_commands_know_it(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -
     assert {(c, "ok", name) for c in ("store", "published", "units") for name in (one, other)} <= known, findings
 
 
-def test_the_secret_is_nowhere(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
+def test_a_block_that_another_run_holds_stops_no_other(
+    cities: tuple[Path, S3Folder, Path, dict[str, Any]],
+) -> None:
+    """Another machine's, whose lock is good for an hour more."""
+    file, out, _, first = cities
+    held, name = S3Folder(f"{out.parent.path}/held"), sorted(query(out)["run"].unique())[0]
+    until = (datetime.now(UTC) + timedelta(hours=1)).isoformat()
+    lock = json.dumps({"host": "elsewhere", "pid": 7, "run": "0" * 32, "until": until})
+    objects.put(f"{held.path}/{name}/.lock", lock.encode())
+    summary = textured(file, held)
+    [failure] = summary["failures"]
+    assert (failure["unit"], failure["code"]) == (f"block {name.removeprefix('blocks/')}", 2), failure
+    assert "process 7 on 'elsewhere'" in failure["reason"]
+    assert (summary["blocks_done"], summary["facades_done"]) == (1, first["facades_done"] / 2)
+    assert len(json.loads((held / "tileset.json").read_text())["root"]["children"]) == 1
+
+
+def test_a_block_of_it_is_seen_and_exported(
+    cities: tuple[Path, S3Folder, Path, dict[str, Any]], tmp_path: Path
+) -> None:
+    from starlette.testclient import TestClient
+
+    from flows.viewer.app import application
+
+    out, call = cities[1], CliRunner().invoke
+    name = sorted(query(out)["run"].unique())[0]
+    with TestClient(application(out / name, "127.0.0.1", "127.0.0.1"), base_url="http://127.0.0.1") as page:
+        block = page.get("/api/block").json()
+        assert {facade["status"] for facade in block["facades"]} == {"done"}
+        tile = page.get("/api/model").json()["tiles"][0]["address"]
+        assert page.get(tile).content[:4] == b"glTF"
+    refused = call(main, ["export", str(out), "--format", "glb", "--to", str(tmp_path / "all")])
+    assert refused.exit_code == 2
+    assert f"name one, such as {out}/{name}" in refused.stderr
+    exported = call(main, ["export", f"{out}/{name}", "--format", "cityjson", "--to", str(tmp_path / "one")])
+    assert exported.exit_code == 0, exported.output
+    assert list((tmp_path / "one").glob("*.city.json"))
+
+
+def test_stopped_by_the_clock_and_killed_it_goes_on_to_the_same(
+    cities: tuple[Path, S3Folder, Path, dict[str, Any]], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    file, out, _, first = cities
+    base, killed = file.parent, S3Folder(f"{out.parent.path}/killed")
+    monkeypatch.setattr(running, "_called", TYPED)
+
+    # a night that begins when it is to be over, by the flow
+    late = SimpleNamespace(scheduled_start_time=datetime(2026, 3, 1, 1, 0, tzinfo=UTC))
+    with monkeypatch.context() as patch:
+        patch.setattr(flows_of_cities, "flow_run", late)
+        patch.setattr(flows_of_cities, "tell_blocks", lambda account: None)
+        state = flows_of_cities.city.fn(file, str(killed), until="06:00")
+    assert state.name == "BlocksLeft"
+    assert "0 of 2 blocks are done; 2 are left" in state.message
+    names = [name for name, *_ in (path.name.partition(".") for path in (local_side(killed) / "input").glob("*.yaml"))]
+
+    # one whose time is up soon after
+    with monkeypatch.context() as patch:
+        patch.setattr(flows_of_cities, "ends_at", lambda until, since: datetime.now() + timedelta(seconds=2))
+        stopped = textured(file, killed, until="06:00")
+    assert sorted(stopped["left"]) == sorted(names), stopped["failures"]
+    assert [one["code"] for one in stopped["failures"]] == [TIME_IS_UP]
+
+    process = typed(file, killed, "--workers", "1")
+    while not (begun := [name for name in names if len(done(killed / "blocks" / name)) > 2]):
+        assert process.poll() is None, process.communicate()
+        time.sleep(0.1)
+    process.kill()
+    said = "".join(process.communicate())
+    wait_until(lambda: not working_in(killed / "blocks" / begun[0]))  # its process ends with the city's
+    before = sum(len(done(killed / "blocks" / name)) for name in names)
+
+    with machines(base / "machines") as cluster:
+        cluster.worker("one")
+        resumed = finish(typed(file, killed, "--dask", cluster.address, "--at-once", "2"))
+    assert resumed["atlas_digest"] == first["atlas_digest"]
+    assert not resumed["failures"]
+    assert resumed["units_skipped"] >= before > 0
+    assert list((local_side(killed) / "prefect").glob("*.db")), "what the next test looks through"
+    (base / "said.txt").write_text(said)
+
+
+def typed(file: Path, out: S3Folder, *more: str) -> subprocess.Popen:
+    """A city's run without 3D Tiles, as a user starts it."""
+    return subprocess.Popen(
+        [sys.executable, "-m", "flows", "city", str(file), "--out", str(out), "--no-tiles", "--json", *more],
+        cwd=ROOT,
+        env=environment(file.parent),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+
+
+def test_the_credentials_are_nowhere(cities: tuple[Path, S3Folder, Path, dict[str, Any]]) -> None:
+    """In no object, record, log, database of Prefect's or file that workers left, and nothing that was said."""
     file = cities[0]
     held = {name: objects.get(f"city/{name}") for name in objects.listed("city")}
     assert len(held) > 100
-    leaks = [name for name, found in held.items() if found and SECRET.encode() in found[0]]
     here = [path for path in file.parent.rglob("*") if path.is_file()]
-    assert any(path.suffix == ".jsonl" for path in here), "logs are among them"
-    assert [*leaks, *(str(path) for path in here if SECRET.encode() in path.read_bytes())] == []
+    assert {".jsonl", ".db", ".txt"} <= {path.suffix for path in here}, "what was said is among them"
+    found = {name: one[0] for name, one in held.items() if one} | {str(path): path.read_bytes() for path in here}
+    assert [name for name, data in found.items() if KEY.encode() in data or SECRET.encode() in data] == []
