@@ -30,6 +30,12 @@ class Whole:
     indexes: tuple[Path, ...] = ()
 
 
+def is_cut_as_usual(path: Path) -> bool:
+    """Whether a city's file says nothing of how it is cut, as a block's file would not. Raises ValueError as `check_city`."""
+    values = read_yaml(path)
+    return isinstance(values, Mapping) and not {CUT, BLOCKS} & set(values)
+
+
 def name_of(path: Path) -> str:
     """The name of a city. Raises ValueError as `check_city`."""
     values = read_yaml(path)
@@ -53,7 +59,10 @@ def check_city(values: Any, path: Path) -> Whole | str:
             raise ValueError(f"{BLOCKS}.path: is no folder; write {BLOCKS}: {{path: FOLDER}}")
         return folder["path"]
     if "part" in values:
-        raise ValueError("part: is a key of the blocks that a city is cut into; leave it out")
+        raise ValueError(
+            f"part: this is a block of a city that was cut; `streetloom run {path}` textures it alone; a city is run by the "
+            "file from which it was cut"
+        )
     rest, indexes = _with_files({key: value for key, value in values.items() if key != CUT}, path)
     keys = check_keys(rest)
     if keys.streets is None:

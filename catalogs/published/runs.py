@@ -9,6 +9,9 @@ from catalogs.features import natural_order
 from catalogs.published.places import F, Folder, each
 from facade_core.errors import InputError
 
+# In a city's folder, from its first minute on: of which blocks it is.
+CITY = "city.json"
+
 
 @dataclass(frozen=True)
 class Run(Generic[F]):
@@ -81,5 +84,5 @@ def _folders(parent: F) -> list[F]:
 
 
 def publishes(folder: Folder, what: str) -> str:
-    """What to do where a folder lacks what a run publishes."""
-    return f"`streetloom run BLOCK.yaml --out {folder}` {what}"
+    """What to do where a folder lacks what a run, or that of a city, publishes."""
+    return f"`streetloom {'city CITY' if (folder / CITY).is_file() else 'run BLOCK'}.yaml --out {folder}` {what}"

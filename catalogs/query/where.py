@@ -172,13 +172,7 @@ def _check_expression(part: dict[str, Any], where: str, columns: Sequence[str]) 
     if kind == "COLUMN_REF":
         name = ".".join(part["column_names"])
         if name.lower() not in columns:
-            close = difflib.get_close_matches(name.lower(), columns, n=1, cutoff=0.6)
-            hint = (
-                f"did you mean {close[0]}?"
-                if close
-                else f"if it is text, write '{name}', in single quotes; columns: {', '.join(columns)}"
-            )
-            raise refusal(where, f"unknown column {name}", hint)
+            raise refusal(where, f"unknown column {name}", _other_than(name, columns))
     elif kind == "FUNCTION":
         name = part["function_name"].lower()
         known = name in FUNCTIONS or (part.get("is_operator") and (name in _SIGNS or name in _LIKES))
@@ -191,6 +185,15 @@ def _check_expression(part: dict[str, Any], where: str, columns: Sequence[str]) 
     elif kind not in _PLAIN and not (kind == "OPERATOR" and part["type"] in _OPERATORS):
         name = part["type"].lower().replace("_", " ")
         raise refusal(where, f"{name} is not allowed here", "compare columns with values, joined by AND, OR and NOT")
+
+
+def _other_than(name: str, columns: Sequence[str]) -> str:
+    """What may have been meant by what is no column."""
+    if close := difflib.get_close_matches(name.lower(), columns, n=1, cutoff=0.6):
+        return f"did you mean {close[0]}?"
+    near = difflib.get_close_matches(name.lower(), columns, n=3, cutoff=0.4)
+    others = f"columns with names like it: {', '.join(near)}; " if near else ""
+    return f"if it is text, write '{name}', in single quotes; {others}`streetloom query --help` lists all columns"
 
 
 def refusal(where: str, problem: str, remedy: str) -> InputError:

@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 from urllib.parse import quote
 
 from catalogs.published.places import Folder, put
-from catalogs.published.runs import Run, runs_in
+from catalogs.published.runs import Run, publishes, runs_in
 from catalogs.published.s3 import folder_at
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.stac.snapshot import collections_in, to_json
@@ -52,7 +52,7 @@ def write_catalog(
         if note:
             note(line)
     if not children:
-        raise InputError(f"{folder}: nothing is published there; `streetloom run BLOCK.yaml` publishes")
+        raise InputError(f"{folder}: nothing is published there; {publishes(folder, 'publishes')}")
     _write(folder, f"Runs of Streetloom in {_name(folder)}", children)
     return folder / CATALOG
 

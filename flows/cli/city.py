@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from contextlib import suppress
 from dataclasses import asdict
 from datetime import datetime
 from pathlib import Path
@@ -65,6 +66,7 @@ def city(
     out = out or Path("out") / city_file.stem
     with locked(out):
         end_on_interrupt()
+        _say_how_it_is_cut(city_file)
         summary = _textured(city_file, out, Asked(workers, dask, at_once, until, keep, tiles))
     if as_json:
         click.echo(json.dumps(summary))
@@ -114,6 +116,16 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
         f"  error  of blocks that it was not fitted on at most {off['seconds']} of a processor's time, {off['bytes']} of the "
         f"bytes, {off['commits']} of the commits; time is of processors that do nothing else"
     )
+
+
+def _say_how_it_is_cut(city_file: Path) -> None:
+    """A block file is a city file too."""
+    from catalogs.city.keys import SIDE_M, is_cut_as_usual
+
+    with suppress(ValueError):  # said when it is read
+        if is_cut_as_usual(city_file):
+            remedy = f"as one block: streetloom run {city_file}"
+            note(f"{city_file} states no `cut`: blocks of {SIDE_M:g} m are cut along its streets; {remedy}")
 
 
 def _code(summary: dict[str, Any]) -> int:

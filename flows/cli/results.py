@@ -31,7 +31,17 @@ class FolderOfRuns(click.ParamType):
         return str(EXISTING_FOLDER.convert(value, param, ctx))
 
 
-@click.command(cls=WithBox)
+class Query(WithBox):
+    """Its help ends with the columns, which are defined elsewhere."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        from catalogs.published.items import COLUMNS
+
+        with formatter.section("Columns (catalogs/README.md says what each means)"):
+            formatter.write_text(", ".join(["run", *(column.name for column in COLUMNS)]))
+
+
+@click.command(cls=Query)
 @click.argument("folder", metavar="FOLDER", type=FolderOfRuns())
 @click.option(
     "--where",

@@ -10,6 +10,14 @@ import click
 
 from flows.cli.say import note
 
+# What Click calls numbers, and what they are.
+NUMBERS = {
+    "integer range": "is no whole number",
+    "float range": "is no number",
+    "integer": "is no whole number",
+    "float": "is no number",
+}
+
 
 class Misused(click.ClickException):
     """A command line that cannot be understood; Click's own errors show four lines."""
@@ -54,7 +62,10 @@ def _said(error: click.UsageError) -> str:
         return f"no such option {error.option_name}{_close(error.possibilities)}"
     if isinstance(error, click.exceptions.NoSuchCommand):
         return f"no such command {error.command_name}{_close(error.possibilities)}"
-    return error.format_message()
+    said = error.format_message()
+    for range_of, words in NUMBERS.items():
+        said = said.replace(f"is not a valid {range_of}", words)
+    return said
 
 
 def _close(names: Iterable[str] | None) -> str:

@@ -10,6 +10,7 @@ from typing import Any
 
 from catalogs.city.keys import name_of
 from catalogs.published.places import Folder, at, each, local_side, move, put
+from catalogs.published.runs import CITY
 from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.journal import unit_key
@@ -21,7 +22,7 @@ from tasks.city.sources import source_digest, version
 
 # In a city's folder: the runs of its blocks; of which blocks it is and what they read; of what that which lies over all of them
 # is; what all come to. In that of a block: how it ended last.
-BLOCKS, ACCOUNT, OVER, SUMMARY, ENDED = "blocks", "city.json", "over.json", "summary.json", "ended.json"
+BLOCKS, ACCOUNT, OVER, SUMMARY, ENDED = "blocks", CITY, "over.json", "summary.json", "ended.json"
 # Those of blocks that there were before it was cut otherwise: hidden from who looks for runs.
 GONE = ".gone"
 # What of a block's summary is added up.

@@ -17,6 +17,7 @@ import icechunk
 from catalogs.block import read_block
 from catalogs.published.files import amiss
 from catalogs.published.places import Folder
+from catalogs.published.runs import publishes
 from catalogs.published.snapshot import current_if_any
 from facade_core.atlas.check import DAMAGE, broken_tags, is_whole, unreadable
 from facade_core.atlas.journal import Record
@@ -43,7 +44,8 @@ def examine_folder(out: Folder) -> Iterator[Finding]:
     again = f"`streetloom run {source or 'BLOCK.yaml'} --out {out}`"
     store = out / "store"
     if not store.is_dir():
-        yield Finding("store", False, f"{out} holds no run; {again} makes one")
+        makes = publishes(out, "makes one") if source is None else f"{again} makes one"
+        yield Finding("store", False, f"{out} holds no run; {makes}")
         return
     try:
         repository = open_repository(store)

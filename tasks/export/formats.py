@@ -163,9 +163,11 @@ def _check_target(target: Path, format: str, as_file: bool) -> None:
     elif target.exists():
         raise InputError(f"{target}: is a file, and an export of {format} is a folder; name a folder with --to")
     elif target.suffix.lower() in (".glb", ".json", ".jsonl", ".gpkg", ".zip", ".txt"):
-        only = "" if format == "gpkg" else " (only gpkg can be one file)"
+        if format == "gpkg":
+            raise InputError(f"--to {target.name}: gpkg goes into a file, such as --to {target.stem}.gpkg, or a folder")
         raise InputError(
-            f"--to {target.name}: an export of {format} is a folder{only}; name one, without {target.suffix}"
+            f"--to {target.name}: an export of {format} is a folder (only gpkg can be one file); name one, without "
+            f"{target.suffix}"
         )
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from catalogs.published import objects
 from catalogs.published.files import FILES, note_changed, predecessor_of, tags_of
 from catalogs.published.places import Folder, remove
+from catalogs.published.runs import publishes
 from catalogs.published.s3 import S3Folder
 from catalogs.published.snapshot import Snapshot, current_if_any
 from catalogs.stac.versions import forget_versions
@@ -41,7 +42,7 @@ def prune(out: Folder, keep: int, read_for: timedelta = READ_FOR) -> list[str]:
     """
     current = current_if_any(out)
     if current is None:
-        raise InputError(f"{out}: nothing is published; `streetloom run BLOCK.yaml --out {out}` publishes")
+        raise InputError(f"{out}: nothing is published; {publishes(out, 'publishes')}")
     repository = open_repository(out / "store")
     if not is_whole(repository, out / "store"):
         raise InputError(f"{out / 'store'}: is damaged; `streetloom run BLOCK.yaml --out {out}` mends it first")

@@ -38,7 +38,7 @@ def write_block_report(
         streets=journals["streets"],
         viewpoints=journals["viewpoints"],
         poses=[record for record in journals["poses"] if record["status"] == "done"],
-        heights=Counter(block.buildings["height_source"]),
+        heights=_heights(block.buildings),
         views=images.views,
         panoramas=images.panoramas,
         sheets=images.sheets,
@@ -55,3 +55,9 @@ def write_block_report(
         ],
         models=models,
     )
+
+
+def _heights(buildings: Mapping[str, Any]) -> Counter:
+    """Where the heights of buildings are from; of one that has parts its own counts."""
+    told = zip(buildings["height_source"], buildings["part_of"], strict=True)
+    return Counter(source for source, whole in told if not whole)

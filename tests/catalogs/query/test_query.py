@@ -85,6 +85,8 @@ def test_conditions(out: Path, where: str | None, ids: range | tuple[int, ...]) 
     [
         ("florrs > 3", "unknown column florrs; did you mean floors?"),
         ('status = "done"', "unknown column done; if it is text, write 'done', in single quotes"),
+        ("zzz > 3", "'zzz', in single quotes; `streetloom query --help` lists all columns"),
+        ("hidden_share > 0.1", "`streetloom query --help` lists all columns"),
         ("floors = 'six'", "Could not convert string 'six' to INT32"),
         ("street > 5", "Cannot compare"),
         ("street = 'x", "unterminated"),

@@ -203,11 +203,15 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
         (("run", "BLOCK", "--only"), "run: --only needs --redo STREET (streetloom run --help)"),
         (
             ("run", "BLOCK", "--workers", "two\n\x1b[2J"),
-            "run: invalid value for '--workers': 'two\\n\\x1b[2J' is not a valid integer range (streetloom run --help)",
+            "run: invalid value for '--workers': 'two\\n\\x1b[2J' is no whole number (streetloom run --help)",
         ),
         (
             ("demo", "--workers", "0"),
             "demo: invalid value for '--workers': 0 is not in the range 1<=x<=256 (streetloom demo --help)",
+        ),
+        (
+            ("export", "FOLDER", "--format", "3dtiles", "--max-texture-mb", "abc"),
+            "export: invalid value for '--max-texture-mb': 'abc' is no number (streetloom export --help)",
         ),
         (("prune", "FOLDER"), "prune: missing option '--keep' (streetloom prune --help)"),
         (("train", "parsr"), "train: no such command parsr; did you mean parser? (streetloom train --help)"),

@@ -8,9 +8,12 @@ from pathlib import Path
 
 import pytest
 import yaml
+from click.testing import CliRunner
 
 from catalogs.block import read_block
-from facade_core.errors import InputError
+from catalogs.city.keys import is_cut_as_usual
+from facade_core.errors import BlockFileError, InputError
+from flows.cli.commands import main
 from tasks.city import account as accounts
 from tasks.city import blocks
 from tasks.city.account import Account, Ended, known, read_account, stands, version, write_ended
@@ -54,6 +57,25 @@ def test_a_city_is_read_again_only_where_a_file_of_it_changed(tmp_path: Path, mo
     (tmp_path / "exemplars" / "0.labels.txt").write_text("one more")
     with pytest.raises(AssertionError, match="read again"):
         known(file, out)
+
+
+def test_who_asks_a_city_of_which_no_block_is_done_is_told_of_its_command(tmp_path: Path) -> None:
+    known(town(tmp_path), out := tmp_path / "out")
+    for command in (["query", str(out)], ["metrics", str(out)], ["doctor", str(out)], ["catalog", str(out)]):
+        said = CliRunner().invoke(main, command)
+        assert f"`streetloom city CITY.yaml --out {out}`" in said.output, command
+
+
+def test_a_block_that_was_cut_is_told_to_be_one(tmp_path: Path) -> None:
+    _, files = known(town(tmp_path), tmp_path / "out")
+    file = next(iter(files.values()))
+    with pytest.raises(BlockFileError, match=f"`streetloom run {file}` textures it alone"):
+        known(file, tmp_path / "other")
+
+
+def test_a_block_file_is_cut_as_usual(tmp_path: Path) -> None:
+    assert not is_cut_as_usual(town(tmp_path))
+    assert is_cut_as_usual(tmp_path / "block.yaml")
 
 
 def test_blocks_that_a_new_cut_does_not_have_are_put_away(tmp_path: Path) -> None:
