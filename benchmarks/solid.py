@@ -49,6 +49,7 @@ def _exported(out: Path, style: str, to: Path) -> Path:
 def of_model(given: Path, folder: Path) -> Path:
     """The buildings of a file as they are exported, without textures: what was read of it becomes charts, and these a file."""
     from catalogs.block import read_block
+    from facade_core.export.attribution import Attribution
     from facade_core.export.buildings import modelled
     from facade_core.export.cityjson import Pool, document, geometry_of
     from facade_core.export.models import SMALLEST_M2, Textured, layout_of, part_of, shown_area
@@ -67,7 +68,7 @@ def of_model(given: Path, folder: Path) -> Path:
     source = Textured(charts, mesh, charts.size, texels, lambda chart: np.zeros((1, 1, 3), np.uint8))
     drawn = layout_of(source, source.chosen(np.arange(len(block.buildings))))
     pool = Pool(np.floor(mesh.vertices.min(axis=0)))
-    city = document("model", pool.origin, None)
+    city = document("model", pool.origin, None, Attribution(()))
     for index, triangles in grouped(charts.building[mesh.chart]).items():
         if index < 0:
             continue

@@ -25,14 +25,15 @@ def write_layers(
     ground: Sequence[Mapping[str, Any]],
     streets: Sequence[Mapping[str, Any]],
     chosen: Collection[str],
+    attribution: Mapping[str, str],
 ) -> None:
     """Write layers in the block's `crs`: facades (foot lines, with every column of the catalogue), walls (the same as upright
     polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets, and set_aside (units
     without geometry, and why).
 
     items: the catalogue; walls: facade -> its polygon; buildings, roofs, ground, streets: rows with a geometry; chosen: the
-    buildings of which facades are written. A layer without rows is left out. Raises InputError for a catalogue that cannot be
-    read.
+    buildings of which facades are written; attribution: whom to name, which the file and each layer say in their metadata.
+    A layer without rows is left out. Raises InputError for a catalogue that cannot be read.
     """
     import geopandas as gpd
     import pyarrow as pa
@@ -53,11 +54,14 @@ def write_layers(
         "set_aside": rows[rows.kind != "facade"].drop(columns="geometry"),
     }
     # the file states when it was changed: as of its newest row, so that the same catalogue gives the same file
+    about = dict(attribution)
     changed = rows.updated.max().strftime("%Y-%m-%dT%H:%M:%S.000Z") if len(rows) else None
     pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": changed})
     try:
         for name, layer in layers.items():
             if layer is not None and not layer.empty:
-                pyogrio.write_dataframe(layer, path, layer=name, driver="GPKG")
+                pyogrio.write_dataframe(
+                    layer, path, layer=name, driver="GPKG", dataset_metadata=about, layer_metadata=about
+                )
     finally:
         pyogrio.set_gdal_config_options({"OGR_CURRENT_DATE": None})

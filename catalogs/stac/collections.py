@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from catalogs.stac.facts import BlockFacts
 from catalogs.stac.items import FILE, LEVEL, PROCESSING, PROJECTION, VERSION, collection_id, plain, projection_of
+from catalogs.stac.licences import license_of, licensors
 
 if TYPE_CHECKING:
     from pystac import Collection, Item
@@ -38,6 +39,7 @@ def collection_of(
     boxes = [item.bbox for item in items if item.bbox]
     box = [*map(min, zip(*(b[:2] for b in boxes), strict=True)), *map(max, zip(*(b[2:] for b in boxes), strict=True))]
     interval: list[datetime | None] = [min(times), max(times)] if times else [None, None]
+    sources = () if kind == "models" else facts.sources  # these have licences of their own
     projection = projection_of(CRS.from_user_input(facts.crs))
     collection = pystac.Collection(
         collection_id(facts.name, kind),
@@ -47,12 +49,14 @@ def collection_of(
         stac_extensions=[FILE, PROCESSING, PROJECTION, VERSION],
         extra_fields={"version": facts.snapshot, "deprecated": False},
         keywords=["facade", "texture", "3d city model"],
+        license=license_of(sources),
         providers=[
+            *licensors(sources),
             pystac.Provider(
                 "Streetloom",
                 roles=[pystac.ProviderRole.PROCESSOR],
                 extra_fields={"processing:level": LEVEL, "processing:software": {"streetloom": facts.code_version}},
-            )
+            ),
         ],
         summaries=pystac.Summaries(_summaries(kind, items) | {key: [value] for key, value in projection.items()}),
     )

@@ -37,6 +37,7 @@ from catalogs.stac.items import (
     run_item,
     street_item,
 )
+from catalogs.stac.licences import license_links
 from catalogs.stac.parquet import MIRROR, write_mirror
 from catalogs.visible import visible_json
 
@@ -180,6 +181,7 @@ class _Writer:
             pystac.Link("root", "../../../../catalog.json", _JSON),
             pystac.Link("parent", "../../../../catalog.json", _JSON),
             *self._earlier(href, "../", _JSON),
+            *(license_links(self.block.sources) if kind != "models" else ()),
             *self.links[kind],
         ]
         if kind in MIRRORED:

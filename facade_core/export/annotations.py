@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
+from facade_core.export.attribution import Attribution
 from facade_core.labels import CLASSES, ELEMENT_CLASSES
 from facade_core.types import Element
 
@@ -31,7 +32,7 @@ class Annotated:
         return [e for e in found if e.width > 0 and e.height > 0]
 
 
-def coco(facades: Sequence[Annotated], description: str) -> dict[str, Any]:
+def coco(facades: Sequence[Annotated], description: str, attribution: Attribution) -> dict[str, Any]:
     """A COCO object detection document. Categories have the class ids of facade_core.labels; `score` is the parser's
     confidence."""
     annotations: list[dict[str, Any]] = []
@@ -51,8 +52,13 @@ def coco(facades: Sequence[Annotated], description: str) -> dict[str, Any]:
                 }
             )
     return {
-        "info": {"description": description},
-        "licenses": [],
+        "info": {
+            "description": description,
+            "contributor": attribution.line,
+            **({"date_created": attribution.made} if attribution.made else {}),
+            "attribution": attribution.value(),
+        },
+        "licenses": [{"id": i, "name": name} for i, name in enumerate(attribution.licences, start=1)],
         "images": [
             {
                 "id": i,
@@ -72,8 +78,8 @@ def coco(facades: Sequence[Annotated], description: str) -> dict[str, Any]:
     }
 
 
-def labelme(facade: Annotated) -> dict[str, Any]:
-    """The LabelMe file of one facade, beside its picture."""
+def labelme(facade: Annotated, attribution: Attribution) -> dict[str, Any]:
+    """The LabelMe file of one facade, beside its picture; LabelMe keeps what else it finds there, such as whom to name."""
     return {
         "version": "5.5.0",
         "flags": {},
@@ -92,4 +98,5 @@ def labelme(facade: Annotated) -> dict[str, Any]:
         "imageData": None,
         "imageHeight": facade.height,
         "imageWidth": facade.width,
+        "attribution": attribution.value(),
     }

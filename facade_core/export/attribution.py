@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any
 
 MAKER = "textured by Streetloom"
+_EXTENT = ("startDate", "endDate")
 
 
 @dataclass(frozen=True, slots=True)
@@ -32,13 +34,18 @@ class Attribution:
     captured: tuple[str, str] | None = None
 
     @property
+    def licences(self) -> list[str]:
+        """Each licence that is stated, once."""
+        return _once(source.licence for source in self.sources if source.licence)
+
+    @property
     def line(self) -> str:
         """One line, parts apart by "; " as CesiumJS takes glTF's `asset.copyright` apart: each licence once, then the sources
         that state none."""
         silent = _once(source.name for source in self.sources if not source.licence)
         return "; ".join(
             [
-                *(f"© {licence}" for licence in _once(source.licence for source in self.sources if source.licence)),
+                *(f"© {licence}" for licence in self.licences),
                 *([f"{', '.join(silent)}: licence not stated"] if silent else []),
                 f"{MAKER}, {self.made}" if self.made else MAKER,
             ]
@@ -54,6 +61,30 @@ class Attribution:
             ],
             **({"made": self.made} if self.made else {}),
             **({"captured": list(self.captured)} if self.captured else {}),
+        }
+
+    def tags(self) -> dict[str, str]:
+        """The same as texts by name, for formats that have no more: the line, and the value as JSON."""
+        return {"attribution": self.line, "sources": json.dumps(self.value(), ensure_ascii=False)}
+
+    def iso(self) -> dict[str, Any]:
+        """The same by ISO 19115's names, as CityJSON's extension MetadataExtended has them."""
+        return {
+            "lineage": [
+                {
+                    "statement": self.line,
+                    "source": [
+                        {"description": f"{source.name} ({source.key}): {source.licence or 'licence not stated'}"}
+                        for source in self.sources
+                    ],
+                }
+            ],
+            "constraints": {"legalConstraints": "licence", "userNote": self.line},
+            **(
+                {"temporalExtent": {k: f"{d}T00:00:00Z" for k, d in zip(_EXTENT, self.captured, strict=True)}}
+                if self.captured
+                else {}
+            ),
         }
 
 

@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.export.attribution import Attribution
 from facade_core.export.patches import GRID_M
 
 # Metres per unit of a vertex.
@@ -15,6 +16,11 @@ SCALE = GRID_M
 THEME = "streetloom"
 # Decimals of a texture coordinate: a hundredth of a texel of the largest page.
 DECIMALS = 6
+# The extension whose names say where data are from, as it is published.
+METADATA_EXTENDED = {
+    "url": "https://raw.githubusercontent.com/cityjson/metadata-extended/0.6/metadata-extended.ext.json",
+    "version": "0.6",
+}
 
 
 @dataclass(frozen=True)
@@ -141,13 +147,20 @@ def _semantics(values: Sequence[int], surfaces: Sequence[Mapping[str, Any]]) -> 
     return {"surfaces": kept, "values": [index[value] for value in values]}
 
 
-def document(title: str, origin: np.ndarray, reference_system: str | None) -> dict[str, Any]:
-    """An empty CityJSON 2.0 document. reference_system: the URL of its CRS."""
+def document(title: str, origin: np.ndarray, reference_system: str | None, attribution: Attribution) -> dict[str, Any]:
+    """An empty CityJSON 2.0 document. reference_system: the URL of its CRS. Whom to name is in the extension for it: the core
+    has no place but a point of contact with an address."""
     return {
         "type": "CityJSON",
         "version": "2.0",
+        "extensions": {"MetadataExtended": METADATA_EXTENDED},
         "transform": {"scale": [SCALE] * 3, "translate": origin.tolist()},
-        "metadata": {"title": title, **({"referenceSystem": reference_system} if reference_system else {})},
+        "metadata": {
+            "title": title,
+            **({"referenceDate": attribution.made} if attribution.made else {}),
+            **({"referenceSystem": reference_system} if reference_system else {}),
+        },
+        "+metadata-extended": {**attribution.iso(), "textures": "present", "materials": "absent"},
         "CityObjects": {},
         "vertices": [],
     }

@@ -175,6 +175,13 @@ def header_of(file: BinaryIO) -> tuple[dict[str, Any], int]:
     return json.loads(file.read(length)), HEADER_BYTES + 8 + length + 8
 
 
+def with_copyright(glb: bytes, copyright: str) -> bytes:
+    """The same model, whose asset names whom it is from."""
+    document, data = header_of(io.BytesIO(glb))
+    said = document | {"asset": document["asset"] | {"copyright": copyright}}
+    return glb_of(said, [glb[data:]] if len(glb) > data else [])
+
+
 def pictures_of(glb: bytes) -> list[bytes]:
     """The pictures of a model that `glb_bytes` made."""
     document, data = header_of(io.BytesIO(glb))

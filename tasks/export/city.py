@@ -39,7 +39,7 @@ def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> 
     images, objects = _objects(found, buildings, folder, openings=False)
     name = f"{found.block}.city.jsonl"
     with (folder / name).open("w", encoding="utf-8") as file:
-        file.write(_line(document(found.block, origin, url)))
+        file.write(_line(document(found.block, origin, url, found.attribution)))
         for id, make in objects:
             pool = Pool(origin)
             made = make(pool)
@@ -56,7 +56,7 @@ def _write_document(
     url, notes = _reference_system(found)
     pool = Pool(_origin(found))
     images, objects = _objects(found, buildings, folder, openings=openings)
-    city = document(found.block, pool.origin, url)
+    city = document(found.block, pool.origin, url, found.attribution)
     city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
     city |= pool.tables(images)
     city["metadata"]["geographicalExtent"] = pool.extent()

@@ -23,7 +23,7 @@ def write_coco(found: Published, buildings: np.ndarray, folder: Path) -> tuple[l
 
     (folder / "images").mkdir()
     facades = list(_annotated(found, buildings, folder, "images/"))
-    value = coco(facades, f"Facades of {found.block}, elements of the completed facades")
+    value = coco(facades, f"Facades of {found.block}, elements of the completed facades", found.attribution)
     (folder / "annotations.json").write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     return ["annotations.json"], _left_out(found, buildings, len(facades))
 
@@ -35,25 +35,28 @@ def write_labelme(found: Published, buildings: np.ndarray, folder: Path) -> tupl
     facades = list(_annotated(found, buildings, folder, ""))
     names = [f"{file_stem(facade.facade)}.json" for facade in facades]
     for name, facade in zip(names, facades, strict=True):
-        (folder / name).write_text(json.dumps(labelme(facade), indent=2, allow_nan=False) + "\n")
+        (folder / name).write_text(json.dumps(labelme(facade, found.attribution), indent=2, allow_nan=False) + "\n")
     return names, _left_out(found, buildings, len(facades))
 
 
 def _annotated(found: Published, buildings: np.ndarray, folder: Path, within: str) -> Iterator[Annotated]:
     """Every finished facade, its picture written into the folder."""
     from PIL import Image
+    from PIL.PngImagePlugin import PngInfo
 
     from facade_core.export.annotations import Annotated
     from facade_core.export.facade_stages import chart_raster
 
     facades = found.rectified(buildings)
+    said = PngInfo()
+    said.add_itxt("Copyright", found.attribution.line)
     begin_stage("export", len(facades))
     for index in facades:
         name = found.plan.facades.id[index]
         chart = int(found.plan.facades.chart[index])
         texture = chart_raster(found.group, found.plan.scene.placement, chart, "atlas/seed")
         file = f"{within}{file_stem(name)}.png"
-        Image.fromarray(texture).save(folder / file)
+        Image.fromarray(texture).save(folder / file, pnginfo=said)
         metres = 1 / float(found.plan.scene.placement.texels_per_metre[chart])
         yield Annotated(name, file, texture.shape[1], texture.shape[0], metres, found.elements(index))
         advance("export", 1)
@@ -111,6 +114,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
         ground=_surfaces(found, GROUND, np.array([-1])),
         streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
         chosen=chosen,
+        attribution=found.attribution.tags(),
     )
     advance("export", 1)
     return [name], []

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import hashlib
 import json
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -18,6 +19,7 @@ from facade_core.atlas.encoded import read_checked, read_encoded, tile_paths
 from facade_core.atlas.journal import Record, unit_key
 from facade_core.export.attribution import Attribution
 from facade_core.export.block_tiles import Tile, tiles_of
+from facade_core.export.glb import with_copyright
 from facade_core.export.joined import join_glbs, part_of_file
 from facade_core.export.models import local_frame, textured_scene
 from facade_core.export.overview import overview_glb, scale_afar, shown_afar
@@ -33,17 +35,19 @@ MODEL_BYTES = 512_000_000
 
 @dataclass(frozen=True)
 class WrittenTile:
-    """A tile that is published: what it is of, its record, and its file."""
+    """A tile that is published: what it is of, its record, its file and that one's sha256."""
 
     tile: Tile
     record: Record
     file: Path
+    sha256: str
 
 
 def write_tiles(
     snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside, attribution: Attribution
 ) -> list[WrittenTile]:
-    """Write the models of tiles and tiles/index.json, which lists them; one that cannot be read is set aside."""
+    """Write the models of tiles, as the store has them but for whom they name, and tiles/index.json, which lists them; one that
+    cannot be read is set aside."""
     written = []
     for tile, record in zip(tiles_of(block.plan), block.journals["tiles"], strict=True):
         if record is None or record["status"] != "done":  # the journal says why
@@ -52,15 +56,21 @@ def write_tiles(
         with aside.trying(f"tile {tile.path}"):
             file = made.put(
                 snapshot.tile(tile.path).relative_to(snapshot.folder).as_posix(),
-                digest,
-                partial(read_encoded, block.group, path, digest),
+                unit_key(stage_code("publish"), attribution.line, digest),
+                partial(_named_glb, block, path, digest, attribution),
             )
-            written.append(WrittenTile(tile, record, file))
+            with file.open("rb") as opened:
+                sha256 = hashlib.file_digest(opened, "sha256").hexdigest()
+            written.append(WrittenTile(tile, record, file, sha256))
     snapshot.tiles.parent.mkdir(exist_ok=True)
     snapshot.tiles.write_text(
         json.dumps(_index(block, written, attribution), indent=1, ensure_ascii=False) + "\n", "utf-8"
     )
     return written
+
+
+def _named_glb(block: StoredBlock, path: str, digest: str, attribution: Attribution) -> bytes:
+    return with_copyright(read_encoded(block.group, path, digest), attribution.line)
 
 
 def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attribution) -> dict[str, Any]:
@@ -74,8 +84,8 @@ def _index(block: StoredBlock, written: Sequence[WrittenTile], attribution: Attr
                 "file": one.file.name,
                 "box": one.record["box"],
                 "origin": list(one.tile.origin),
-                "bytes": one.record["bytes"],
-                "sha256": one.record["digest"],
+                "bytes": one.file.stat().st_size,
+                "sha256": one.sha256,
                 "buildings": [block.names[building] for building in one.tile.buildings.tolist()],
             }
             for one in written

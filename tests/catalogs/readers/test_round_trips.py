@@ -27,6 +27,7 @@ from catalogs.readers.pictures.elevation import read_elevation
 from catalogs.readers.vectors.features import read_centrelines, read_footprints
 from catalogs.readers.vectors.graphml import read_graphml
 from catalogs.readers.walls import read_walls
+from facade_core.export.attribution import Attribution
 from facade_core.export.cityjson import Face, Pool, document, geometry_of
 from facade_core.types import SEMANTICS
 
@@ -261,7 +262,7 @@ def test_cityjson_of_our_own(tmp_path_factory: pytest.TempPathFactory, data: st.
     count = data.draw(st.integers(1, 3))
     names = data.draw(names_of(count))
     pool = Pool(np.array([EAST, NORTH, 0.0]) + data.draw(st.integers(-100, 100)))
-    city = document("block", pool.origin, "https://www.opengis.net/def/crs/EPSG/0/3067")
+    city = document("block", pool.origin, "https://www.opengis.net/def/crs/EPSG/0/3067", Attribution(()))
     expected = {}
     for at, name in enumerate(names):
         outline = shapely.orient_polygons(shapely.set_precision(data.draw(outlines(at)), 0.001))

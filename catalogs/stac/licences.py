@@ -1,0 +1,54 @@
+"""Whom a snapshot's STAC names, and under which licence it is."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+from catalogs.stac.facts import SourceFact
+
+if TYPE_CHECKING:
+    from pystac import Link, Provider
+
+# Licences by what the words for them end in: their SPDX identifiers, and where their text is.
+SPDX = {
+    "ODbL 1.0": ("ODbL-1.0", "https://opendatacommons.org/licenses/odbl/1-0/"),
+    "CC BY 4.0": ("CC-BY-4.0", "https://creativecommons.org/licenses/by/4.0/"),
+    "CC0 1.0": ("CC0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/"),
+}
+# STAC's word for a licence that has no identifier, or for several.
+OTHER = "other"
+
+
+def license_of(sources: Sequence[SourceFact]) -> str:
+    """The SPDX identifier of the licence that all sources are under; OTHER where one has another, or states none."""
+    found = {known[0] if (known := _known(source.licence)) else OTHER for source in sources}
+    return found.pop() if len(found) == 1 else OTHER
+
+
+def license_links(sources: Sequence[SourceFact]) -> list[Link]:
+    """Links to the text of each licence that is known."""
+    import pystac
+
+    texts = dict.fromkeys(known for source in sources if (known := _known(source.licence)))
+    return [pystac.Link("license", url, "text/html", name) for name, url in texts]
+
+
+def licensors(sources: Sequence[SourceFact]) -> list[Provider]:
+    """Whoever gives a source that states its licence, once, with the words of that licence and the files."""
+    import pystac
+
+    files: dict[str, list[str]] = {}
+    for source in sources:
+        if source.licence:
+            files.setdefault(source.licence, []).append(f"{source.name} ({source.key})")
+    roles = [pystac.ProviderRole.LICENSOR, pystac.ProviderRole.PRODUCER]
+    return [
+        pystac.Provider(re.split("[,:]", licence)[0], f"{licence}: {', '.join(names)}", roles)
+        for licence, names in files.items()
+    ]
+
+
+def _known(licence: str | None) -> tuple[str, str] | None:
+    return next((found for words, found in SPDX.items() if (licence or "").endswith(words)), None)

@@ -1,0 +1,26 @@
+"""The licence of a snapshot is said by its identifier where all of its sources have the same, and by nothing that is not so."""
+
+from __future__ import annotations
+
+import pytest
+
+from catalogs.stac.facts import SourceFact
+from catalogs.stac.licences import license_links, license_of, licensors
+
+OSM, CITY = "OpenStreetMap contributors, ODbL 1.0", "A city: its buildings, CC BY 4.0"
+
+
+@pytest.mark.parametrize(
+    ("licences", "found"),
+    [((OSM, OSM), "ODbL-1.0"), ((OSM, CITY), "other"), ((OSM, None), "other"), (("a policy",), "other"), ((), "other")],
+)
+def test_one_identifier_or_other(licences: tuple[str | None, ...], found: str) -> None:
+    assert license_of([SourceFact("k", "n", licence) for licence in licences]) == found
+
+
+def test_each_licensor_is_named_once_with_its_files() -> None:
+    sources = [SourceFact("buildings.path", "a", OSM), SourceFact("streets.path", "b", OSM), SourceFact("p", "c", CITY)]
+    found = licensors([*sources, SourceFact("photos", "d", None)])
+    assert [one.name for one in found] == ["OpenStreetMap contributors", "A city"]
+    assert found[0].description == f"{OSM}: a (buildings.path), b (streets.path)"
+    assert len({link.href for link in license_links(sources)}) == 2
