@@ -56,7 +56,7 @@ def write_tiles(
         with aside.trying(f"tile {tile.path}"):
             file = made.put(
                 snapshot.tile(tile.path).relative_to(snapshot.folder).as_posix(),
-                unit_key(stage_code("publish"), attribution.line, digest),
+                unit_key(attribution.line, digest),
                 partial(_named_glb, block, path, digest, attribution),
             )
             with file.open("rb") as opened:
