@@ -6,8 +6,8 @@ label, IoU 0.5 or 0.3) over all cases. spacing: how far the median column spacin
 alignment: distance of a proposed window to the nearest true column (window widths, at most 1); count: |proposed - hidden|
 / hidden; overlaps and outside are counts. The baselines run on the same cases; `policy search` is the paper's method alone.
 --ablation leaves out each score, and the trees; --regularity has the facades in two halves, by the share of the cells of all
-rows and columns of windows that hold one; --only-complete leaves out the baselines; --plausibility asks one classifier to tell
-real from completed layouts; --speed times 10,000 candidates of the policy search.
+rows and columns of windows that hold one; --only-complete leaves out the baselines; --plausibility asks one classifier which of
+two layouts is real; --speed times 10,000 candidates of the policy search.
 """
 
 from __future__ import annotations
@@ -51,14 +51,21 @@ def held_out(path: Path, model: LayoutModel) -> list[LayoutRecord]:
     return [record for record in read_layouts(path) if record.name not in model.training_set]
 
 
-def plausibility(records: Sequence[LayoutRecord], methods: dict[str, Method], model: LayoutModel) -> dict[str, float]:
-    """Accuracy of one fixed classifier that tells completed layouts (right half hidden) from real ones, by held-out facades."""
-    from sklearn.ensemble import RandomForestClassifier
-    from sklearn.model_selection import GroupKFold, cross_val_score
+def plausibility(
+    records: Sequence[LayoutRecord], methods: dict[str, Method], model: LayoutModel
+) -> dict[str, dict[str, float]]:
+    """How completed layouts (right half hidden) differ from real ones, by held-out facades.
 
-    found: dict[str, float] = {}
+    told apart: how often one fixed classifier knows which of two, the real one and the completed one, is real (.5: it guesses);
+    whole: cells that hold a window, of all rows and columns of windows, in the completed half; real: the same of the truth.
+    """
+    from sklearn.ensemble import RandomForestClassifier
+    from sklearn.model_selection import GroupKFold, cross_val_predict
+
+    found: dict[str, dict[str, float]] = {}
     for name, method in methods.items():
         rows, real, group = [], [], []
+        filled: dict[bool, list[float]] = {True: [], False: []}
         for i, record in enumerate(records):
             elements, domain = list(record.elements), record.domain
             seen, region = cases.hide("right", elements, domain, np.random.default_rng([0, i]))
@@ -67,12 +74,23 @@ def plausibility(records: Sequence[LayoutRecord], methods: dict[str, Method], mo
             for layout, truth in ((elements, True), ([*seen, *method(seen, domain, region)[0]], False)):
                 labels = [e.label for e in layout]
                 share = [labels.count(label) / len(labels) for label in ELEMENT_CLASSES]
-                rows.append([*terms(layout, domain, model), *share, len(labels) / len(elements)])
+                rows.append([*terms(layout, domain, model), *share])
+                hidden = [e for e in layout if e.label == "window" and e.x0 >= region[0][2]]
+                if hidden:
+                    lines = frame(hidden, domain)
+                    filled[truth].append(len(hidden) / max(len(lines.columns) * len(lines.floors), 1))
                 real.append(truth)
                 group.append(i)
         forest = RandomForestClassifier(200, min_samples_leaf=3, random_state=0)
-        scores = cross_val_score(forest, np.array(rows), np.array(real), groups=group, cv=GroupKFold(5))
-        found[name] = round(float(scores.mean()), 3)
+        likely = cross_val_predict(
+            forest, np.array(rows), np.array(real), groups=group, cv=GroupKFold(5), method="predict_proba"
+        )[:, 1].reshape(-1, 2)
+        right = (likely[:, 0] > likely[:, 1]) + 0.5 * (likely[:, 0] == likely[:, 1])
+        found[name] = {
+            "told apart": round(float(right.mean()), 3),
+            "whole": round(float(np.mean(filled[False])), 3),
+            "real": round(float(np.mean(filled[True])), 3),
+        }
     return found
 
 

@@ -51,5 +51,16 @@ def mirror(elements: Sequence[Element], domain: Box) -> list[Element]:
     return [replace(e, x0=twice - e.x1, x1=twice - e.x0) for e in elements]
 
 
+def regular(rng: np.random.Generator) -> tuple[list[Element], Box]:
+    """A facade of equal windows at equal distances, and its domain, in window widths."""
+    columns, floors = int(rng.integers(3, 24)), int(rng.integers(2, 16))
+    height = np.exp(rng.normal(0.4, 0.2))
+    pitch = rng.uniform(1.6, 3.0), height * rng.uniform(1.5, 2.6)
+    margin = rng.uniform(0.2, 1.2), height * rng.uniform(0.2, 1.2)
+    corners = [(margin[0] + c * pitch[0], margin[1] + f * pitch[1]) for f in range(floors) for c in range(columns)]
+    domain = 2 * margin[0] + (columns - 1) * pitch[0] + 1, 2 * margin[1] + (floors - 1) * pitch[1] + height
+    return [Element("window", x, y, x + 1, y + height) for x, y in corners], (0.0, 0.0, *domain)
+
+
 def _meets(e: Element, r: Box) -> bool:
     return min(e.x1, r[2]) > max(e.x0, r[0]) and min(e.y1, r[3]) > max(e.y0, r[1])

@@ -15,7 +15,7 @@ from facade_core.layout.grids import boxes, grids
 from facade_core.layout.model import LayoutModel, shipped
 from facade_core.layout.optimisation import search
 from facade_core.layout.picking import aligned, pick
-from facade_core.layout.placement import Start, spacings
+from facade_core.layout.placement import Start, beside_gaps, spacings
 from facade_core.layout.policy import roll_out
 from facade_core.layout.proposals import Box, frame, propose
 from facade_core.layout.ranking import probability
@@ -29,11 +29,9 @@ GENERATIONS, TRIES, BEST = 5, 4, 4
 # A window, balcony, door or shop is picked when it is likelier than this: about half of the F1 that is reached for its
 # label, where F1 is largest. Alternatives pick more, and fewer.
 _LIKELY = np.array([0.25, 0.15, 0.09, 0.11])
-_SHARES = (1.0, 0.7, 1.5, 2.0)
+_SHARES = (1.0, 0.7, 1.5, 2.0, 0.3, 8.0)
 # In an alternative, what one way of carrying grids on proposes is picked down to this share of it.
 _DOUBTED = 0.4
-# At most so many doors are added, or as many as are seen.
-_DOORS = 2
 # Two completions are distinct when at least this share of their proposals differs.
 _DISTINCT = 0.08
 # Weight of the statistical model beside the share that is likely right.
@@ -58,11 +56,12 @@ def complete(
     observed elements and of each other; only a window and a balcony may overlap. evidence: a parse of the image that the
     domain covers; what it shows of a proposed element beside the occluder makes it more or less likely.
 
-    Proposals come from extended, pooled and mirrored grids, doors and shops where the database has them, and the policy
-    search of the paper (5.1-5.2); boosted trees say how likely each is, and the likely ones that do not exclude each other
-    are picked. The score is the expected F1 of what was picked, plus a small share of `score` (Eq. 15). With neither an
-    element nor a region, whole layouts are sampled in the styles of the database and ranked by `score`; no element in
-    a seen region is a bare wall, returned as such. Deterministic for a seed.
+    Proposals come from extended, pooled and mirrored grids, doors and shops where the database has them; boosted trees say how
+    likely each is, and the likely ones that do not exclude each other are picked; at most one door, or as many as are seen.
+    The policy search of the paper (5.1-5.2, `plan`) adds nothing to that and is not asked (ADR 0088). The score is the expected
+    F1 of what was picked, plus a small share of `score` (Eq. 15). With neither an element nor a region, whole layouts are
+    sampled in the styles of the database and ranked by `score`; for them alone the seed counts. No element in a seen region
+    is a bare wall, returned as such.
 
     Raises LayoutError for an element without area, of an unknown label, centred outside the domain or outside the observed
     region, and for a box without area or outside the domain.
@@ -80,7 +79,7 @@ def complete(
         return [Completion((), score([], domain, model=chosen))]
     if not seen:
         return _imagined(domain, chosen, n, seed)
-    layouts = candidates(seen, domain, region, chosen, seed=seed, evidence=evidence, alternatives=n > 1)
+    layouts = candidates(seen, domain, region, chosen, evidence=evidence, alternatives=n > 1)
     return [Completion((*seen, *layout), value) for layout, value in _distinct(layouts, n)]
 
 
@@ -90,15 +89,13 @@ def candidates(
     region: np.ndarray,
     model: LayoutModel,
     *,
-    seed: int,
     evidence: Parsing | None,
     alternatives: bool,
 ) -> list[tuple[tuple[Element, ...], float]]:
     """Layouts of the hidden part with their scores, best first; the likeliest only unless alternatives are asked for."""
     things = [e for e in seen if e.label in ELEMENT_CLASSES]
     fitted = grids(things)
-    planned = plan(things, domain, region, model, seed=seed) if things else []
-    found = propose(things, fitted, domain, region, model.sizes, planned)
+    found = propose(things, fitted, domain, region, model.sizes)
     facade = frame(things, domain)
     likely = probability(model.trees, describe(found, things, fitted, facade, domain, region))
     if evidence is not None:
@@ -112,7 +109,7 @@ def candidates(
         own = of_one > 0.8
         choices.append((likely + own, (likely >= wanted) | (own & (likely >= _DOUBTED * wanted))))
     # unlikely doors under every column would each be worth a try, and together no facade
-    doors = max(_DOORS, sum(e.label == "door" for e in things))
+    doors = max(1, sum(e.label == "door" for e in things))
     made: dict[tuple[Element, ...], float] = {}
     for preference, free in choices if alternatives else choices[:1]:
         kept = pick(found.box, found.label, preference, free, blocked)
@@ -136,6 +133,7 @@ def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: La
         label,
         grid,
         spacings(np.ascontiguousarray(box), grid),
+        beside_gaps(np.ascontiguousarray(box), grid),
         int(grid.max()) + 1 if len(grid) else 0,
         np.array(domain, float),
         np.ascontiguousarray(region),

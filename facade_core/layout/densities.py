@@ -39,7 +39,7 @@ class Densities(NamedTuple):
     mixtures (MIXTURES, COMPONENTS, 5);
     patterns (PATTERNS,): their log-probabilities;
     symmetry (DOOR_BINS, SYMMETRY_BINS): log-probabilities of the symmetric share by door place;
-    compatibility (2**LABELS,): of each set of types.
+    compatibility (2**KINDS,): of each set of element types.
     """
 
     mixtures: np.ndarray

@@ -9,7 +9,9 @@ from facade_core.labels import CLASSES, ELEMENT_CLASSES
 from facade_core.types import Parsing
 
 # A parser that is quite sure is still wrong this often.
-_DOUBT = 0.05
+_DOUBT = 0.01
+# However regular a facade is, what the picture shows may break its rule.
+_SUREST = 0.95
 
 
 def weighed(
@@ -45,7 +47,7 @@ def weighed(
         sure[of] = _sums(np.where(visible, channel, 0).astype(np.float64), corner[of])
     mean = np.divide(sure, seen, out=np.full(len(box), 0.5), where=seen > 0)
     odds = (mean + _DOUBT) / (1 - mean + _DOUBT)
-    return 1 / (1 + (1 / probability.clip(1e-6, 1 - 1e-6) - 1) * odds ** -(seen / area))
+    return 1 / (1 + (1 / probability.clip(1e-6, _SUREST) - 1) * odds ** -(seen / area))
 
 
 def _sums(values: np.ndarray, corner: np.ndarray) -> np.ndarray:

@@ -14,6 +14,8 @@ from facade_core.types import Element
 
 # Spacings that agree to this share are equal; the far margin may bend the spacing by as much.
 _SPACING_TOLERANCE = 0.12
+# A grid is carried on by so many lines at each end, and fills a gap with so many, at most: more are no facade's.
+_LINES = 64
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,16 +86,16 @@ def lengthen(known: Sequence[float], size: float, low: float, high: float, balan
     for p in known[1:]:
         gap = p - positions[-1]
         steps = round(gap / pitch)
-        if len(pattern) == 1 and steps > 1 and abs(gap / steps - pitch) <= _SPACING_TOLERANCE * pitch:
+        if len(pattern) == 1 and 1 < steps <= _LINES and abs(gap / steps - pitch) <= _SPACING_TOLERANCE * pitch:
             positions += [positions[-1] + gap * k / steps for k in range(1, steps)]
         positions.append(p)
     before, after = [], []
     at, k = positions[-1], 0
-    while (at := at + pattern[(len(spacing) + k) % len(pattern)]) + size / 2 <= high:
+    while k < _LINES and (at := at + pattern[(len(spacing) + k) % len(pattern)]) + size / 2 <= high:
         after.append(at)
         k += 1
     at, k = positions[0], 0
-    while (at := at - pattern[(-1 - k) % len(pattern)]) - size / 2 >= low:
+    while k < _LINES and (at := at - pattern[(-1 - k) % len(pattern)]) - size / 2 >= low:
         before.append(at)
         k += 1
     if balanced and len(pattern) == 1:

@@ -116,6 +116,15 @@ def _means(values: np.ndarray, index: np.ndarray) -> np.ndarray:
 
 
 def _fit(label: str, box: np.ndarray, members: np.ndarray) -> list[Grid]:
+    found: list[Grid] = []
+    while len(members):  # elements that share a cell lie in grids of their own, as many as there are in it
+        some, members = _fit_once(label, box, members)
+        found += some
+    return found
+
+
+def _fit_once(label: str, box: np.ndarray, members: np.ndarray) -> tuple[list[Grid], np.ndarray]:
+    """Grids of members, and those for which a cell was taken already."""
     centre = (box[members, :2] + box[members, 2:]) / 2
     width, height = np.median(box[members, 2:] - box[members, :2], axis=0)
     gap_x, gap_y = _ALIGNMENT_TOLERANCE * width, _ALIGNMENT_TOLERANCE * height
@@ -137,7 +146,7 @@ def _fit(label: str, box: np.ndarray, members: np.ndarray) -> list[Grid]:
         used = cells[cells >= 0]
         size = np.median(box[used, 2:] - box[used, :2], axis=0)
         found.append(Grid(label, tuple(rows.tolist()), tuple(columns.tolist()), float(size[0]), float(size[1]), cells))
-    return found + (_fit(label, box, np.array(left_over)) if left_over else [])
+    return found, np.array(left_over, int)
 
 
 def _row_groups(x: np.ndarray, row: np.ndarray, width: float, gap: float) -> list[list[int]]:

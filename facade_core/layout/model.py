@@ -19,10 +19,10 @@ from facade_core.layout.densities import COMPONENTS, DOOR_BINS, MIXTURES, SYMMET
 from facade_core.layout.policy import LENGTH
 from facade_core.layout.proposals import Sizes
 from facade_core.layout.ranking import Trees
-from facade_core.layout.statistics import LABELS, PATTERNS
+from facade_core.layout.statistics import KINDS, LABELS, PATTERNS
 
 SHIPPED = Path(__file__).parent / "models" / "layouts.json"
-FORMAT = 1
+FORMAT = 2
 _REMEDY = "fetch it again or run `streetloom train layout`"
 
 
@@ -106,31 +106,24 @@ def _digest(content: object) -> str:
 
 def _encoded(model: LayoutModel) -> dict[str, Any]:
     return {
-        "mixtures": _rounded(model.densities.mixtures),
-        "patterns": _rounded(model.densities.patterns),
-        "symmetry": _rounded(model.densities.symmetry),
-        "compatibility": _rounded(model.densities.compatibility),
-        "weights": dict(zip(TERMS, _rounded(model.weights), strict=True)),
+        "mixtures": model.densities.mixtures.tolist(),
+        "patterns": model.densities.patterns.tolist(),
+        "symmetry": model.densities.symmetry.tolist(),
+        "compatibility": model.densities.compatibility.tolist(),
+        "weights": dict(zip(TERMS, model.weights.tolist(), strict=True)),
         "mean": model.mean,
-        "policies": _rounded(model.policies),
-        "labels": _rounded(model.labels),
-        "doors": _rounded(model.sizes.door),
-        "shops": _rounded(model.sizes.shop),
-        "ratios": _rounded(model.ratios),
-        "styles": _rounded(model.styles),
+        "policies": model.policies.tolist(),
+        "labels": model.labels.tolist(),
+        "doors": model.sizes.door.tolist(),
+        "shops": model.sizes.shop.tolist(),
+        "ratios": model.ratios.tolist(),
+        "styles": model.styles.tolist(),
         "metric": dict(model.metric),
         "trees": {
             "base": model.trees.base,
-            **{name: _rounded(getattr(model.trees, name)) for name in Trees._fields if name != "base"},
+            **{name: getattr(model.trees, name).tolist() for name in Trees._fields if name != "base"},
         },
     }
-
-
-def _rounded(values: np.ndarray) -> list[Any]:
-    """Six digits, which is more than the data tell."""
-    if values.dtype.kind in "iu":
-        return values.tolist()
-    return json.loads(json.dumps(values.tolist()), parse_float=lambda text: float(f"{float(text):.6g}"))
 
 
 def _decoded(content: Mapping[str, Any], training_set: tuple[str, ...]) -> LayoutModel:
@@ -141,7 +134,7 @@ def _decoded(content: Mapping[str, Any], training_set: tuple[str, ...]) -> Layou
             _array(content, "mixtures", (MIXTURES, COMPONENTS, 5)),
             _array(content, "patterns", (len(PATTERNS),)),
             _array(content, "symmetry", (DOOR_BINS, SYMMETRY_BINS)),
-            _array(content, "compatibility", (2**LABELS,)),
+            _array(content, "compatibility", (2**KINDS,)),
         ),
         np.array([float(content["weights"][term]) for term in TERMS]),
         bool(content["mean"]),

@@ -22,6 +22,7 @@ class Start(NamedTuple):
 
     box (N, 4), label (N,), grid (N,);
     spacing (N, 2): see `spacings`;
+    gaps (N,) bool: see `beside_gaps`;
     grids: how many;
     domain (4,);
     region (M, 4): what is visible;
@@ -35,6 +36,7 @@ class Start(NamedTuple):
     label: np.ndarray
     grid: np.ndarray
     spacing: np.ndarray
+    gaps: np.ndarray
     grids: int
     domain: np.ndarray
     region: np.ndarray
@@ -117,6 +119,16 @@ def gap(
         if free:
             best, best_x, best_y = away, px, py
     return best < np.inf, best_x, best_y
+
+
+@njit(cache=True)
+def beside_gaps(box: np.ndarray, grid: np.ndarray) -> np.ndarray:
+    """(N,) bool: whether `gap` finds an empty cell of the element's grid, what Eq. 23 calls concave."""
+    out = np.empty(len(box), np.bool_)
+    for i in range(len(box)):
+        x, y = (box[i, 0] + box[i, 2]) / 2, (box[i, 1] + box[i, 3]) / 2
+        out[i] = gap(box, grid, len(box), i, x, y, box[i, 2] - box[i, 0], box[i, 3] - box[i, 1])[0]
+    return out
 
 
 @njit(cache=True)

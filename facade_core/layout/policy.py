@@ -53,7 +53,7 @@ def roll_out(policy: np.ndarray, start: Start, seed: int) -> tuple[np.ndarray, n
     area = np.zeros(start.grids + 4)
     grid_areas(box, grid, n, start.domain, area)
     while n < capacity - 2:
-        seed_at = _seed(policy, box, label, grid, tried, n, area)
+        seed_at = _seed(policy, box, label, grid, tried, n, area, start.gaps)
         if seed_at < 0:
             break
         way = _direction(policy, tried[seed_at])
@@ -125,6 +125,7 @@ def _seed(
     tried: np.ndarray,
     n: int,
     area: np.ndarray,
+    gaps: np.ndarray,
 ) -> int:
     """The seed element, among those with a direction left: at random or by the rank of Eq. 23; -1 where none is left."""
     count = 0
@@ -142,8 +143,8 @@ def _seed(
     best, best_rank = -1, -1.0
     for i in range(n):
         if tried[i] < 31 and label[i] != NULL:
-            # an element inside its grid's box has neighbours all around it or a gap: its fill is still to be tried
-            concave = 0.0 if tried[i] & (1 << FILL) else 1.0
+            # beside a gap of its grid, until that is tried; what was added was added beside others
+            concave = 1.0 if i < len(gaps) and gaps[i] and not tried[i] & (1 << FILL) else 0.0
             rank = policy[CONCAVITY] * concave + (1 - policy[CONCAVITY]) * (1 - area[grid[i]])
             if rank > best_rank:
                 best, best_rank = i, rank

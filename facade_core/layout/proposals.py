@@ -27,6 +27,8 @@ Box = tuple[float, float, float, float]
 
 # A guess that reaches into what is seen, or out of the domain, by less than this share of its side is moved clear.
 _MOVED = 0.3
+# So many guesses of one variant are looked at: more are no facade's, and each is held against each.
+_MOST = 2000
 # Windows whose centres differ by less than this share of their size stand in one column or floor.
 _ONE_LINE = 0.35
 
@@ -65,10 +67,8 @@ def propose(
     domain: Box,
     region: np.ndarray,
     sizes: Sizes,
-    planned: Sequence[np.ndarray] = (),
 ) -> Proposals:
-    """Guesses for what is hidden. fitted: the grids of `seen`; region (M, 4): what is visible; planned: the additions of whole
-    layouts, (N, 5) label and corners, that are proposed as well but do not count as agreement."""
+    """Guesses for what is hidden. fitted: the grids of `seen`; region (M, 4): what is visible."""
     variants: list[np.ndarray] = []
     shared = known(seen, fitted)
     for how in EXTENSIONS:
@@ -81,14 +81,14 @@ def propose(
     variants.append(_ground(seen, facade, domain, SHOP, sizes.shop))
     variants.append(_stretched(seen, fitted, domain))
     variants.append(_stacked(seen, facade, domain))
-    variant = np.repeat(np.arange(len(variants) + len(planned)), [len(v) for v in (*variants, *planned)])
-    raw = np.concatenate([*variants, *planned])
+    variants = [guesses[:_MOST] for guesses in variants]
+    variant = np.repeat(np.arange(len(variants)), [len(guesses) for guesses in variants])
+    raw = np.concatenate(variants)
     raw[:, 1:], inside = _moved_clear(raw[:, 1:], domain, region)
     inside &= _clear_of(raw, seen)
     raw, variant = raw[inside], variant[inside]
     kept = _distinct(raw)
-    counted = variant < len(variants)
-    support = best_agreement(raw[kept], raw[counted], variant[counted], len(variants))
+    support = best_agreement(raw[kept], raw, variant, len(variants))
     return Proposals(raw[kept, 1:], raw[kept, 0].astype(np.int8), support)
 
 

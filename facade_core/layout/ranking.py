@@ -41,18 +41,18 @@ def probability(trees: Trees, rows: np.ndarray) -> np.ndarray:
     return out
 
 
-def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int = 150, leaves: int = 24) -> Trees:
+def train_trees(rows: np.ndarray, truth: np.ndarray, *, seed: int, rounds: int = 400, leaves: int = 32) -> Trees:
     """Boost trees on rows (N, features) with truth (N,) bool. One thread, so that the result is the same everywhere."""
     from sklearn.ensemble import HistGradientBoostingClassifier
     from threadpoolctl import threadpool_limits
 
     learner = HistGradientBoostingClassifier(
         max_iter=rounds,
-        learning_rate=0.08,
+        learning_rate=0.05,
         max_leaf_nodes=leaves,
-        min_samples_leaf=40,
+        min_samples_leaf=60,
         l2_regularization=3.0,
-        max_features=0.4,
+        max_features=0.3,
         early_stopping=False,
         random_state=seed,
     )

@@ -25,6 +25,11 @@ ASPECT, WIDTH_RATIO, HEIGHT_RATIO, REGULAR_X, REGULAR_Y, COMPLETE, LABEL = range
 PATTERN, ALIGN_X, GAP_X, ALIGN_Y, GAP_Y = range(5)
 COVERAGE, BORDER_LEFT, BORDER_RIGHT, BORDER_TOP, BORDER_BOTTOM, SYMMETRY, DOOR_AT, TYPES = range(8)
 UNARY, BINARY, OVERALL = 7, 5, 8
+# The element types of Eq. 7-8: each label above the ground, then each that stands on it: with labels alone the term is a
+# function of their number, and a door on the third floor is one more.
+KINDS = 2 * LABELS
+# An element stands on the ground where less than this share of its height lies between its foot and the domain's.
+_STANDING = 0.5
 
 
 @njit(cache=True)
@@ -94,7 +99,7 @@ def measure(
             columns[g, k] = xs[k]
         for k in range(len(ys)):
             rows[g, k] = ys[k]
-        _of_grid(unary[g], count, width, height, xs, ys, extent[g])
+        _of_grid(unary[g], count, width, height, xs, ys)
         unary[g, LABEL] = of_label[g]
     pairs = np.full((grids * (grids - 1) // 2, BINARY), np.nan)
     k = 0
@@ -113,23 +118,24 @@ def measure(
                 domain,
             )
             k += 1
-    return unary, pairs, _overall(box, label, extent, of_label, domain)
+    return unary, pairs, _overall(box, label, extent, domain)
 
 
 @njit(cache=True)
-def _of_grid(
-    out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray, extent: np.ndarray
-) -> None:
-    """Eq. 1-4 of one grid: aspect ratio, size to spacing, spread of the spacing to the grid's extent, share of cells filled."""
+def _of_grid(out: np.ndarray, count: int, width: float, height: float, xs: np.ndarray, ys: np.ndarray) -> None:
+    """Eq. 1-4 of one grid: aspect ratio, size to spacing, spread of the spacing to its mean, share of cells filled.
+
+    The paper has the spread to the grid's extent; in a grid of ten columns that hardly sees one moved by half a window.
+    """
     out[ASPECT] = np.log(height / width)
     if len(xs) > 1:
         mean, deviation = _gaps(xs)
         out[WIDTH_RATIO] = width / mean
-        out[REGULAR_X] = deviation / (extent[2] - extent[0])
+        out[REGULAR_X] = deviation / mean
     if len(ys) > 1:
         mean, deviation = _gaps(ys)
         out[HEIGHT_RATIO] = height / mean
-        out[REGULAR_Y] = deviation / (extent[3] - extent[1])
+        out[REGULAR_Y] = deviation / mean
     out[COMPLETE] = count / (len(xs) * len(ys))
 
 
@@ -163,9 +169,9 @@ def _of_pair(
     apart_x = max(a[0], b[0]) - min(a[2], b[2])
     apart_y = max(a[1], b[1]) - min(a[3], b[3])
     if apart_x < 0 and apart_y < 0:  # the bounding boxes cut: their lines may take turns
-        pattern = _pattern(xa, xb)
+        pattern = _pattern(xa, xb, ALIGNED * min(size_a[0], size_b[0]))
         if pattern < 0:
-            pattern = _pattern(ya, yb)
+            pattern = _pattern(ya, yb, ALIGNED * min(size_a[1], size_b[1]))
         if pattern >= 0:
             out[PATTERN] = pattern
     if apart_x < 0:
@@ -200,9 +206,30 @@ def _aligned(p: np.ndarray, q: np.ndarray, gap: float, a0: float, a1: float, b0:
 
 
 @njit(cache=True)
-def _pattern(p: np.ndarray, q: np.ndarray) -> int:
-    """Index into PATTERNS of the order in which two grids' lines take turns; -1 where one lies wholly beside the other."""
+def _alone(p: np.ndarray, q: np.ndarray, gap: float) -> np.ndarray:
+    """The lines of p of which none of q lies within the gap."""
+    out = np.empty(len(p))
+    n = 0
+    for k in range(len(p)):
+        alone = True
+        for j in range(len(q)):
+            alone = alone and abs(q[j] - p[k]) > gap
+        if alone:
+            out[n] = p[k]
+            n += 1
+    return out[:n]
+
+
+@njit(cache=True)
+def _pattern(all_p: np.ndarray, all_q: np.ndarray, gap: float) -> int:
+    """Index into PATTERNS of the order in which two grids' lines take turns; -1 where one lies wholly beside the other.
+
+    Lines that coincide, being one line of both, take no turns.
+    """
+    p, q = _alone(all_p, all_q, gap), _alone(all_q, all_p, gap)
     n = len(p) + len(q)
+    if len(p) == 0 or len(q) == 0:
+        return -1
     values = np.empty(n)
     for k in range(len(p)):
         values[k] = p[k]
@@ -221,7 +248,7 @@ def _pattern(p: np.ndarray, q: np.ndarray) -> int:
     if turns <= 1:
         return -1
     ones, pairs, short = True, True, runs[0] <= 2 and runs[turns] <= 2
-    # of the runs at even and at odd places: whether all are one, and whether all but the first and last are two
+    # of the runs at even and at odd places: whether all are one; whether all are two, the first and the last at most that
     single, double = np.ones(2, np.bool_), np.ones(2, np.bool_)
     for k in range(turns + 1):
         side = k % 2
@@ -229,8 +256,7 @@ def _pattern(p: np.ndarray, q: np.ndarray) -> int:
         single[side] &= runs[k] == 1
         if 0 < k < turns:
             pairs &= runs[k] == 2
-        if (side == 0 and 0 < k < turns - turns % 2) or (side == 1 and k < turns - (turns + 1) % 2):
-            double[side] &= runs[k] == 2
+        double[side] &= runs[k] == 2 if 0 < k < turns else runs[k] <= 2
     if ones:
         return 1 if turns == 2 else 0
     if pairs and short:
@@ -241,15 +267,14 @@ def _pattern(p: np.ndarray, q: np.ndarray) -> int:
 
 
 @njit(cache=True)
-def _overall(
-    box: np.ndarray, label: np.ndarray, extent: np.ndarray, of_label: np.ndarray, domain: np.ndarray
-) -> np.ndarray:
+def _overall(box: np.ndarray, label: np.ndarray, extent: np.ndarray, domain: np.ndarray) -> np.ndarray:
     """Eq. 8-11: types present as bits, coverage by grids, borders in mean element sizes, symmetric share, doors' place."""
     out = np.full(OVERALL, np.nan)
     n = len(box)
     types = 0
-    for g in range(len(of_label)):
-        types |= 1 << of_label[g]
+    for i in range(n):
+        standing = domain[3] - box[i, 3] < _STANDING * (box[i, 3] - box[i, 1])
+        types |= 1 << (label[i] + LABELS * standing)
     out[TYPES] = types
     width, height = domain[2] - domain[0], domain[3] - domain[1]
     if n == 0:

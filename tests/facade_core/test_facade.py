@@ -174,6 +174,24 @@ def test_visible_boxes_leave_out_the_holes() -> None:
     np.testing.assert_array_equal(drawn, ~hidden)
 
 
+def test_inside_a_hidden_frame_is_visible_and_specks_cost_little() -> None:
+    hidden = np.ones((400, 300), bool)
+    hidden[6:-6, 6:-6] = False
+    (inside,) = visible_boxes(hidden)
+    assert inside == (6, 6, 294, 393)  # whole cells of three pixels
+    random = np.random.default_rng(0)
+    hidden = np.zeros((1200, 900), bool)
+    for y, x in random.integers(0, (1190, 890), (150, 2)):
+        hidden[y : y + 9, x : x + 9] = True
+    boxes = visible_boxes(hidden)
+    assert len(boxes) < 1000
+    drawn = np.zeros_like(hidden)
+    for x0, y0, x1, y1 in boxes:
+        drawn[int(y0) : int(y1), int(x0) : int(x1)] = True
+    assert not (drawn & hidden).any()
+    assert drawn.sum() > 0.9 * (~hidden).sum()
+
+
 def test_columns_are_counted_in_the_fullest_row() -> None:
     row = [Element("window", x, 10, x + 5, 20) for x in (0, 10, 20)] + [Element("window", 0, 30, 5, 40)]
     assert count_columns([*row, Element("door", 0, 40, 5, 60)]) == 3

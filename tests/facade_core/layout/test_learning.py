@@ -46,7 +46,9 @@ def test_a_saved_model_completes_alike(trained, tmp_path):
     region = [(0.0, 0.0, 100.0, 160.0)]
     seen = [e for e in elements if e.x0 < 100]
     model = load(tmp_path / "m.json")
-    assert complete(seen, domain, region, model=model) == complete(seen, domain, region, model=model)
+    assert complete(seen, domain, region, model=model) == complete(seen, domain, region, model=trained)
+    for saved, own in zip(model.trees, trained.trees, strict=True):
+        np.testing.assert_array_equal(saved, own)
 
 
 def test_too_few_layouts_are_refused():

@@ -56,6 +56,36 @@ def test_interleaved_grids_have_a_pattern():
     assert PATTERNS[int(pairs[0, PATTERN])] == "AB"
 
 
+@pytest.mark.parametrize(
+    ("order", "name"),
+    [("ABAB", "AB"), ("AABAAB", "AAB"), ("AABBAABB", "AABB"), ("ABA", "ABA"), ("AAABAAA", "other"), ("AAABBB", None)],
+)
+def test_patterns_of_lines_that_take_turns(order, name):
+    layout = []
+    for k, grid in enumerate(order):  # one grid a little lower than the other, so that their boxes cut
+        at = 8 + 176 * k / (len(order) - 1)
+        layout += [window(at, y + (20 if grid == "B" else 0), w=10 if grid == "A" else 6, h=10) for y in (30, 70, 110)]
+    pattern = measured(layout, DOMAIN)[1][0, PATTERN]
+    assert (None if np.isnan(pattern) else PATTERNS[int(pattern)]) == name
+
+
+def test_lines_that_coincide_take_no_turns():
+    balconies = [window(x + 0.5 * (-1) ** k, 38, w=20, h=6, label="balcony") for k, x in enumerate((20, 60, 100))]
+    pairs = measured([*block(xs=(20, 60, 100), ys=(30,)), *balconies], DOMAIN)[1]
+    assert np.isnan(pairs[0, PATTERN])
+
+
+def test_a_door_on_the_third_floor_speaks_against_a_layout():
+    usual = [*block(ys=(30, 70, 110)), window(100, 148, label="door")]
+    model = shipped()
+    compatible = terms(usual, DOMAIN, model)[TERMS.index("ec")]
+    assert terms([*usual, window(40, 50, label="door")], DOMAIN, model)[TERMS.index("ec")] < compatible == 0
+
+
+def test_elements_one_in_another_have_a_score():
+    assert np.isfinite(score([window(100, 80, w=0.1 * k, h=0.1 * k) for k in range(1, 1201, 12)], DOMAIN))
+
+
 def test_score_does_not_depend_on_order_and_counts_duplicates_once():
     layout = [*block(), window(100, 148, label="door"), window(60, 148, label="door")]
     shuffled = [layout[k] for k in np.random.default_rng(0).permutation(len(layout))]
