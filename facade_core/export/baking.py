@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
+
 import numpy as np
 
 from facade_core.export.models import Textured
@@ -17,9 +19,16 @@ SAMPLES = 3
 
 
 def bake(
-    source: Textured, triangles: np.ndarray, charts: Charts, chosen: np.ndarray, texels: np.ndarray, density: float
-) -> dict[int, np.ndarray]:
-    """Rasters (h, w, 3) uint8 of the charts in `chosen`, showing the building whose `triangles` of the source are given.
+    source: Textured,
+    triangles: np.ndarray,
+    charts: Charts,
+    chosen: np.ndarray,
+    texels: np.ndarray,
+    density: float,
+    looks: Sequence[Callable[[int], np.ndarray]],
+) -> list[dict[int, np.ndarray]]:
+    """Rasters (h, w, 3) uint8 of the charts in `chosen`, showing the building whose `triangles` of the source are given, one
+    for each of `looks`, which give a source chart's raster of any size.
 
     texels (n, 2), width and height of the charts' rasters; density, texels per metre. What no ray finds takes the colour found
     nearest on its chart, else the building's mean.
@@ -32,7 +41,7 @@ def bake(
     caster = RayCaster(own)
     highest = own.vertices[:, 2].max()
     normals = charts.normal()
-    shown: dict[int, tuple[np.ndarray, np.ndarray]] = {}
+    shown: list[dict[int, tuple[np.ndarray, np.ndarray]]] = [{} for _ in looks]
     for chart in chosen.tolist():
         width, height = texels[chart].tolist()
         x = (np.arange(width * SAMPLES) + 0.5) / SAMPLES / density
@@ -46,23 +55,28 @@ def bake(
         origins = points - before * ahead
         depth, hit = caster.cast(origins, np.broadcast_to(ahead, points.shape))
         found = (hit != MISS) & (depth < (before + BEHIND_M if wall else np.inf))
-        colour = np.zeros((*hit.shape, 3), np.uint8)
-        colour[found] = _look_up(source, hit[found], origins[found] + depth[found][:, None] * ahead)
-        shown[chart] = colour, found
+        for baked, look in zip(shown, looks, strict=True):
+            colour = np.zeros((*hit.shape, 3), np.uint8)
+            colour[found] = _look_up(source, hit[found], origins[found] + depth[found][:, None] * ahead, look)
+            baked[chart] = colour, found
+    return [_whole(baked) for baked in shown]
+
+
+def _whole(shown: Mapping[int, tuple[np.ndarray, np.ndarray]]) -> dict[int, np.ndarray]:
     seen = [colour[found] for colour, found in shown.values() if found.any()]
     mean = np.concatenate(seen).mean(axis=0) if seen else np.full(3, 128.0)
     return {chart: _averaged(_filled(colour, found, mean)) for chart, (colour, found) in shown.items()}
 
 
-def _look_up(source: Textured, chart: np.ndarray, points: np.ndarray) -> np.ndarray:
+def _look_up(source: Textured, chart: np.ndarray, points: np.ndarray, look: Callable[[int], np.ndarray]) -> np.ndarray:
     """The colours (k, 3) of the texels that hold points (k, 3) on their charts (k,)."""
-    place = source.charts.coordinates(chart, points)
-    texel = (place / source.extent[chart] * source.texels[chart]).astype(np.int64)
-    column, row = np.clip(texel, 0, source.texels[chart] - 1).T
+    share = source.charts.coordinates(chart, points) / source.extent[chart]
     colours = np.empty((len(chart), 3), np.uint8)
     for one in np.unique(chart).tolist():
-        here = chart == one
-        colours[here] = source.raster(one)[row[here], column[here]]
+        here, raster = chart == one, look(one)
+        size = np.array(raster.shape[1::-1])
+        column, row = np.clip((share[here] * size).astype(np.int64), 0, size - 1).T
+        colours[here] = raster[row, column]
     return colours
 
 

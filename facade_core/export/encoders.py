@@ -13,19 +13,22 @@ from facade_core.export.pages import QUALITY, encode
 
 # Of WebP and of ETC1S, 0 to 100, by the eye: what they lose beside JPEG at QUALITY is not measured.
 WEBP_QUALITY, ETC1S_QUALITY, ETC1S_EFFORT = 85, 90, 1
+# Of JPEG's data.
+DATA_QUALITY = 80
 # A texture and its mipmaps: a third more.
 MIPMAPS = 4 / 3
 
 
 @dataclass(frozen=True)
 class Encoder:
-    """How pages (h, w, 3) uint8 are encoded. extension: glTF's, by which textures name a picture, None for what every reader
-    knows; texel_bytes: what a graphics card holds of a texel, at most."""
+    """How pages (h, w, 3) uint8 are encoded, of colours and of data, such as normals. extension: glTF's, by which textures name
+    a picture, None for what every reader knows; texel_bytes: what a graphics card holds of a texel, at most."""
 
     mime: str
     extension: str | None
     texel_bytes: float
     encode: Callable[[np.ndarray], bytes]
+    encode_data: Callable[[np.ndarray], bytes]
 
 
 def encoder(name: str) -> Encoder:
@@ -46,7 +49,16 @@ def _webp(image: np.ndarray) -> bytes:
     return buffer.getvalue()
 
 
-def _ktx2(image: np.ndarray) -> bytes:
+def _jpeg_data(image: np.ndarray) -> bytes:
+    """Without subsampling: a normal's directions are as sharp as its length."""
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    Image.fromarray(image).save(buffer, "JPEG", quality=DATA_QUALITY, subsampling=0)
+    return buffer.getvalue()
+
+
+def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
     """ETC1S with mipmaps. The encoder gives the same bytes for any number of threads."""
     import alktx2
     from PIL import Image
@@ -59,7 +71,7 @@ def _ktx2(image: np.ndarray) -> bytes:
         codec="etc1s",
         quality=ETC1S_QUALITY,
         effort=ETC1S_EFFORT,
-        srgb=True,
+        srgb=srgb,
         mipmaps=True,
         mip_wrap=False,
         check_for_alpha=False,
@@ -68,7 +80,7 @@ def _ktx2(image: np.ndarray) -> bytes:
 
 # ETC1S becomes BC7, ETC2 or ASTC on the card: a byte a texel or half of that. The others are held as red, green, blue, alpha.
 ENCODERS = {
-    "jpeg": Encoder("image/jpeg", None, 4.0, lambda image: encode(image, QUALITY)),
-    "webp": Encoder("image/webp", "EXT_texture_webp", 4.0, _webp),
-    "ktx2": Encoder("image/ktx2", "KHR_texture_basisu", 1.0, _ktx2),
+    "jpeg": Encoder("image/jpeg", None, 4.0, lambda image: encode(image, QUALITY), _jpeg_data),
+    "webp": Encoder("image/webp", "EXT_texture_webp", 4.0, _webp, _webp),
+    "ktx2": Encoder("image/ktx2", "KHR_texture_basisu", 1.0, _ktx2, lambda image: _ktx2(image, srgb=False)),
 }

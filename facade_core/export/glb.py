@@ -11,15 +11,21 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from facade_core.export.looks import Look, Time, materials_of
+
 # glTF's numbers for component types, buffer targets, filters and wrapping.
 UNSIGNED_INT, FLOAT = 5125, 5126
 # Of component types, as numpy has them.
 BYTE_KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
 VERTICES, INDICES = 34962, 34963
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
+# Of models of pictures alone.
+UNLIT = {"extensionsUsed": ["KHR_materials_unlit"]}
+# Types of accessors.
+KINDS = {"position": "VEC3", "normal": "VEC3", "uv": "VEC2", "tangent": "VEC4", "triangles": "SCALAR"}
 # GLB's: the names of its chunks, and the length of its header in bytes.
 JSON, BINARY, HEADER_BYTES = 0x4E4F534A, 0x004E4942, 12
-# Of every model: how its pictures are looked up, and the extension by which its surfaces are unlit.
+# Of every model: how its pictures are looked up.
 SAMPLERS = [
     {
         "magFilter": LINEAR,
@@ -28,7 +34,6 @@ SAMPLERS = [
         "wrapT": CLAMP_TO_EDGE,
     }
 ]
-UNLIT = {"extensionsUsed": ["KHR_materials_unlit"]}
 
 
 @dataclass(frozen=True)
@@ -36,7 +41,8 @@ class Primitive:
     """Triangles that show one picture, in glTF's frame (y up).
 
     position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, u right and v down; triangles (t, 3) vertex indices,
-    counter-clockwise seen from outside; picture, the index of the picture they show.
+    counter-clockwise seen from outside; picture, the index of the look they show; tangent (v, 3), of what is
+    lit: unit, along u.
     """
 
     position: np.ndarray
@@ -44,6 +50,7 @@ class Primitive:
     uv: np.ndarray
     triangles: np.ndarray
     picture: int
+    tangent: np.ndarray | None = None
 
 
 @dataclass(frozen=True)
@@ -56,16 +63,18 @@ class Node:
 
 def glb_bytes(
     nodes: Sequence[Node],
-    jpegs: Sequence[bytes],
+    looks: Sequence[bytes] | Sequence[Look],
     *,
     extras: Mapping[str, Any] | None = None,
     copyright: str = "",
+    time: Time = "day",
 ) -> bytes:
-    """A model as GLB: one glTF node per Node, every picture in `jpegs` embedded as it is. extras are the scene's;
-    copyright, the asset's: whom to name for what it is made from.
+    """A model as GLB: one glTF node per Node, every picture of `looks` embedded as it is, all JPEG. extras are the scene's;
+    copyright, the asset's: whom to name for what it is made from; time, of what is lit.
 
-    Surfaces are unlit: their pictures hold the light of the day they were taken on.
+    What is a picture alone is unlit: it holds the light of the day on which it was taken.
     """
+    shown = materials_of([one if isinstance(one, Look) else Look(one) for one in looks], time=time)
     nodes = [node for node in nodes if node.primitives]
     primitives = [primitive for node in nodes for primitive in node.primitives]
     position = [np.ascontiguousarray(p.position, "<f4") for p in primitives]
@@ -73,6 +82,7 @@ def glb_bytes(
         "position": position,
         "normal": [np.ascontiguousarray(p.normal, "<f4") for p in primitives],
         "uv": [np.ascontiguousarray(p.uv, "<f4") for p in primitives],
+        "tangent": [tangents(p.tangent) for p in primitives if p.tangent is not None],
         "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
     }
     views: list[dict[str, Any]] = []
@@ -89,7 +99,7 @@ def glb_bytes(
     accessors: list[dict[str, Any]] = []
     first: dict[str, int] = {}
     for name, parts in arrays.items():
-        kind = "SCALAR" if name == "triangles" else f"VEC{2 if name == 'uv' else 3}"
+        kind = KINDS[name]
         first[name] = len(accessors)
         start = 0
         for part in parts:
@@ -109,21 +119,21 @@ def glb_bytes(
             target = INDICES if name == "triangles" else VERTICES
             add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
     pictures = len(views)
-    for jpeg in jpegs:
-        add_view(jpeg)
+    for picture in shown.pictures:
+        add_view(picture)
 
     meshes: list[dict[str, Any]] = []
-    count = 0
+    count = leaning = 0
     for node in nodes:
         drawn = []
         for primitive in node.primitives:
             attributes = {"POSITION": "position", "NORMAL": "normal", "TEXCOORD_0": "uv"}
+            of = {key: first[name] + count for key, name in attributes.items()}
+            if primitive.tangent is not None:
+                of["TANGENT"] = first["tangent"] + leaning
+                leaning += 1
             drawn.append(
-                {
-                    "attributes": {key: first[name] + count for key, name in attributes.items()},
-                    "indices": first["triangles"] + count,
-                    "material": primitive.picture,
-                }
+                {"attributes": of, "indices": first["triangles"] + count, **shown.primitives[primitive.picture]}
             )
             count += 1
         meshes.append({"name": node.name, "primitives": drawn})
@@ -140,12 +150,11 @@ def glb_bytes(
     }
     if nodes:
         document |= {
-            **UNLIT,
+            **({"extensionsUsed": list(shown.used)} if shown.used else {}),
             "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
             "meshes": meshes,
-            "materials": [material(i) for i in range(len(jpegs))],
-            "textures": [{"source": i, "sampler": 0} for i in range(len(jpegs))],
-            "images": [{"bufferView": pictures + i, "mimeType": "image/jpeg"} for i in range(len(jpegs))],
+            **shown.document,
+            "images": [{"bufferView": pictures + i, "mimeType": "image/jpeg"} for i in range(len(shown.pictures))],
             "samplers": SAMPLERS,
             "accessors": accessors,
             "bufferViews": views,
@@ -189,14 +198,6 @@ def pictures_of(glb: bytes) -> list[bytes]:
     return [glb[data + view["byteOffset"] : data + view["byteOffset"] + view["byteLength"]] for view in views]
 
 
-def material(picture: int) -> dict[str, Any]:
-    """The unlit material that shows a picture."""
-    return {
-        "name": f"page-{picture}",
-        "pbrMetallicRoughness": {
-            "baseColorTexture": {"index": picture},
-            "metallicFactor": 0.0,
-            "roughnessFactor": 1.0,
-        },
-        "extensions": {"KHR_materials_unlit": {}},
-    }
+def tangents(along: np.ndarray) -> np.ndarray:
+    """TANGENT (v, 4) of unit vectors (v, 3) along u of pictures whose v runs down surfaces: normals with x right and y up."""
+    return np.column_stack([along, np.ones(len(along))]).astype("<f4")

@@ -10,7 +10,18 @@ from typing import Protocol
 import numpy as np
 
 from facade_core.export.glb import Node, Primitive
-from facade_core.export.pages import GUTTER, LARGEST_PAGE, Layout, draw_page, encode, lay_out, scaled
+from facade_core.export.pages import (
+    GUTTER,
+    LARGEST_PAGE,
+    Layout,
+    Maps,
+    Pictures,
+    draw_page,
+    encode,
+    halved,
+    lay_out,
+    scaled,
+)
 from facade_core.geometry.charts import Charts, Mesh
 from facade_core.grouping import grouped
 from facade_core.street.scene import Scene
@@ -58,13 +69,15 @@ def local_frame(mesh: Mesh) -> LocalFrame:
 @dataclass(frozen=True)
 class Textured:
     """Charts that have a raster each: mesh without triangles too small to show; extent (n, 2) metres that each raster covers
-    from its chart's origin; texels (n, 2) its width and height; raster, a chart's raster (h, w, 3) uint8."""
+    from its chart's origin; texels (n, 2) its width and height; raster, a chart's raster (h, w, 3) uint8; maps, of charts that
+    are lit, else None."""
 
     charts: Charts
     mesh: Mesh
     extent: np.ndarray
     texels: np.ndarray
     raster: Callable[[int], np.ndarray]
+    maps: Callable[[int], Maps] | None = None
 
     @cached_property
     def normals(self) -> np.ndarray:
@@ -174,12 +187,45 @@ def jpegs(drawn: Drawn) -> list[bytes]:
 
 def page_jpeg(drawn: Drawn, page: int) -> bytes:
     """A page of a layout, encoded."""
+    return encode(_page(drawn, page))
 
+
+def page_pictures(drawn: Drawn, page: int) -> Pictures:
+    """A page of a layout, with its maps where its source has them."""
+    maps, half = drawn.source.maps, halved(drawn.layout)
+    return Pictures(
+        _page(drawn, page),
+        None if maps is None else drawn_maps(drawn, page, lambda raster: draw_page(half, page, raster, GUTTER // 2)),
+    )
+
+
+def _page(drawn: Drawn, page: int) -> np.ndarray:
     def raster(i: int) -> np.ndarray:
         width, height = drawn.layout.size[i].tolist()
         return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
 
-    return encode(draw_page(drawn.layout, page, raster))
+    return draw_page(drawn.layout, page, raster)
+
+
+def drawn_maps(drawn: Drawn, page: int, draw: Callable[[Callable[[int], np.ndarray]], np.ndarray]) -> Maps:
+    """The maps of a page; `draw` puts rasters of its pieces at half their texels on it."""
+    assert drawn.source.maps is not None
+    found: dict[int, tuple[np.ndarray | None, ...]] = {}
+    for i in np.flatnonzero(drawn.layout.page == page).tolist():
+        width, height = (-(-side // 2) for side in drawn.layout.size[i].tolist())
+        maps = drawn.source.maps(int(drawn.charts[i]))
+        found[i] = tuple(None if one is None else scaled(one, (width, height)) for one in maps)
+
+    def kind(number: int) -> np.ndarray | None:
+        if all(one[number] is None for one in found.values()):
+            return None
+        dark = lambda i: np.zeros_like(found[i][0])  # noqa: E731
+        return draw(lambda i: dark(i) if (one := found[i][number]) is None else one)
+
+    normal, orm, glow = (kind(number) for number in range(3))
+    assert normal is not None
+    assert orm is not None
+    return Maps(normal, orm, glow)
 
 
 def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> tuple[list[Node], np.ndarray]:
@@ -211,6 +257,7 @@ def nodes_of(drawn: Sequence[Drawn], names: Mapping[int, str], frame: Frame) -> 
                     part.texture_coordinates(mesh.vertex_chart[used], source.coordinates[used]),
                     index.reshape(-1, 3),
                     before + shown,
+                    frame.directions(source.charts.axis_u[mesh.vertex_chart[used]]) if source.maps else None,
                 )
             )
         before += len(part.layout.pages)

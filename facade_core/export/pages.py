@@ -5,6 +5,7 @@ from __future__ import annotations
 import io
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,6 +31,28 @@ class Layout:
     y: np.ndarray
     size: np.ndarray
     pages: np.ndarray
+
+
+class Maps(NamedTuple):
+    """Of a chart at half its texels, (h, w, 3) uint8 each: normals as glTF has them, x right, y up; occlusion, roughness and
+    metal; light at night, sRGB, None where it is dark."""
+
+    normal: np.ndarray
+    orm: np.ndarray
+    glow: np.ndarray | None
+
+
+@dataclass(frozen=True)
+class Pictures:
+    """A page (h, w, 3) uint8, and its maps at half of that where it is lit."""
+
+    colour: np.ndarray
+    maps: Maps | None = None
+
+
+def halved(layout: Layout) -> Layout:
+    """A layout of half the texels: pieces and pages begin and end on even texels but for a piece's own end."""
+    return Layout(layout.page, layout.x // 2, layout.y // 2, (layout.size + 1) // 2, layout.pages // 2)
 
 
 def lay_out(size: np.ndarray, group: np.ndarray, *, largest: int = LARGEST_PAGE) -> Layout:
@@ -96,7 +119,7 @@ def between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
     return colour
 
 
-def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray]) -> np.ndarray:
+def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray], gutter: int = GUTTER) -> np.ndarray:
     """One page (h, w, 3) uint8 with the rasters of its pieces, their borders repeated, and the mean colour between."""
     width, height = layout.pages[page].tolist()
     drawn = np.zeros((height, width, 3), np.uint8)
@@ -104,9 +127,9 @@ def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray]) ->
     for i in np.flatnonzero(layout.page == page).tolist():
         image = raster(i)
         w, h = layout.size[i].tolist()
-        right, below = (-(side + 2 * GUTTER) % GUTTER + GUTTER for side in (w, h))
-        padded = np.pad(image, [(GUTTER, below), (GUTTER, right), (0, 0)], mode="edge")
-        top, left = int(layout.y[i]) - GUTTER, int(layout.x[i]) - GUTTER
+        right, below = (-(side + 2 * gutter) % gutter + gutter for side in (w, h))
+        padded = np.pad(image, [(gutter, below), (gutter, right), (0, 0)], mode="edge")
+        top, left = int(layout.y[i]) - gutter, int(layout.x[i]) - gutter
         place = (slice(top, top + padded.shape[0]), slice(left, left + padded.shape[1]))
         drawn[place] = padded
         free[place] = False
@@ -118,12 +141,12 @@ def draw_page(layout: Layout, page: int, raster: Callable[[int], np.ndarray]) ->
 
 
 def scaled(image: np.ndarray, size: tuple[int, int]) -> np.ndarray:
-    """An image (h, w, 3) made smaller to size = (width, height), by area."""
+    """An image (h, w, k) made smaller to size = (width, height), by area."""
     import cv2
 
     if image.shape[:2] == size[::-1]:
         return image
-    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], 3)
+    return cv2.resize(image, size, interpolation=cv2.INTER_AREA).reshape(size[1], size[0], -1)
 
 
 def encode(image: np.ndarray, quality: int = QUALITY) -> bytes:

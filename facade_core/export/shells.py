@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import shapely
@@ -12,6 +12,7 @@ from shapely import Polygon
 from facade_core.export.baking import bake
 from facade_core.export.footprints import footprint
 from facade_core.export.models import Textured, shown_area
+from facade_core.export.pages import Maps, scaled
 from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh, Pieces
 from facade_core.geometry.ground import add_level, add_planar
 from facade_core.grouping import grouped
@@ -26,6 +27,9 @@ ROOF_SHARE = 0.7
 OFF_M = 4.0
 # Smaller triangles are chimneys' and the like: a shell leaves them out.
 SMALL_M2 = 0.5
+
+# A normal straight out, and of occlusion, roughness and metal what a wall has seen from afar.
+FLAT, MATT = (128, 128, 255), (255, 217, 0)
 
 _DOWN = np.array([0.0, 0.0, -1.0])
 
@@ -57,11 +61,31 @@ def simplified_shells(source: Textured, density: float, tell: Callable[[], None]
             _extrude(pieces, building, outline, base, top)
     charts, mesh = pieces.values() if len(pieces) else _nothing()
     texels = charts.texels(density)
-    rasters: dict[int, np.ndarray] = {}
+    maps = source.maps
+    looks = [source.raster, *([] if maps is None else [lambda chart: _glow(maps(chart))])]
+    rasters: list[dict[int, np.ndarray]] = [{} for _ in looks]
     for building, mine in grouped(charts.building).items():
-        rasters |= bake(source, triangles[building], charts, mine, texels, density)
+        for own, baked in zip(
+            rasters, bake(source, triangles[building], charts, mine, texels, density, looks), strict=True
+        ):
+            own |= baked
         tell()
-    return Shells(Textured(charts, mesh, texels / density, texels, rasters.__getitem__), np.array(kept, np.int64), off)
+    shown = Textured(charts, mesh, texels / density, texels, rasters[0].__getitem__)
+    if maps is not None:
+        shown = replace(shown, maps=lambda chart: _plain(rasters[1][chart]))
+    return Shells(shown, np.array(kept, np.int64), off)
+
+
+def _glow(maps: Maps) -> np.ndarray:
+    return np.zeros_like(maps.normal) if maps.glow is None else maps.glow
+
+
+def _plain(glow: np.ndarray) -> Maps:
+    """Maps of what is seen from so far that it has no relief; glow (h, w, 3) at its own texels."""
+    height, width = glow.shape[:2]
+    small = scaled(glow, (-(-width // 2), -(-height // 2)))
+    flat, matt = (np.broadcast_to(np.array(one, np.uint8), small.shape) for one in (FLAT, MATT))
+    return Maps(flat, matt, small if small.any() else None)
 
 
 def _body(source: Textured, triangles: np.ndarray) -> tuple[list[Polygon], float, float, float] | None:

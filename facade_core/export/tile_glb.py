@@ -10,7 +10,8 @@ import numpy as np
 
 from facade_core.export.encoders import Encoder
 from facade_core.export.features import Features, feature_ids
-from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNLIT, UNSIGNED_INT, VERTICES, glb_of, material
+from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNSIGNED_INT, VERTICES, glb_of, tangents
+from facade_core.export.looks import Look, Time, materials_of
 
 # glTF's numbers for the component types of quantised data, and the largest of each.
 BYTE, UNSIGNED_SHORT = 5120, 5123
@@ -25,7 +26,7 @@ class Batch:
     """Triangles that show one picture, whatever they are of; in glTF's frame (y up).
 
     position (v, 3) metres; normal (v, 3) unit; uv (v, 2), 0 to 1, v down; triangles (t, 3); rows (v, 2): the features'
-    rows of a vertex' part and of its building.
+    rows of a vertex' part and of its building; tangent (v, 3), of what is lit: unit, along u.
     """
 
     position: np.ndarray
@@ -33,12 +34,19 @@ class Batch:
     uv: np.ndarray
     triangles: np.ndarray
     rows: np.ndarray
+    tangent: np.ndarray | None = None
 
 
 def tile_glb(
-    batches: Sequence[Batch], pictures: Sequence[bytes], encoder: Encoder, features: Features, copyright: str
+    batches: Sequence[Batch],
+    looks: Sequence[Look],
+    encoder: Encoder,
+    features: Features,
+    copyright: str,
+    time: Time = "day",
 ) -> bytes:
-    """The tile of batches, the i-th of which shows the i-th picture."""
+    """The tile of batches, the i-th of which shows the i-th look."""
+    shown = materials_of(looks, encoder, time)
     views: list[dict[str, Any]] = []
     chunks: list[bytes] = []
     accessors: list[dict[str, Any]] = []
@@ -81,6 +89,9 @@ def tile_glb(
                 np.round(batch.uv * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
             ),
         }
+        if batch.tangent is not None:
+            along = np.round(tangents(batch.tangent) * BYTE_MOST).astype("i1")
+            attributes["TANGENT"] = add_accessor(along, BYTE, "VEC4", normalized=True)
         counts = {}
         for column, label in enumerate(LABELS):
             values = ids[:, column : column + 1].astype("<u2" if short else "<f4")
@@ -97,16 +108,15 @@ def tile_glb(
             }
         )
     metadata = features.metadata(used, add_view)
-    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in pictures]
+    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in shown.pictures]
     named = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
         "extensionsUsed": [
-            *UNLIT["extensionsUsed"],
             "KHR_mesh_quantization",
             "EXT_mesh_features",
             "EXT_structural_metadata",
-            *named,
+            *shown.used,
         ],
         "extensionsRequired": ["KHR_mesh_quantization", *named],
         "extensions": {"EXT_structural_metadata": metadata},
@@ -114,11 +124,8 @@ def tile_glb(
         "scenes": [{"nodes": [0]}],
         "nodes": [{"mesh": 0, "translation": low.tolist(), "scale": [step] * 3}],
         "meshes": [{"primitives": primitives}],
-        "materials": [material(i) for i in range(len(pictures))],
-        "textures": [
-            {"sampler": 0, **({"extensions": {encoder.extension: {"source": i}}} if named else {"source": i})}
-            for i in range(len(pictures))
-        ],
+        "materials": shown.document["materials"],
+        "textures": shown.document["textures"],
         "images": images,
         "samplers": SAMPLERS,
         "accessors": accessors,

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.export.models import Drawn, Textured
+from facade_core.export.models import Drawn, Textured, drawn_maps
 from facade_core.export.packing import CELL, LARGEST_PAGE, mask_of, pack_pages, room
-from facade_core.export.pages import scaled
+from facade_core.export.pages import Layout, Pictures, halved, scaled
 from facade_core.grouping import grouped
 
 
@@ -25,19 +26,34 @@ class TilePages:
         """Of all pages."""
         return int(self.drawn.layout.pages.prod(axis=1).sum())
 
-    def picture(self, page: int) -> np.ndarray:
-        """A page (h, w, 3) uint8: what is shown with its border, and their mean between."""
-        drawn, layout = self.drawn, self.drawn.layout
+    def pictures(self, page: int) -> Pictures:
+        """A page, with its maps where its source has them."""
+        drawn = self.drawn
+
+        def raster(i: int) -> np.ndarray:
+            width, height = drawn.layout.size[i].tolist()
+            return scaled(drawn.source.raster(int(drawn.charts[i])), (width, height))
+
+        half = halved(drawn.layout)
+        return Pictures(
+            self._drawn(drawn.layout, page, raster, CELL),
+            None
+            if drawn.source.maps is None
+            else drawn_maps(drawn, page, lambda raster: self._drawn(half, page, raster, CELL // 2)),
+        )
+
+    def _drawn(self, layout: Layout, page: int, raster: Callable[[int], np.ndarray], cell: int) -> np.ndarray:
+        """A page (h, w, 3) uint8 of a layout: what is shown with its border, and their mean between."""
         width, height = layout.pages[page].tolist()
         image = np.zeros((height, width, 3), np.uint8)
         free = np.ones((height, width), bool)
         for i in np.flatnonzero(layout.page == page).tolist():
-            w, h = layout.size[i].tolist()
-            raster = scaled(drawn.source.raster(int(drawn.charts[i])), (w, h))
-            taken = np.kron(self.masks[i], np.ones((CELL, CELL), bool))
+            own = raster(i)
+            h, w = own.shape[:2]
+            taken = np.kron(self.masks[i], np.ones((cell, cell), bool))
             rows, columns = taken.shape
-            padded = np.pad(raster, [(CELL, rows - h - CELL), (CELL, columns - w - CELL), (0, 0)], mode="edge")
-            top, left = int(layout.y[i]) - CELL, int(layout.x[i]) - CELL
+            padded = np.pad(own, [(cell, rows - h - cell), (cell, columns - w - cell), (0, 0)], mode="edge")
+            top, left = int(layout.y[i]) - cell, int(layout.x[i]) - cell
             place = (slice(top, top + rows), slice(left, left + columns))
             np.copyto(image[place], padded, where=taken[..., None])
             free[place] &= ~taken

@@ -13,6 +13,7 @@ from facade_core.export.cells import COARSE, Cell
 from facade_core.export.earth import EarthFrame
 from facade_core.export.encoders import MIPMAPS, Encoder
 from facade_core.export.features import Features
+from facade_core.export.looks import Time, look_of, texels_held
 from facade_core.export.models import Textured
 from facade_core.export.shells import Shells
 from facade_core.export.tile_glb import Batch, tile_glb
@@ -49,6 +50,7 @@ class _Writer:
     copyright: str
     write: Callable[[str, bytes], None]
     scale: float
+    time: Time
 
     def __post_init__(self) -> None:
         self.tilesets: dict[str, Any] = {}
@@ -57,13 +59,13 @@ class _Writer:
 
     def content(self, uri: str, parts: Sequence[tuple[TilePages, np.ndarray]]) -> np.ndarray:
         """Write a tile of pages with the rows (charts, 2) of their charts; its least and greatest corner (2, 3), z up."""
-        batches, pictures = [], []
+        batches, looks = [], []
         for pages, rows in parts:
             batches += _batches(pages, rows, self.frame)
-            pictures += [self.encoder.encode(pages.picture(page)) for page in range(len(pages.drawn.layout.pages))]
+            looks += [look_of(pages.pictures(page), self.encoder) for page in range(len(pages.drawn.layout.pages))]
             self.texels += pages.texels
             self.used += pages.used
-        data = tile_glb(batches, pictures, self.encoder, self.features, self.copyright)
+        data = tile_glb(batches, looks, self.encoder, self.features, self.copyright, self.time)
         self.draws += len(batches)
         self.bytes += len(data)
         self.write(uri, data)
@@ -139,6 +141,7 @@ def write_tileset(
     write: Callable[[str, bytes], None],
     *,
     scale: float = 1.0,
+    time: Time = "day",
     extras: Mapping[str, Any],
     attribution: Attribution,
 ) -> Tiled:
@@ -148,7 +151,7 @@ def write_tileset(
     without a shell and the ground as they are, with as many fewer. A tile has one primitive a picture; its geometric error is
     that of what it shows itself and of nothing elsewhere. Every coarse tile but the root begins a tileset of its own.
     """
-    writer = _Writer(source, shells, frame, features, encoder, attribution.line, write, scale)
+    writer = _Writer(source, shells, frame, features, encoder, attribution.line, write, scale, time)
     root = _moved_up(writer.coarse(cells))
     root["transform"] = frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
@@ -165,16 +168,17 @@ def count_tiles(cell: Cell, above: float = 0.0) -> int:
     return (cell.scale > above) + (sum(count_tiles(child, cell.scale) for child in cell.children) or 1)
 
 
-def scale_of_view(source: Textured, cells: Cell, encoder: Encoder, most_bytes: float) -> float:
+def scale_of_view(source: Textured, cells: Cell, encoder: Encoder, most_bytes: float, time: Time = "day") -> float:
     """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
     tiles within VIEW_M of the middle of any of them. Coarse tiles take a sixteenth of that and are counted with them."""
     leaves = list(cells.leaves())
     middle = np.array([source.centres[charts_of(source, leaf), :2].mean(axis=0) for leaf in leaves])
     near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_M
+    texel_bytes = encoder.texel_bytes * MIPMAPS * texels_held(source.maps is not None, time)
     scale = 1.0
     while True:
         texels = np.array([tile_pages(source, charts_of(source, leaf), scale).texels for leaf in leaves])
-        held = float((near @ texels).max()) * (1 + COARSE**2) * encoder.texel_bytes * MIPMAPS
+        held = float((near @ texels).max()) * (1 + COARSE**2) * texel_bytes
         if held <= most_bytes or scale < COARSE:
             return scale
         scale *= max(COARSE, min(FEWER, float(np.sqrt(most_bytes / held))))
@@ -203,6 +207,7 @@ def _batches(pages: TilePages, rows: np.ndarray, frame: EarthFrame) -> list[Batc
                 drawn.texture_coordinates(chart, source.coordinates[used]),
                 index.reshape(-1, 3),
                 rows[chart],
+                frame.directions(source.charts.axis_u[chart]) if source.maps else None,
             )
         )
     return found

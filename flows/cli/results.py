@@ -114,6 +114,14 @@ def query(
     metavar="MB",
     help="Of 3dtiles: texels are made fewer until a view's textures take no more of a graphics card.",
 )
+@click.option(
+    "--lit/--no-lit",
+    default=None,
+    help="Of glb and 3dtiles: surfaces take light, their own taken out.  [default: glb, where it is not photographed]",
+)
+@click.option(
+    "--night", is_flag=True, help="Of what is lit: windows shine. A glb has day and night; this shows night first."
+)
 def export(
     folder: Folder,
     style: str,
@@ -121,6 +129,8 @@ def export(
     buildings: tuple[str, ...],
     textures: str | None,
     max_texture_mb: float | None,
+    lit: bool | None,
+    night: bool,
 ) -> None:
     """Write what a run has published for other programs. An earlier one in the same place is replaced if untouched.
 
@@ -136,9 +146,10 @@ def export(
 
     \b
     Examples:
-      streetloom export out/demo --format glb
+      streetloom export out/demo --format glb                  lit: roughness, normals, occlusion; variants day and night
       streetloom export out/demo --format 3dtiles --to tiles/
       streetloom export out/demo --format 3dtiles --textures webp --max-texture-mb 300
+      streetloom export out/demo --format 3dtiles --night --to night/
       streetloom export out/demo --format lod3 --building w123949253
       streetloom export out/demo --format gpkg --to demo.gpkg
     """
@@ -146,7 +157,9 @@ def export(
     from tasks.export.formats import export as write
 
     with progress(quiet=not sys.stderr.isatty()):
-        done = write(folder, style, to, buildings, textures=textures, max_texture_mb=max_texture_mb)
+        done = write(
+            folder, style, to, buildings, textures=textures, max_texture_mb=max_texture_mb, lit=lit, night=night
+        )
     for line in done.notes:
         note(line)
     for file in done.files if len(done.files) <= LISTED else [done.path]:

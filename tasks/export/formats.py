@@ -54,6 +54,14 @@ def _writers() -> dict[str, Writer]:
 
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
 
+# Of which formats options are.
+OF_OPTION = {
+    "textures": ("3dtiles",),
+    "max_texture_mb": ("3dtiles",),
+    "lit": ("glb", "3dtiles"),
+    "night": ("glb", "3dtiles"),
+}
+
 
 def export(
     out: Folder | str,
@@ -63,6 +71,8 @@ def export(
     *,
     textures: str | None = None,
     max_texture_mb: float | None = None,
+    lit: bool | None = None,
+    night: bool = False,
 ) -> Exported:
     """Write what the run in `out` published as `format` (one of FORMATS), all of it or the `buildings` named by id.
 
@@ -71,14 +81,17 @@ def export(
     new file. Of a run in a bucket that is exported whole it is OUT/exports/FORMAT/SNAPSHOT where it is None; the marker
     arrives last, and of earlier exports the newest stays, as somebody may read it. textures (jpeg where it is None, webp, ktx2)
     and max_texture_mb are of 3dtiles alone: how its pictures are encoded, and what those of a view may take of a graphics
-    card. Raises InputError in one line with the remedy.
+    card. lit and night are of glb and 3dtiles: whether materials take light, and windows give it. Raises InputError in one line
+    with the remedy.
     """
     if format not in FORMATS:
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
-    asked = {"textures": textures, "max_texture_mb": max_texture_mb}
+    asked = {"textures": textures, "max_texture_mb": max_texture_mb, "lit": lit, "night": night or None}
     options = {name: value for name, value in asked.items() if value is not None}
-    if options and format != "3dtiles":
-        raise InputError(f"--{next(iter(options)).replace('_', '-')}: is of 3dtiles; leave it out with {format}")
+    for name in options:
+        if format not in OF_OPTION[name]:
+            whose = " and ".join(OF_OPTION[name])
+            raise InputError(f"--{name.replace('_', '-')}: is of {whose}; leave it out with {format}")
     as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)

@@ -4,12 +4,18 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from catalogs.features import file_stem
+from facade_core.errors import InputError
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
+
+if TYPE_CHECKING:
+    from facade_core.export.looks import Time
+    from facade_core.export.models import Textured
 
 # How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
 TEXTURES = "jpeg"
@@ -17,17 +23,38 @@ TEXTURES = "jpeg"
 FIGURES = "figures.json"
 
 
+def _shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[Textured, list[str]]:
+    """What models of a block show, lit or as it is, and what there is to say of that. Raises InputError where a night is asked
+    for of what is not lit."""
+    from facade_core.export.lit import relit
+    from tasks.export.lighting import lighting, mostly_photographed
+
+    asked = lit
+    if lit is None:
+        lit = (lit_by_default or night) and (night or not mostly_photographed(found))
+    if not lit:
+        if night:
+            raise InputError("--night: is of what is lit; leave --no-lit out")
+        whose = "its textures are the source's own photographs: models show them unlit; --lit has them lit all the same"
+        return found.textured, [whose] if asked is None and lit_by_default else []
+    return relit(found.textured, lighting(found)), []
+
+
 def with_ground(found: Published, buildings: np.ndarray) -> np.ndarray:
     """The buildings, and the ground (-1) where they are all there are."""
     return np.append(buildings, -1) if len(buildings) == len(found.choose(())) else buildings
 
 
-def write_models(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_models(
+    found: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
+) -> tuple[list[str], list[str]]:
     """block.glb with a node per building, and buildings/ID.glb each, all in the block's local frame (extras: origin, crs)."""
+    from facade_core.export.encoders import ENCODERS
     from facade_core.export.glb import glb_bytes
-    from facade_core.export.models import jpegs, layout_of, local_frame, nodes_of
+    from facade_core.export.looks import look_of
+    from facade_core.export.models import layout_of, local_frame, nodes_of, page_pictures
 
-    source = found.textured
+    source, notes = _shown(found, lit, night, lit_by_default=True)
     frame = local_frame(found.plan.scene.mesh)
     extras = {"origin": frame.origin.tolist(), "crs": found.crs}
     (folder / "buildings").mkdir()
@@ -36,13 +63,17 @@ def write_models(found: Published, buildings: np.ndarray, folder: Path) -> tuple
     def write(path: Path, shown: np.ndarray) -> None:
         drawn = layout_of(source, source.chosen(shown))
         nodes, _ = nodes_of([drawn], found.names, frame)
-        path.write_bytes(glb_bytes(nodes, jpegs(drawn), extras=extras, copyright=found.attribution.line))
+        pages = range(len(drawn.layout.pages))
+        looks = [look_of(page_pictures(drawn, page), ENCODERS["jpeg"]) for page in pages]
+        time: Time = "night or day" if night else "day or night"
+        named = found.attribution.line
+        path.write_bytes(glb_bytes(nodes, looks, extras=extras, copyright=named, time=time))
         advance("export", 1)
 
     for building in buildings.tolist():
         write(folder / "buildings" / f"{file_stem(found.names[building])}.glb", np.array([building]))
     write(folder / "block.glb", with_ground(found, buildings))
-    return ["block.glb"], []
+    return ["block.glb"], notes
 
 
 def write_3dtiles(
@@ -52,6 +83,8 @@ def write_3dtiles(
     *,
     textures: str = TEXTURES,
     max_texture_mb: float | None = None,
+    lit: bool | None = None,
+    night: bool = False,
 ) -> tuple[list[str], list[str]]:
     """tileset.json and its tiles, on the earth, whose parts answer with the catalogue's columns."""
     from dataclasses import replace
@@ -59,30 +92,32 @@ def write_3dtiles(
     from facade_core.export.cells import COARSE, quadtree
     from facade_core.export.earth import earth_frame
     from facade_core.export.encoders import MIPMAPS, encoder
+    from facade_core.export.looks import texels_held
     from facade_core.export.models import local_frame, part_of
     from facade_core.export.shells import simplified_shells
     from facade_core.export.tiles import count_tiles, scale_of_view, write_tileset
     from tasks.export.features import features_of
 
-    source, encoded = found.textured, encoder(textures)
+    encoded = encoder(textures)
+    source, notes = _shown(found, lit, night, lit_by_default=False)
     shown = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
     source = replace(source, mesh=part_of(source.mesh, shown))
     density = found.plan.scene.spec.texels_per_metre
     separation = found.group.attrs.get("geoid_separation")
     extras = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot.id}
-    notes = []
     if separation is None:
         extras["heights"] = (
             "the block's own, as given: without geoid_separation in the block file they may not be over the ellipsoid"
         )
-        notes = [
+        notes.append(
             "heights are the block's own, and 3D Tiles count them from the ellipsoid: the model may stand tens of metres too "
             "high or too low; write the geoid's height there as geoid_separation (metres) in the block file and run it again"
-        ]
+        )
     else:
         extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"
     cells = quadtree(source)
-    scale = 1.0 if max_texture_mb is None else scale_of_view(source, cells, encoded, max_texture_mb * 1e6)
+    time: Time = "night" if night else "day"
+    scale = 1.0 if max_texture_mb is None else scale_of_view(source, cells, encoded, max_texture_mb * 1e6, time)
     if scale < 1:
         notes.append(
             f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {max_texture_mb:g} MB at most"
@@ -105,15 +140,17 @@ def write_3dtiles(
         encoded,
         write,
         scale=scale,
+        time=time,
         extras=extras,
         attribution=found.attribution,
     )
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
+    held = texels_held(source.maps is not None, time)
     told = {
         "draw_calls": tiled.draws,
         "bytes": tiled.bytes,
-        "texture_mb": round(tiled.texels * encoded.texel_bytes * MIPMAPS / 1e6, 1),
+        "texture_mb": round(tiled.texels * held * encoded.texel_bytes * MIPMAPS / 1e6, 1),
         "texels_used": round(tiled.used / max(tiled.texels, 1), 4),
         "scale": round(scale, 4),
     }

@@ -97,6 +97,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
             crs=run.crs,
             seed=run.seed,
             translator=run.texture.translator,
+            sun=run.texture.sun and [run.texture.sun.azimuth, run.texture.sun.elevation],
             roof_material=run.roof_material and [str(run.roof_material[0]), run.roof_material[1]],
             materials=[[one.name, str(one.path), one.metres] for one in run.materials],
             geoid_separation=block.geoid_separation,

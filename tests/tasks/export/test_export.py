@@ -107,7 +107,7 @@ def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
 def test_models_stand_where_the_block_does_and_look_like_its_atlas(
     found: Published, undisturbed: Run, tmp_path: Path
 ) -> None:
-    one = export(undisturbed[0], "glb", tmp_path / "all").path
+    one = export(undisturbed[0], "glb", tmp_path / "all", lit=False).path
     model = trimesh.load(one / "block.glb")
     assert set(model.graph.nodes_geometry) == {*(found.names[b] for b in found.choose(()).tolist()), "ground"}
     assert len(list((one / "buildings").glob("*.glb"))) == len(found.choose(()))
@@ -129,6 +129,32 @@ def test_models_stand_where_the_block_does_and_look_like_its_atlas(
             errors.append(np.abs(found.textured.raster(int(c))[y, x] - colour).mean())
     assert np.median(errors) < 6
     assert np.mean(errors) < 12
+
+
+def test_models_take_light_where_they_are_not_told_otherwise(
+    undisturbed: Run, found: Published, tmp_path: Path
+) -> None:
+    building = [found.names[int(found.choose(())[0])]]
+    made = {}
+    for name, options in {"lit": {}, "again": {}, "night": {"night": True}, "unlit": {"lit": False}}.items():
+        folder = export(undisturbed[0], "glb", tmp_path / name, building, **options).path  # type: ignore[arg-type]
+        with (folder / "block.glb").open("rb") as file:  # type: ignore[operator]
+            made[name] = (header_of(file)[0], (folder / "block.glb").read_bytes())  # type: ignore[operator]
+    assert made["lit"][1] == made["again"][1]
+    assert all("normalTexture" in one for one in made["lit"][0]["materials"])
+    assert made["unlit"][0]["extensionsUsed"] == ["KHR_materials_unlit"]
+    assert "emissiveTexture" in made["night"][0]["materials"][0]
+    assert "emissiveTexture" not in made["lit"][0]["materials"][0]
+    assert len(made["unlit"][1]) < len(made["lit"][1])
+    tiles = export(undisturbed[0], "3dtiles", tmp_path / "tiles", building, night=True).path
+    with (tiles / "tiles" / "full.glb").open("rb") as file:  # type: ignore[operator]
+        said = header_of(file)[0]
+    assert "KHR_materials_variants" not in said["extensionsUsed"]
+    assert any("emissiveTexture" in one for one in said["materials"])
+    with pytest.raises(InputError, match="--night"):
+        export(undisturbed[0], "glb", tmp_path / "none", lit=False, night=True)
+    with pytest.raises(InputError, match="--lit: is of glb and 3dtiles"):
+        export(undisturbed[0], "lod3", tmp_path / "none", lit=True)
 
 
 def test_models_name_whom_they_are_from(found: Published, undisturbed: Run, tmp_path: Path) -> None:

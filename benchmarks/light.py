@@ -1,0 +1,122 @@
+"""A street of a run by day and by night, as three.js lights it: docs/light-day.jpg and docs/light-night.jpg.
+
+    python -m benchmarks.light out/demo --view street-1
+
+exports the run as a lit GLB and opens it in Chromium, on a software renderer, from where one of the report's pictures is taken.
+The sun stands where the block's does; by night the moon does. Needs `make clients`, and Chromium or Playwright's own.
+"""
+
+from __future__ import annotations
+
+import argparse
+import base64
+import io
+import json
+import shutil
+import tempfile
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+from PIL import Image
+
+from facade_core.export.models import local_frame, y_up
+from facade_core.export.views import cameras, view_names
+from facade_core.street.sun import direction
+from facade_core.types import Sun
+from tasks.export.formats import export
+from tasks.export.lighting import lighting
+from tasks.published.opened import published
+
+HERE = Path(__file__).resolve().parent
+PACKAGES = HERE.parent / ".venv" / "clients" / "node_modules"
+FLAGS = [
+    "--no-sandbox",
+    "--use-gl=angle",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--ignore-gpu-blocklist",
+]
+SIZE = (1280, 640)
+# Where a block states none.
+NOON = Sun(145.0, 47.0)
+
+
+class _Files(SimpleHTTPRequestHandler):
+    def __init__(self, *arguments: Any, places: dict[str, Path], **more: Any) -> None:
+        self.places = places
+        super().__init__(*arguments, **more)
+
+    def translate_path(self, path: str) -> str:
+        _, name, rest = path.split("?")[0].split("/", 2)
+        folder = self.places.get(name, HERE)
+        found = (folder / rest).resolve()
+        return str(found if found.is_relative_to(folder.resolve()) else HERE / "nothing")
+
+    def log_message(self, format: str, *arguments: Any) -> None:
+        pass
+
+
+@contextmanager
+def served(**places: Path) -> Iterator[str]:
+    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Files, places=places))
+    thread = Thread(target=server.serve_forever, daemon=True)
+    thread.start()
+    try:
+        yield f"http://127.0.0.1:{server.server_address[1]}"
+    finally:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+
+
+def main() -> None:
+    from playwright.sync_api import sync_playwright
+
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("out", type=Path, help="the folder of a run that is published")
+    parser.add_argument("--view", default="street-1", help="one of the report's views")
+    parser.add_argument("--glb", type=Path, help="folder of a lit export of the run, made before")
+    parser.add_argument("--to", type=Path, default=Path("docs"), help="folder of the pictures")
+    asked = parser.parse_args()
+    if not (PACKAGES / "three").is_dir():
+        parser.error("three.js is not installed: make clients")
+    with published(asked.out) as found:
+        view = dict(zip(view_names(found.plan), cameras(found.plan, found.records), strict=True))[asked.view]
+        frame = local_frame(found.plan.scene.mesh)
+        sun = lighting(found).sun or NOON
+    eye, target = frame.points(np.array([view.position, view.target]))
+    seen = {"eye": eye.tolist(), "target": target.tolist(), "up": 48, "sun": y_up(direction(sun)[None])[0].tolist()}
+    seen |= {"width": SIZE[0], "height": SIZE[1]}
+    told: dict[str, Any] = {}
+    with tempfile.TemporaryDirectory() as scratch:
+        folder = asked.glb or Path(str(export(asked.out, "glb", Path(scratch) / "glb").path))
+        told["glb_mb"] = round((folder / "block.glb").stat().st_size / 1e6, 1)
+        with served(model=folder, three=PACKAGES / "three") as address, sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+            for name in ("day", "night"):
+                page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
+                page.set_default_timeout(600_000)
+                page.on("pageerror", lambda error: print(error))
+                page.on("console", lambda line: print(line.text) if line.type == "error" else None)
+                start = time.monotonic()
+                page.goto(f"{address}/pages/light.html")
+                page.wait_for_function("window.ready")
+                told[f"{name}_primitives_of_variants"] = page.evaluate("picture", seen | {"night": name == "night"})
+                data = page.evaluate("document.querySelector('canvas').toDataURL('image/png')")
+                image = Image.open(io.BytesIO(base64.b64decode(data.partition(",")[2]))).convert("RGB")
+                image.save(asked.to / f"light-{name}.jpg", quality=86)
+                told[f"{name}_seconds"] = round(time.monotonic() - start, 1)
+                page.close()
+            browser.close()
+    print(json.dumps(told, indent=1))
+
+
+if __name__ == "__main__":
+    main()

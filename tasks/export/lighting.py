@@ -1,0 +1,51 @@
+"""What lighting of a published block's models needs, as its store has it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import cast
+
+import numpy as np
+
+from facade_core.export.lit import HELD, Lighting, Texels
+from facade_core.types import Sun
+from tasks.published.opened import Published
+from tasks.units.materials import field_of, materials
+
+
+def lighting(found: Published) -> Lighting:
+    """Of a block; stores that were written before they noted their sun have none, and keep its light in their colours."""
+    plan, group = found.plan, found.group
+    placement = plan.scene.placement
+    # a network's colours are not those of materials, but what it was shown is made of the same
+    field = field_of(group, plan) or materials(plan, cast(int, group.attrs["seed"]), None)
+
+    @lru_cache(maxsize=HELD)
+    def texels(chart: int) -> Texels:
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        height, width = int(placement.height[chart]), int(placement.width[chart])
+        part = (int(placement.page[chart]), slice(y, y + height), slice(x, x + width))
+        provenance = np.asarray(group["atlas/provenance"][part])
+        if not plan.is_facade(chart):
+            return Texels(provenance, None, None)
+        return Texels(provenance, np.asarray(group["atlas/seed"][part]), np.asarray(group["facade_maps/labels"][part]))
+
+    stated = cast(Sequence[float] | None, group.attrs.get("sun"))
+    return Lighting(
+        plan.scene,
+        plan.ground,
+        field.field.charts.made,
+        plan.textured,
+        plan.ids.tolist(),
+        Sun(*map(float, stated)) if stated else None,
+        texels,
+    )
+
+
+def mostly_photographed(found: Published) -> bool:
+    """Whether most of what a block shows of its buildings is texture of the source's own."""
+    plan = found.plan
+    own = plan.own & (plan.scene.charts.building >= 0)
+    texels = plan.texels()
+    return bool(2 * texels[own & plan.textured].sum() > texels[own].sum())

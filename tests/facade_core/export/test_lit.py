@@ -1,0 +1,241 @@
+"""Maps of light from labels and materials, against plain references; the same bits whenever they are asked for."""
+
+from __future__ import annotations
+
+import json
+import struct
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from facade_core.atlas.provenance import MATERIAL, PHOTO, SYNTHESISED
+from facade_core.export.albedo import shading, without
+from facade_core.export.bumps import STEEPEST, SUNK_SEES, heights, normals, sunk
+from facade_core.export.encoders import ENCODERS
+from facade_core.export.glb import glb_bytes
+from facade_core.export.grounds import Grounds
+from facade_core.export.lit import Lighting, Texels, relit, srgb
+from facade_core.export.looks import NIGHT, STRENGTH, Time, look_of
+from facade_core.export.models import Textured, layout_of, local_frame, nodes_of, page_pictures
+from facade_core.export.panes import Chances, glass, glow, openings
+from facade_core.export.substances import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
+from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import WALL as WALL_CHART
+from facade_core.labels import SHOP, WALL, WINDOW
+from facade_core.street import Scene
+from facade_core.street import field_kernels as field
+from facade_core.street.relief import BACK_M
+from facade_core.street.sun import lit as in_light
+from facade_core.street.sun import sunlight
+from facade_core.types import Ground, Sun, Way
+from tests.facade_core.export.conftest import STREET, colour_of
+
+DENSITY = 10.0
+SUN = Sun(160.0, 40.0)
+
+
+def facade(windows: int = 12) -> tuple[np.ndarray, np.ndarray]:
+    """A wall of 12 x 9 m at 20 texels a metre with rows of windows with a bright bar, its colour and labels."""
+    labels = np.full((180, 240), WALL, np.uint8)
+    colour = np.full((180, 240, 3), 170, np.uint8)
+    for k in range(windows):
+        row, column = divmod(k, 4)
+        y, x = 15 + 60 * row, 20 + 60 * column
+        labels[y : y + 30, x : x + 24] = WINDOW
+        colour[y : y + 30, x : x + 24] = 50
+        colour[y : y + 30, x + 11 : x + 13] = 220
+    return colour, labels
+
+
+def test_normals_are_those_of_the_heights_differences() -> None:
+    height = np.random.default_rng(2).normal(0, 0.02, (9, 7)).astype(np.float32)
+    found = normals(height, DENSITY)
+    np.testing.assert_allclose(np.linalg.norm(found, axis=-1), 1, atol=1e-6)
+    for y in range(1, 8):
+        for x in range(1, 6):
+            right = (height[y, x + 1] - height[y, x - 1]) * DENSITY / 2
+            up = (height[y - 1, x] - height[y + 1, x]) * DENSITY / 2
+            slope = np.clip([right, up], -STEEPEST, STEEPEST)
+            expected = np.array([-slope[0], -slope[1], 1]) / np.sqrt(1 + (slope**2).sum())
+            np.testing.assert_allclose(found[y, x], expected, atol=1e-6)
+
+
+def test_openings_lie_back_and_see_less_sky() -> None:
+    colour, labels = facade()
+    height = heights(labels, np.full(labels.shape, PLASTER), np.full(labels.shape, 90, np.float32), labels < 0, 20.0)
+    assert height[30, 30] == pytest.approx(-BACK_M)
+    assert height[0, 0] == 0
+    found = normals(height, 20.0)
+    assert found[30, 19, 0] > 0.5, "the left reveal faces right"
+    assert found[15, 30, 1] < -0.5, "the head faces down"
+    sky = sunk(height, 20.0)
+    assert sky[0, 0] == 1
+    assert SUNK_SEES <= sky[16, 21] < 0.85
+    assert colour.shape[:2] == sky.shape
+
+
+def test_joints_are_where_the_picture_is_dark() -> None:
+    grey = np.full((40, 40), 150, np.float32)
+    grey[::8] = 100
+    height = heights(None, np.full(grey.shape, BRICK), grey, np.zeros(grey.shape, bool), 50.0)
+    assert height[16].max() < -0.003
+    assert height[20].min() > -0.001
+    assert (heights(None, np.full(grey.shape, PLASTER), grey, grey < 0, 50.0)[16] > height[16]).all()
+
+
+def test_a_smooth_light_is_taken_out_and_a_dark_plinth_stays() -> None:
+    rng = np.random.default_rng(5)
+    wall = np.full((180, 240, 3), 150.0) * rng.normal(1, 0.03, (180, 240, 1))
+    wall[130:] *= 0.6
+    labels = np.full((180, 240), WALL, np.uint8)
+    labels[20:50, 30:60] = WINDOW
+    ramp = np.exp(np.linspace(-0.3, 0.3, 240))[None, :, None]
+    seen = np.clip(wall * ramp, 0, 255).astype(np.uint8)
+    found = shading(seen, labels, 20.0)
+    assert found is not None
+    flat = without(seen, found).astype(float).mean(axis=2)
+    before, after = (np.log(one[60:120, 200:].mean() / one[60:120, :40].mean()) for one in (seen.astype(float), flat))
+    assert abs(after) < 0.15 * before
+    assert flat[140:].mean() / flat[60:120].mean() == pytest.approx(0.6, abs=0.1), "a material is no light"
+    assert shading(seen, np.full(labels.shape, WINDOW, np.uint8), 20.0) is None
+
+
+def test_panes_lie_within_frames_and_between_bars() -> None:
+    colour, labels = facade()
+    found = list(openings(labels))
+    assert len(found) == 12
+    clear = glass(found[0], colour[..., 0], 20.0)
+    assert not clear[:, [0, 11, 12, 23]].any()
+    assert clear[10, 5]
+    assert clear[10, 18]
+
+
+def test_windows_are_lit_by_who_they_are() -> None:
+    _, labels = facade()
+    everything = {}
+    for order in (1, -1):
+        for opening in list(openings(labels))[::order]:
+            light = glow(opening, 20.0, 9.0, Chances(3, 4))
+            was = everything.setdefault((opening.left, opening.top), light)
+            assert (was is None) == (light is None)
+            assert was is None or np.array_equal(was, light)
+    one_less = labels.copy()
+    one_less[15:45, 20:44] = WALL
+    for opening in openings(one_less):
+        was, light = everything[opening.left, opening.top], glow(opening, 20.0, 9.0, Chances(3, 4))
+        assert (was is None) == (light is None), "whatever becomes of its neighbours"
+    lit = [glow(one, 20.0, 9.0, Chances(b, 1)) for b in range(60) for one in openings(labels)]
+    shone = [one for one in lit if one is not None]
+    assert 0.15 < len(shone) / len(lit) < 0.6
+    assert all(0 < one.max() <= 1 for one in shone)
+    warm = np.array([one[..., 0].mean() > one[..., 2].mean() for one in shone])
+    assert 0.7 < warm.mean() < 1, "warm and cool"
+    shops = np.full((40, 60), SHOP, np.uint8)
+    of_shops = [glow(one, 20.0, 9.0, Chances(b, 1)) for b in range(60) for one in openings(shops)]
+    assert all(one is not None for one in of_shops)
+    assert np.mean([one.mean() for one in of_shops if one is not None]) > np.mean([one.mean() for one in shone])
+
+
+def test_srgb_is_the_standards() -> None:
+    values = np.array([0.0, 0.001, 0.2, 1.0], np.float32)
+    np.testing.assert_allclose(srgb(values), [0, 0.01292, 0.48453, 1], atol=1e-4)
+
+
+def test_ground_is_of_what_its_map_says(houses: Scene) -> None:
+    charts = houses.charts
+    (piece,) = np.flatnonzero(charts.kind == GROUND)[:1]
+    way = Way("w", STREET.line, "road", 4.0, "asphalt", pavement=(2.0, 2.0))
+    found = Grounds(Ground((way,))).substance(charts, int(piece), (200, 200))
+    x, y = ((np.arange(200) + 0.5) / 200 * size for size in charts.size[piece])
+    world = charts.points(int(piece), x[None, :], y[:, None])
+    away = np.abs(world[..., 1] - 6671980)
+    along = (world[..., 0] > 386001) & (world[..., 0] < 386049)
+    assert (found[along & (away < 1.7)] == ASPHALT).all()
+    assert (found[along & (away > 2.3) & (away < 3.7)] == SLABS).all()
+    assert (found[along & (away > 4.5)] == GRAVEL).all()
+
+
+def lighting(scene: Scene, sun: Sun | None, provenance: int = PHOTO) -> Lighting:
+    made = np.array([field.PLASTER, field.SHEET, field.SOIL], np.uint8)[np.minimum(scene.charts.kind, GROUND)]
+    place = scene.placement
+
+    def texels(chart: int) -> Texels:
+        shape = (int(place.height[chart]), int(place.width[chart]))
+        if scene.charts.kind[chart] != WALL_CHART or provenance == MATERIAL:
+            return Texels(np.full(shape, provenance, np.uint8), None, None)
+        labels = np.full(shape, WALL, np.uint8)
+        labels[shape[0] // 4 : shape[0] // 2, shape[1] // 4 : shape[1] // 2] = WINDOW
+        return Texels(np.full(shape, provenance, np.uint8), np.full((*shape, 3), 90, np.uint8), labels)
+
+    return Lighting(
+        scene, Ground(), made, np.zeros(len(scene.charts), bool), list(range(len(scene.charts))), sun, texels
+    )
+
+
+def test_the_sun_that_lit_a_colour_is_divided_out(houses: Scene, coloured: Textured) -> None:
+    for chart in coloured.chosen(np.array([0])).tolist()[:6]:
+        raster = np.maximum(coloured.raster(chart) // 2, 20)
+        sunny = in_light(raster, sunlight(houses, chart, SUN))
+        known = lighting(houses, SUN)
+        known = replace(known, texels=lambda c, known=known: known.texels(c)._replace(labels=None, seed=None))
+        found = relit(replace(coloured, raster=lambda _, sunny=sunny: sunny), known).raster(chart)
+        assert np.abs(found.astype(int) - raster).max() <= 2
+    walls = coloured.chosen(np.array([0]))
+    wall = int(walls[coloured.charts.kind[walls] == WALL_CHART][0])
+    assert (relit(coloured, lighting(houses, SUN, SYNTHESISED)).raster(wall) == 90).all(), "as the facade stage left it"
+
+
+def model(source: Textured, time: Time) -> bytes:
+    drawn = layout_of(source, source.chosen(np.array([0, 1, -1])))
+    looks = [look_of(page_pictures(drawn, page), ENCODERS["jpeg"]) for page in range(len(drawn.layout.pages))]
+    return glb_bytes(nodes_of([drawn], {0: "a", 1: "b"}, local_frame(source.mesh))[0], looks, time=time)
+
+
+def document(data: bytes) -> dict[str, Any]:
+    return json.loads(data[20 : 20 + struct.unpack_from("<I", data, 12)[0]])
+
+
+def test_maps_are_half_as_large_and_say_what_is_what(houses: Scene, coloured: Textured) -> None:
+    source = relit(coloured, lighting(houses, None))
+    assert source.maps is not None
+    for chart in source.chosen(np.array([0, -1])).tolist():
+        maps = source.maps(chart)
+        width, height = (-(-side // 2) for side in source.texels[chart].tolist())
+        assert maps.normal.shape == maps.orm.shape == (height, width, 3)
+        assert (maps.orm[..., 2] == 0).all(), "no metal"
+        assert all(a is b or np.array_equal(a, b) for a, b in zip(maps, source.maps(chart), strict=True))
+    ground = int(source.chosen(np.array([-1]))[0])
+    assert (source.maps(ground).orm[..., 1] == round(float(ROUGHNESS[GRAVEL]) * 255)).all()
+    assert np.abs(colour_of(ground).astype(int) - source.raster(ground)).max() <= 1
+
+
+@pytest.mark.parametrize("time", ["day", "night", "day or night", "night or day"])
+def test_lit_models_are_valid_and_have_their_time_of_day(
+    houses: Scene, coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path, time: Time
+) -> None:
+    data = model(relit(coloured, lighting(houses, None)), time)
+    assert data == model(relit(coloured, lighting(houses, None)), time)
+    (tmp_path / "lit.glb").write_bytes(data)
+    (issues,) = gltf_issues(tmp_path / "lit.glb")
+    assert issues["numErrors"] == issues["numWarnings"] == 0, issues["messages"]
+    said = document(data)
+    assert "KHR_materials_unlit" not in said.get("extensionsUsed", [])
+    shines = [("emissiveTexture" in one) for one in said["materials"]]
+    assert any(shines) == (time != "day")
+    for primitive in (one for mesh in said["meshes"] for one in mesh["primitives"]):
+        first = said["materials"][primitive["material"]]
+        if not any(shines):
+            continue
+        assert ("emissiveTexture" in first) == time.startswith(NIGHT)
+        variants = primitive.get("extensions", {}).get("KHR_materials_variants")
+        assert bool(variants) == (" or " in time)
+        for mapping in variants["mappings"] if variants else ():
+            night = mapping["variants"] == [1]
+            shown = said["materials"][mapping["material"]]
+            assert ("emissiveTexture" in shown) == night
+            if night:
+                assert shown["extensions"]["KHR_materials_emissive_strength"] == {"emissiveStrength": STRENGTH}
