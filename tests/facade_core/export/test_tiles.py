@@ -23,12 +23,16 @@ from facade_core.export.earth import earth_frame
 from facade_core.export.encoders import MIPMAPS, encoder
 from facade_core.export.features import Features, Property
 from facade_core.export.glb import header_of, pictures_of
+from facade_core.export.lit import relit
+from facade_core.export.looks import Time
 from facade_core.export.models import Textured, local_frame
 from facade_core.export.shells import simplified_shells
 from facade_core.export.tile_pages import tile_pages
 from facade_core.export.tiles import Tiled, charts_of, count_tiles, scale_of_view, write_tileset
 from facade_core.geometry import ROOF, WALL
+from facade_core.street import Scene
 from tests.facade_core.export.conftest import colour_of
+from tests.facade_core.export.test_lit import lighting
 
 CRS = "EPSG:32635"
 OF = Attribution((Source("buildings.path", "a.pbf", "Mappers, ODbL 1.0"),))
@@ -81,7 +85,9 @@ def features(source: Textured) -> Features:
     return Features(COLUMNS, rows, own, np.where(source.charts.building >= 0, charts + source.charts.building, own))
 
 
-def written(source: Textured, scale: float = 1.0) -> tuple[Tiled, dict[str, bytes], int]:
+def written(
+    source: Textured, scale: float = 1.0, textures: str = "jpeg", time: Time = "day"
+) -> tuple[Tiled, dict[str, bytes], int]:
     files: dict[str, bytes] = {}
     cells = quadtree(source)
     shells = simplified_shells(source, 10 * COARSE)
@@ -92,9 +98,10 @@ def written(source: Textured, scale: float = 1.0) -> tuple[Tiled, dict[str, byte
         shells,
         frame,
         features(source),
-        encoder("jpeg"),
+        encoder(textures),
         files.__setitem__,
         scale=scale,
+        time=time,
         extras={"k": 1},
         attribution=OF,
     )
@@ -248,6 +255,46 @@ def test_tiles_are_valid(coloured: Textured, gltf_issues: Callable[..., list[dic
         (tmp_path / posixpath.basename(uri)).write_bytes(data)
     for issues in gltf_issues(*sorted(tmp_path.glob("*.glb"))):
         assert (issues["numErrors"], issues["numWarnings"]) == (0, 0), issues["messages"][:3]
+
+
+# What Khronos' validator says of pictures that it does not know.
+OF_KTX2 = {"IMAGE_UNRECOGNIZED_FORMAT", "VALUE_NOT_IN_LIST"}
+
+
+@pytest.mark.parametrize("textures", ["jpeg", "webp", "ktx2"])
+def test_lit_tiles_are_valid_and_shine_from_afar_too(
+    houses: Scene, coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path, textures: str
+) -> None:
+    if textures == "ktx2":
+        pytest.importorskip("alktx2", reason="no encoder of KTX2; `make ktx2-setup` installs it")
+    _, files, _ = written(relit(coloured, lighting(houses, None)), textures=textures, time="night")
+    for uri, data in files.items():
+        (tmp_path / posixpath.basename(uri)).write_bytes(data)
+        said, start = header_of(io.BytesIO(data))
+        assert any("emissiveTexture" in one for one in said["materials"]), "windows of shells too"
+        assert all("TANGENT" in one["attributes"] for one in said["meshes"][0]["primitives"])
+        if textures == "ktx2":
+            continue
+        views = [said["bufferViews"][one["bufferView"]] for one in said["images"]]
+        sizes = [Image.open(io.BytesIO(data[start + one["byteOffset"] :][: one["byteLength"]])).size for one in views]
+        assert all(side & (side - 1) == 0 for size in sizes for side in size), "powers of two"
+        for material in said["materials"]:
+            colour = material["pbrMetallicRoughness"]["baseColorTexture"]["index"]
+            normal = material["normalTexture"]["index"]
+            assert [side // 2 for side in sizes[colour]] == list(sizes[normal])
+    for issues in gltf_issues(*sorted(tmp_path.glob("*.glb"))):
+        assert issues["numErrors"] == 0, issues["messages"][:3]
+        assert {one["code"] for one in issues["messages"] if one["severity"] < 2} <= (
+            OF_KTX2 if textures == "ktx2" else set()
+        )
+
+
+def test_maps_count_for_what_a_view_takes(houses: Scene, coloured: Textured) -> None:
+    source, grid = relit(coloured, lighting(houses, None)), quadtree(coloured)
+    most = tile_pages(coloured, charts_of(coloured, grid)).texels * 4 * MIPMAPS * (1 + COARSE**2) * 1.01
+    assert scale_of_view(coloured, grid, encoder("jpeg"), most) == 1
+    day, night = (scale_of_view(source, grid, encoder("jpeg"), most, time) for time in ("day", "night"))
+    assert night <= day < 1
 
 
 def test_an_encoder_that_is_absent_is_named_with_what_installs_it(monkeypatch: pytest.MonkeyPatch) -> None:
