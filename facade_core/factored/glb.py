@@ -1,0 +1,127 @@
+"""A factored model as GLB: textures that are repeated, vertex colours that multiply them, parts that answer."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.encoders import Encoder
+from facade_core.export.features import Features, feature_ids
+from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNLIT, UNSIGNED_INT, VERTICES, glb_of, material
+
+UNSIGNED_SHORT, SHORT_MOST = 5123, 65535
+REPEAT = 10497
+
+
+@dataclass(frozen=True, eq=False)
+class Part:
+    """Triangles (t, 3) of one node that show one texture, in glTF's frame (y up): position, normal (v, 3), uv (v, 2), colour
+    (v, 3) linear, 0 to 1, that multiplies it; chart (v,)."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    uv: np.ndarray
+    colour: np.ndarray
+    triangles: np.ndarray
+    chart: np.ndarray
+
+
+def factored_glb(
+    nodes: Mapping[str, Mapping[int, Part]],
+    pictures: Sequence[bytes],
+    repeated: Sequence[bool],
+    encoder: Encoder,
+    features: Features,
+    *,
+    extras: Mapping[str, Any],
+    copyright: str,
+) -> bytes:
+    """nodes: name -> texture -> what shows it there. Surfaces are unlit: their colours hold the light of the day."""
+    views: list[dict[str, Any]] = []
+    chunks: list[bytes] = []
+    accessors: list[dict[str, Any]] = []
+    length = 0
+
+    def add_view(data: bytes, **more: Any) -> int:
+        nonlocal length
+        views.append({"buffer": 0, "byteOffset": length, "byteLength": len(data), **more})
+        padded = data + b"\0" * (-len(data) % 8)
+        chunks.append(padded)
+        length += len(padded)
+        return len(views) - 1
+
+    def accessor(values: np.ndarray, component: int, kind: str, **more: Any) -> int:
+        wide = -(-values.itemsize * values.shape[1] // 4) * 4
+        rows = np.zeros((len(values), wide // values.itemsize), values.dtype)
+        rows[:, : values.shape[1]] = values
+        view = add_view(rows.tobytes(), target=VERTICES, byteStride=wide)
+        accessors.append({"bufferView": view, "componentType": component, "count": len(values), "type": kind, **more})
+        return len(accessors) - 1
+
+    every = [part for parts in nodes.values() for part in parts.values()]
+    used, index = np.unique(features.of_chart[np.concatenate([part.chart for part in every])], return_inverse=True)
+    short = len(used) <= SHORT_MOST
+    meshes, start = [], 0
+    for name, parts in nodes.items():
+        primitives = []
+        for texture, part in sorted(parts.items()):
+            position = part.position.astype("<f4")
+            ids = index[start : start + len(position)][:, None]
+            start += len(position)
+            attributes = {
+                "POSITION": accessor(
+                    position, FLOAT, "VEC3", min=position.min(axis=0).tolist(), max=position.max(axis=0).tolist()
+                ),
+                "NORMAL": accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
+                "TEXCOORD_0": accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
+                "COLOR_0": accessor(
+                    np.rint(part.colour * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
+                ),
+                "_FEATURE_ID_0": accessor(
+                    ids.astype("<u2" if short else "<f4"), UNSIGNED_SHORT if short else FLOAT, "SCALAR"
+                ),
+            }
+            triangles = part.triangles.astype("<u4").reshape(-1, 1)
+            view = add_view(triangles.tobytes(), target=INDICES)
+            accessors.append(
+                {"bufferView": view, "componentType": UNSIGNED_INT, "count": len(triangles), "type": "SCALAR"}
+            )
+            primitives.append(
+                {
+                    "attributes": attributes,
+                    "indices": len(accessors) - 1,
+                    "material": texture,
+                    "extensions": {"EXT_mesh_features": feature_ids({"part": len(np.unique(ids))})},
+                }
+            )
+        meshes.append({"name": name, "primitives": primitives})
+    metadata = features.metadata(used, add_view)
+    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in pictures]
+    named = [encoder.extension] if encoder.extension else []
+    document: dict[str, Any] = {
+        "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
+        "extensionsUsed": [*UNLIT["extensionsUsed"], "EXT_mesh_features", "EXT_structural_metadata", *named],
+        **({"extensionsRequired": named} if named else {}),
+        "extensions": {"EXT_structural_metadata": metadata},
+        "scene": 0,
+        "scenes": [{"nodes": list(range(len(meshes))), "extras": dict(extras)}],
+        "nodes": [{"name": mesh["name"], "mesh": i} for i, mesh in enumerate(meshes)],
+        "meshes": meshes,
+        "materials": [material(i) for i in range(len(pictures))],
+        "textures": [
+            {
+                "sampler": int(again),
+                **({"extensions": {encoder.extension: {"source": i}}} if named else {"source": i}),
+            }
+            for i, again in enumerate(repeated)
+        ],
+        "images": images,
+        "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT, "wrapT": REPEAT}],
+        "accessors": accessors,
+        "bufferViews": views,
+        "buffers": [{"byteLength": length}],
+    }
+    return glb_of(document, chunks)

@@ -1,0 +1,243 @@
+"""What walls of one exemplar, or one photo, share: types of elements with a picture each, grains of walls, mouldings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.factored.bands import Band, bands_of, free_of, like
+from facade_core.factored.light import linear, smoothed, srgb
+from facade_core.factored.repeat import repeating
+from facade_core.factored.units import Rectangle, Unit, surround, units_of
+from facade_core.types import Element
+from facade_core.variation import encode
+
+# A unit is compared with others at so many pixels a side.
+LOOK = 16
+# Elements are like each other where their sides' ratio is no farther apart than this.
+ASPECT = 1.6
+# Pixels of a moulding's picture fade into its beginning over this, metres; it is no longer than that, and no shorter unless
+# it is stretched.
+FADE_M, LONGEST_M, SHORTEST_M = 0.3, 4.0, 0.6
+# Bands of which the roots of their light differ by less are of one material.
+SAME = 0.07
+# Around a unit the wall's colour is meant over so much, metres.
+AROUND_M = 0.35
+
+
+@dataclass(frozen=True, eq=False)
+class Type:
+    """A type of elements: the picture (h, w, 3) uint8 of the one that stands for it, with its surround; box: where in it the
+    element itself lies, pixels; panes: what of it lies back; wall (3,): linear light of the wall around; pixels_per_metre of
+    the picture, as it was given."""
+
+    kind: str
+    picture: np.ndarray
+    box: Rectangle
+    panes: tuple[Rectangle, ...]
+    wall: np.ndarray
+    pixels_per_metre: float
+
+
+@dataclass(frozen=True, eq=False)
+class Moulding:
+    """A picture (h, w, 3) uint8 that goes on into itself to the right, metres wide."""
+
+    picture: np.ndarray
+    wide: float
+    colour: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Library:
+    """units of the picture, each of a type at every level of the variations, of (levels, units) int; looks (units, LOOK, LOOK,
+    3); bands, and by their numbers the grain (SIDE, SIDE, 3) of what is laid, or the moulding."""
+
+    units: tuple[Unit, ...]
+    of: np.ndarray
+    looks: np.ndarray
+    types: dict[int, Type]
+    bands: tuple[Band, ...]
+    grains: dict[int, np.ndarray]
+    mouldings: dict[int, Moulding]
+
+    def type_of(self, unit: Unit, look: np.ndarray, level: int) -> int | None:
+        """The type of the unit that is most like another of the same kind, with its look (LOOK, LOOK, 3), None where none is."""
+        wide, high = unit.size
+        best: tuple[float, int] | None = None
+        for k, own in enumerate(self.units):
+            ratio = abs(float(np.log((wide / high) / (own.size[0] / own.size[1]))))
+            if own.kind != unit.kind or ratio > np.log(ASPECT):
+                continue
+            apart = float(np.abs(look - self.looks[k]).mean()) + 20 * ratio
+            if best is None or apart < best[0]:
+                best = apart, k
+        return None if best is None else int(self.of[min(level, len(self.of) - 1), best[1]])
+
+
+def look_of(image: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+    """What a box of an image (h, w, 3) uint8 shows, (LOOK, LOOK, 3) float32, its mean light taken out by half."""
+    import cv2
+
+    x0, y0, x1, y1 = (round(side * density) for side in box)
+    part = image[max(0, y0) : max(y1, y0 + 1), max(0, x0) : max(x1, x0 + 1)]
+    if not part.size:
+        return np.zeros((LOOK, LOOK, 3), np.float32)
+    small = cv2.resize(part, (LOOK, LOOK), interpolation=cv2.INTER_AREA).astype(np.float32)
+    return small - 0.5 * small.mean()
+
+
+def library_of(
+    image: np.ndarray,
+    labels: np.ndarray,
+    elements: Sequence[Element],
+    density: float,
+    fine: np.ndarray | None = None,
+    *,
+    seed: int,
+) -> Library:
+    """Of a picture (h, w, 3) uint8 with labels (h, w) and elements, of `density` pixels a metre; fine: the same picture with
+    more pixels, where there is one, from which all that is shown is taken."""
+    units = units_of(elements, density)
+    fine = image if fine is None else fine
+    times = fine.shape[0] / image.shape[0]
+    whole = density * times
+    free = free_of(labels, [unit.box for unit in units], density)
+    bands = bands_of(image, free, density)
+    import cv2
+
+    free_fine = cv2.resize(free.astype(np.uint8), fine.shape[1::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+    wall = smoothed(linear(image), free, AROUND_M * density)
+    reach = _reaches(image, units, srgb(wall).astype(np.float32), density)
+    of, chosen = _types(image, units, density)
+    return Library(
+        tuple(units),
+        of,
+        np.stack([look_of(image, unit.box, density) for unit in units])
+        if units
+        else np.zeros((0, LOOK, LOOK, 3), np.float32),
+        {t: _type(fine, units[k], reach[k], whole, wall, density) for t, k in chosen.items()},
+        tuple(bands),
+        _grains(fine, free_fine, bands, whole, seed),
+        {
+            number: _moulding(fine, free_fine, band, whole)
+            for number, band in enumerate(bands)
+            if band.moulding
+        },
+    )
+
+
+def band_like(library: Library, band: Band) -> int | None:
+    """The number of the band of a library that a wall's band shows."""
+    return like(band, library.bands)
+
+
+def _grains(
+    fine: np.ndarray, free: np.ndarray, bands: Sequence[Band], density: float, seed: int
+) -> dict[int, np.ndarray]:
+    """The grain of every band that is no moulding; those of nearly one colour are of one material."""
+    groups: list[list[int]] = []
+    for number, band in enumerate(bands):
+        if band.moulding:
+            continue
+        for group in groups:
+            if np.abs(np.sqrt(band.colour) - np.sqrt(bands[group[0]].colour)).max() < SAME:
+                group.append(number)
+                break
+        else:
+            groups.append([number])
+    found = {}
+    for group in groups:
+        area = np.logical_or.reduce([_within(free, bands[number], density) for number in group])
+        grain = repeating(fine, area, density, seed)
+        found |= dict.fromkeys(group, grain)
+    return found
+
+
+def _within(free: np.ndarray, band: Band, density: float) -> np.ndarray:
+    top, foot = round(band.top * density), round(band.foot * density)
+    found = np.zeros_like(free)
+    # its own edges belong to what lies beside it
+    rim = min(round(0.06 * density), (foot - top) // 4)
+    found[top + rim : foot - rim] = free[top + rim : foot - rim]
+    return found
+
+
+def _reaches(
+    image: np.ndarray, units: Sequence[Unit], wall: np.ndarray, density: float
+) -> list[tuple[float, float, float, float]]:
+    """How far the surround of each unit reaches. Units of one kind and size have the same."""
+    number = np.full(image.shape[:2], -1)
+    for k, unit in enumerate(units):
+        x0, y0, x1, y1 = (max(0, round(side * density)) for side in unit.box)
+        number[y0:y1, x0:x1] = k
+    found = np.array(
+        [surround(image, (number >= 0) & (number != k), wall, unit.box, density) for k, unit in enumerate(units)]
+    ).reshape(-1, 4)
+    return [tuple(row) for row in found.tolist()]  # type: ignore[misc]
+
+
+def _types(image: np.ndarray, units: Sequence[Unit], density: float) -> tuple[np.ndarray, dict[int, int]]:
+    """The type of every unit at every level (levels, units), and the unit that stands for each type."""
+    if not units:
+        return np.zeros((1, 0), np.int64), {}
+    shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
+    hierarchy = encode(image, shown)
+    boxes = np.array([box for group in hierarchy.groups for box in group.boxes], float).reshape(-1, 4)
+    middle = (boxes[:, :2] + boxes[:, 2:]) / 2
+    own = np.array([((e.x0 + e.x1) / 2, (e.y0 + e.y1) / 2) for e in shown])
+    # what is coded may have moved by a few pixels, and what is too small is not
+    nearest = np.linalg.norm(own[:, None] - middle[None], axis=2).argmin(axis=1)
+    levels = np.stack([hierarchy.types_at(level)[nearest] for level in range(len(hierarchy.levels))])
+    back = {int(element): k for k, element in reversed(list(enumerate(nearest.tolist())))}
+    chosen = {t: back[int(e)] for t, e in enumerate(hierarchy.representatives) if int(e) in back}
+    for t in np.unique(levels):  # a type that none of the units stands for
+        chosen.setdefault(int(t), int(np.argwhere(levels == t)[0, 1]))
+    return levels.astype(np.int64), chosen
+
+
+def _type(
+    fine: np.ndarray,
+    unit: Unit,
+    reach: tuple[float, float, float, float],
+    density: float,
+    wall: np.ndarray,
+    coarse: float,
+) -> Type:
+    height, width = fine.shape[:2]
+    x0, y0, x1, y1 = (side * density for side in unit.box)
+    left, top = max(0, round(x0 - reach[0] * density)), max(0, round(y0 - reach[1] * density))
+    right, foot = min(width, round(x1 + reach[2] * density)), min(height, round(y1 + reach[3] * density))
+    y, x = (slice(int(low * coarse / density), max(int(high * coarse / density), int(low * coarse / density) + 1)) for low, high in ((top, foot), (left, right)))
+    return Type(
+        unit.kind,
+        fine[top:foot, left:right],
+        (x0 - left, y0 - top, x1 - left, y1 - top),
+        tuple((a * density - left, b * density - top, c * density - left, d * density - top) for a, b, c, d in unit.panes),
+        wall[y, x].mean(axis=(0, 1)),
+        density,
+    )
+
+
+def _moulding(fine: np.ndarray, free: np.ndarray, band: Band, density: float) -> Moulding:
+    """The longest run of a band that no element crosses, its end faded into its beginning."""
+    top, foot = round(band.top * density), max(round(band.top * density) + 1, round(band.foot * density))
+    clear = free[top:foot].mean(axis=0) > 0.98
+    edges = np.flatnonzero(np.diff(np.pad(clear.astype(np.int8), 1)))
+    runs = edges.reshape(-1, 2)
+    start, stop = max(runs.tolist(), key=lambda run: run[1] - run[0], default=[0, 0])
+    fade = round(FADE_M * density)
+    stop = min(stop, start + round(LONGEST_M * density) + fade)
+    rows = fine[top:foot]
+    if stop - start < SHORTEST_M * density + fade:
+        column = np.stack([srgb(linear(row[own]).mean(axis=0)) if own.any() else srgb(linear(row).mean(axis=0)) for row, own in zip(rows, free[top:foot], strict=True)])
+        picture = np.repeat(column[:, None], max(8, round(SHORTEST_M * density)), axis=1)
+    else:
+        light = linear(rows[:, start:stop])
+        share = ((np.arange(fade) + 0.5) / fade)[None, :, None]
+        long = light[:, :-fade].copy()
+        long[:, :fade] = share * light[:, :fade] + (1 - share) * light[:, -fade:]
+        picture = srgb(long)
+    return Moulding(picture, picture.shape[1] / density, linear(picture).mean(axis=(0, 1)))

@@ -1,0 +1,56 @@
+"""Colours as linear light, which is what a vertex' colour multiplies a texture's by (glTF 2.0, 3.9.2), and meant in which they
+keep their brightness from afar."""
+
+from __future__ import annotations
+
+import numpy as np
+
+_BYTES = np.arange(256) / 255
+# IEC 61966-2-1.
+_LINEAR = np.where(_BYTES <= 0.04045, _BYTES / 12.92, ((_BYTES + 0.055) / 1.055) ** 2.4).astype(np.float32)
+
+
+def linear(image: np.ndarray) -> np.ndarray:
+    """sRGB bytes (...) as linear light (...) float32, 0 to 1."""
+    return _LINEAR[image]
+
+
+def srgb(light: np.ndarray) -> np.ndarray:
+    """Linear light (...) as sRGB bytes (...); what is beyond 0 to 1 is cut off."""
+    x = np.clip(light, 0, 1)
+    encoded = np.where(x <= 0.0031308, 12.92 * x, 1.055 * np.power(np.maximum(x, 1e-9), 1 / 2.4) - 0.055)
+    return np.rint(255 * encoded).astype(np.uint8)
+
+
+def smoothed(light: np.ndarray, known: np.ndarray, sigma: float, *, wrap: bool = False) -> np.ndarray:
+    """The means of light (h, w, 3) where it is known (h, w) bool, weighted by a Gaussian of `sigma` pixels; where nothing is
+    near, of ever more around it (pull-push). wrap: the picture goes on into itself."""
+    import cv2
+
+    if wrap:
+        pad = int(min(4 * sigma, *light.shape[:2]))
+        spread = [(pad, pad), (pad, pad), (0, 0)]
+        grown = smoothed(np.pad(light, spread, "wrap"), np.pad(known, spread[:2], "wrap"), sigma)
+        return grown[pad:-pad, pad:-pad]
+    weight = known.astype(np.float32)
+    total, share = light * weight[..., None], weight
+    found = np.zeros_like(light, np.float32)
+    left = np.ones(known.shape, np.float32)
+    step, height, width = sigma, *known.shape
+    for _ in range(8):
+        # a wide mean is as good on fewer pixels
+        factor = max(1, int(step / 3))
+        size = (max(1, width // factor), max(1, height // factor))
+        small = [cv2.resize(part, size, interpolation=cv2.INTER_AREA) for part in (total, share)]
+        blurred = [
+            cv2.GaussianBlur(part, (0, 0), max(step / factor, 0.3), borderType=cv2.BORDER_REPLICATE) for part in small
+        ]
+        numerator, denominator = (cv2.resize(part, (width, height), interpolation=cv2.INTER_LINEAR) for part in blurred)
+        certain = np.clip(denominator / 0.05, 0, 1) * left
+        found += certain[..., None] * numerator / np.maximum(denominator, 1e-6)[..., None]
+        left = left - certain
+        if left.max() < 1e-3:
+            break
+        step *= 3
+    mean = total.sum(axis=(0, 1)) / max(float(share.sum()), 1e-6)
+    return found + left[..., None] * mean.astype(np.float32)

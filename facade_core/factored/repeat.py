@@ -1,0 +1,98 @@
+"""A picture that goes on into itself, made of pieces of a wall's free area: image quilting on a torus.
+
+Blocks are cut from the example where it is free and laid with an overlap, each along the path of least difference (Efros and
+Freeman, "Image Quilting for Texture Synthesis and Transfer", 2001); the last ones of a row and column meet the first. What is
+larger than SHADE_M is taken out before and after: that is shade, and would show as a pattern where the picture is repeated.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from facade_core.factored.light import linear, smoothed
+
+# Sides of the picture, pixels; its blocks, the largest of which that the free area has so many of is taken.
+SIDE, BLOCKS, ENOUGH = 256, (80, 64, 48, 32, 24, 16), 24
+# Blocks that are tried for each place, and of these how near to the best the one that is taken must be.
+TRIED, NEAR = 320, 1.1
+# What is larger is no grain, metres.
+SHADE_M = 0.45
+# Grain is no more than so many times as light as the mean, or as dark.
+MOST = 3.0
+
+
+def repeating(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> np.ndarray:
+    """The grain (SIDE, SIDE, 3) float32, as shares of the mean light, of a picture (h, w, 3) uint8 where it is free (h, w)
+    bool; all ones where no block of it is."""
+    import cv2
+
+    light = linear(image)
+    shade = SHADE_M * pixels_per_metre
+    flat = light / np.maximum(smoothed(light, free, shade), 1e-3)
+    rng = np.random.default_rng(seed)
+    inside = cv2.integral(free.astype(np.uint8))
+    for block in BLOCKS:
+        if min(free.shape) < block:
+            continue
+        full = inside[block:, block:] - inside[:-block, block:] - inside[block:, :-block] + inside[:-block, :-block]
+        places = np.argwhere(full == block * block)
+        if len(places) >= ENOUGH:
+            break
+    else:
+        return np.ones((SIDE, SIDE, 3), np.float32)
+    chosen = places[rng.permutation(len(places))[:TRIED]]
+    patches = np.stack([flat[y : y + block, x : x + block] for y, x in chosen.tolist()])
+    quilt = _quilt(np.clip(patches, 1 / MOST, MOST), rng)
+    quilt /= np.maximum(smoothed(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
+    return quilt / quilt.mean(axis=(0, 1))
+
+
+def _quilt(patches: np.ndarray, rng: np.random.Generator) -> np.ndarray:
+    """Blocks (n, b, b, 3) laid on a torus of SIDE."""
+    block = patches.shape[1]
+    count = -(-SIDE * 4 // (block * 3))  # overlaps of a quarter at least
+    starts = [k * SIDE // count for k in range(count)]
+    canvas, laid = np.zeros((SIDE, SIDE, 3), np.float32), np.zeros((SIDE, SIDE), bool)
+    for top in starts:
+        for left in starts:
+            at = np.ix_((top + np.arange(block)) % SIDE, (left + np.arange(block)) % SIDE)
+            there, known = canvas[at], laid[at]
+            apart = np.zeros(len(patches))
+            if known.any():
+                rows, columns = np.nonzero(known)
+                some = slice(None, None, max(1, len(rows) // 1500))
+                off = patches[:, rows[some], columns[some]] - there[rows[some], columns[some]]
+                apart = np.square(off).mean(axis=(1, 2))
+            near = np.flatnonzero(apart <= NEAR * apart.min() + 1e-9)
+            patch = patches[near[rng.integers(len(near))]]
+            keep = known & ~_own_side(np.square(patch - there).sum(axis=2), known)
+            canvas[at] = np.where(keep[..., None], there, patch)
+            laid[at] = True
+    return canvas
+
+
+def _own_side(error: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """Where a block shows itself: beyond the path of least error through what lies there already, at each of its sides."""
+    own = np.ones(known.shape, bool)
+    for turn in range(4):
+        turned, laid = np.rot90(error, turn), np.rot90(known, turn)
+        strip = int(laid.all(axis=0).cumprod().sum())  # columns at the left that are laid wholly
+        if 0 < strip < laid.shape[1]:
+            beyond = np.arange(laid.shape[1]) >= _path(turned[:, :strip])[:, None]
+            own &= np.rot90(beyond, -turn)
+    return own
+
+
+def _path(error: np.ndarray) -> np.ndarray:
+    """The column (h,) of the cheapest way down errors (h, w), by steps to the next column at most."""
+    height, width = error.shape
+    cost = error.astype(np.float64).copy()
+    for row in range(1, height):
+        before = np.pad(cost[row - 1], 1, constant_values=np.inf)
+        cost[row] += np.minimum(np.minimum(before[:-2], before[1:-1]), before[2:])
+    path = np.empty(height, np.int64)
+    path[-1] = int(cost[-1].argmin())
+    for row in range(height - 2, -1, -1):
+        low = max(0, path[row + 1] - 1)
+        path[row] = low + int(cost[row, low : path[row + 1] + 2].argmin())
+    return path

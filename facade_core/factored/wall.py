@@ -1,0 +1,320 @@
+"""One wall as triangles: cells of its material between its units, these set back in it, each with what multiplies its picture."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+from shapely import Polygon
+
+from facade_core.export.openings import EDGE_M, NARROWEST_M, SMALLEST_OPENING_M2
+from facade_core.export.recess import cut
+from facade_core.factored.bands import Band, bands_of, free_of
+from facade_core.factored.library import Library, band_like, look_of
+from facade_core.factored.light import linear, smoothed
+from facade_core.factored.units import Rectangle, Unit, units_of
+from facade_core.geometry.charts import Charts
+from facade_core.types import Element
+
+# Cells of a wall are no larger, metres, and its shade is meant over so much.
+CELL_M, SHADE_M = 1.25, 0.4
+# A picture that goes on into itself is so wide and high, metres.
+REPEAT_M = 4.0
+# What of the sky the sides of an opening see: they are darker by this.
+IN_REVEAL = 0.7
+# What multiplies an element's picture lies within these, so that a wrong type is no black window.
+LIGHTER, DARKER = 2.0, 0.4
+# A corner of a wall lies no farther off its plane, metres; else it is left as it was.
+FLAT_M = 0.02
+
+# Which picture triangles show: of a library the grain or the moulding of a band, or a type.
+Key = tuple[str, int, int]
+
+
+class Piece(NamedTuple):
+    """Triangles (t, 3) of vertices (v, ...): position in the world, metres; normal; place on the picture, shares of it or of
+    a repetition, v down; light, what multiplies the picture, linear; rows: of the chart."""
+
+    position: np.ndarray
+    normal: np.ndarray
+    place: np.ndarray
+    light: np.ndarray
+    triangles: np.ndarray
+    chart: int
+
+
+@dataclass(frozen=True, eq=False)
+class Facade:
+    """A wall as it is stored: chart; seed and shown (h, w, 3) uint8, before light fell on it and after; labels (h, w);
+    elements in texels, of which there are `density` a metre."""
+
+    chart: int
+    seed: np.ndarray
+    shown: np.ndarray
+    labels: np.ndarray
+    elements: Sequence[Element]
+    density: float
+
+
+@dataclass(eq=False)
+class Pieces:
+    """What was laid so far, by picture; elements: metres across and pixels across of every one that was set."""
+
+    by_picture: dict[Key, list[Piece]] = field(default_factory=dict)
+    elements: list[tuple[Key, float]] = field(default_factory=list)
+
+    def add(self, key: Key, piece: Piece) -> None:
+        if len(piece.triangles):
+            self.by_picture.setdefault(key, []).append(piece)
+
+
+class Plane(NamedTuple):
+    """A polygon of a wall: its outline in the chart's frame and its corners (k, 3) in the world."""
+
+    outline: Polygon
+    corners: np.ndarray
+
+
+def flat(plane: Plane) -> bool:
+    """Whether a polygon is plane enough to be laid anew."""
+    middle = plane.corners.mean(axis=0)
+    _, _, axes = np.linalg.svd(plane.corners - middle, full_matrices=False)
+    return bool(np.abs((plane.corners - middle) @ axes[2]).max() <= FLAT_M) and plane.outline.is_valid
+
+
+def lay(
+    facade: Facade,
+    planes: Sequence[Plane],
+    charts: Charts,
+    library: Library,
+    number: int,
+    level: int,
+    behind: list[np.ndarray],
+    pieces: Pieces,
+) -> None:
+    """Lay a wall of plane polygons as pieces of a library, the number-th, its elements of the types of a level of its
+    variations; behind as in `facade_core.export.recess.cut`."""
+    seen = _Seen(facade, library, level)
+    offset = np.random.default_rng(facade.chart).random(2)
+    for plane in planes:
+        wall = _Wall(charts, plane, seen, number, offset, pieces)
+        free = plane.outline
+        for unit, shown in seen.units:
+            free = wall.set_in(unit, shown, free, behind)
+        for band, own, shade in seen.bands:
+            wall.fill(band, own, shade, free)
+
+
+class _Seen:
+    """What a wall shows: its units, the largest first, with their types; its bands from the top, each with what it shows of the
+    library and the light on it."""
+
+    def __init__(self, facade: Facade, library: Library, level: int) -> None:
+        self.facade, self.library, density = facade, library, facade.density
+        units = units_of(facade.elements, density)
+        self.free = free_of(facade.labels, [unit.box for unit in units], density)
+        self.light = linear(facade.shown)
+        self.around = smoothed(self.light, self.free, SHADE_M * density)
+        self.bands = [
+            (band, band_like(library, band), self._shade(band)) for band in bands_of(facade.seed, self.free, density)
+        ]
+        ordered = sorted(units, key=lambda unit: (-unit.size[0] * unit.size[1], unit.box))
+        looks = [(unit, look_of(facade.seed, unit.box, density)) for unit in ordered]
+        named = [(unit, library.type_of(unit, look, level)) for unit, look in looks]
+        self.units = [(unit, shown) for unit, shown in named if shown is not None]
+
+    def _shade(self, band: Band) -> np.ndarray:
+        """The light (h, w, 3) of the rows of a band, each band for itself; along a moulding that of all its rows."""
+        density = self.facade.density
+        top = min(round(band.top * density), len(self.light) - 1)
+        foot = max(top + 1, round(band.foot * density))
+        light, free = self.light[top:foot], self.free[top:foot]
+        if band.moulding:
+            weight = free.sum(axis=0)
+            mean = (light * free[..., None]).sum(axis=0) / np.maximum(weight, 1)[:, None]
+            light, free = mean[None].astype(np.float32), (weight > 0)[None]
+        if not free.any():
+            free = np.ones_like(free)
+        return smoothed(light, free, SHADE_M * density)
+
+    def mean(self, light: np.ndarray, box: Rectangle) -> np.ndarray:
+        """The mean of light (h, w, 3) over a box in metres, (3,)."""
+        height, width = light.shape[:2]
+        x0, y0, x1, y1 = (round(side * self.facade.density) for side in box)
+        left, top = min(max(x0, 0), width - 1), min(max(y0, 0), height - 1)
+        return light[top : max(y1, top + 1), left : max(x1, left + 1)].mean(axis=(0, 1))
+
+    def grain_at(self, y: float) -> tuple[int, np.ndarray, Band] | None:
+        """The laid band nearest to a height: the library's, its light, and itself."""
+        laid = [
+            (max(band.top - y, y - band.foot, 0.0), own, shade, band)
+            for band, own, shade in self.bands
+            if own is not None and not band.moulding
+        ]
+        best = min(laid, key=lambda one: one[0], default=None)
+        return None if best is None else (best[1], best[2], best[3])
+
+
+@dataclass(frozen=True, eq=False)
+class _Wall:
+    """A polygon of a wall that is laid."""
+
+    charts: Charts
+    plane: Plane
+    seen: _Seen
+    number: int
+    offset: np.ndarray
+    pieces: Pieces
+
+    @property
+    def chart(self) -> int:
+        return self.seen.facade.chart
+
+    def points(self, places: np.ndarray) -> np.ndarray:
+        """Places (n, 2) of the chart's frame on the polygon's plane, (n, 3)."""
+        corners = self.plane.corners
+        points, out = self.charts.points(self.chart, *places.T), self.charts.normal()[self.chart]
+        middle = corners.mean(axis=0)
+        _, _, axes = np.linalg.svd(corners - middle, full_matrices=False)
+        return points + np.outer((middle - points) @ axes[2] / (out @ axes[2]), out)
+
+    def fill(self, band: Band, own: int | None, shade: np.ndarray, free: shapely.Geometry) -> None:
+        """Lay what is free of a band."""
+        x0, y0, x1, y1 = free.bounds
+        last = band is self.seen.bands[-1][0]
+        # a raster ends at most a texel before or behind its wall
+        top, foot = max(band.top, y0) if band.top > 0 else y0, y1 if last else min(band.foot, y1)
+        if foot <= top:
+            return
+        moulding = None if own is None else self.seen.library.mouldings.get(own)
+        wide = moulding.wide if moulding is not None else CELL_M
+        across = np.arange(np.floor(x0 / wide), np.ceil(x1 / wide) + 1) * wide
+        rows = 1 if moulding is not None else max(1, round((foot - top) / CELL_M))
+        down = np.linspace(top, foot, rows + 1)
+        boxes = shapely.box(
+            *(side.ravel() for side in np.meshgrid(across[:-1], down[:-1])),
+            *(side.ravel() for side in np.meshgrid(across[1:], down[1:])),
+        )
+        corners, cell = _triangles(shapely.intersection(boxes, free))
+        if not len(corners):
+            return
+        if moulding is not None:
+            left = across[:-1][cell % (len(across) - 1)]
+            place = np.stack([(corners[..., 0] - left[:, None]) / wide, (corners[..., 1] - top) / (foot - top)], axis=-1)
+            light = self._at(shade, band, corners.reshape(-1, 2)) / np.maximum(moulding.colour, 1e-4)
+            key: Key = ("moulding", self.number, own if own is not None else -1)
+        else:
+            place = corners / REPEAT_M + self.offset
+            light = self._at(shade, band, corners.reshape(-1, 2))
+            key = ("grain", self.number, own if own is not None else -1)
+        self._add(key, corners, place, light)
+
+    def set_in(self, unit: Unit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]) -> shapely.Geometry:
+        """Set a unit into what is free of the wall; what is left free."""
+        kind = self.seen.library.types[shown]
+        x0, y0, x1, y1 = unit.box
+        a, b, c, d = kind.box
+        step = np.array([(x1 - x0) / (c - a), (y1 - y0) / (d - b)])
+        corner = np.array([x0, y0]) - step * [a, b]
+        height, width = kind.picture.shape[:2]
+        whole = shapely.box(*corner, *(corner + step * [width, height]))
+        area = _largest(whole.intersection(free))
+        if area is None or area.area < 0.3 * whole.area:
+            return free
+        rest = free.difference(area)
+        size = np.array([width, height])
+        own = self.seen.mean(self.seen.around, (*corner, *(corner + step * size)))  # type: ignore[arg-type]
+        light = np.clip(own / np.maximum(kind.wall, 1e-4), DARKER, LIGHTER)
+        key: Key = ("type", self.number, shown)
+        inner = self.plane.outline.buffer(-EDGE_M, join_style="mitre").intersection(area.buffer(-EDGE_M / 2))
+        ring: shapely.Geometry = area
+        for left, top, right, foot in kind.panes:
+            box = (*(corner + step * [left, top]), *(corner + step * [right, foot]))
+            pane = _largest(shapely.box(*box).intersection(inner))
+            if pane is None or pane.area < SMALLEST_OPENING_M2 or pane.buffer(-NARROWEST_M / 2).is_empty:
+                continue
+            pane = shapely.orient_polygons(pane.simplify(EDGE_M / 4), exterior_cw=True)
+            found = cut(pane, self.charts, self.chart, self.plane.corners, behind)
+            if not found.depth:
+                continue
+            ring = ring.difference(pane)
+            rows, columns = (slice(max(0, round(low)), max(round(low) + 1, round(high))) for low, high in ((top, foot), (left, right)))
+            mine = linear(kind.picture[rows, columns]).mean(axis=(0, 1))
+            within = np.clip(self.seen.mean(self.seen.light, box) / np.maximum(mine, 1e-4), DARKER, LIGHTER)  # type: ignore[arg-type]
+            corners, _ = _triangles(np.array([pane]))
+            self._add(key, corners, ((corners - corner) / step) / size, within, found.depth)
+            self._reveals(found.reveals())
+        corners, _ = _triangles(np.array([ring]))
+        self._add(key, corners, ((corners - corner) / step) / size, light)
+        self.pieces.elements.append((key, float(1 / step.max())))
+        return rest
+
+    def _reveals(self, faces: Sequence[tuple[np.ndarray, np.ndarray]]) -> None:
+        for ring, flat in faces:
+            found = self.seen.grain_at(float(flat[:, 1].mean()))
+            if found is None:
+                continue
+            own, shade, band = found
+            normal = np.cross(ring[1] - ring[0], ring[3] - ring[0])
+            light = IN_REVEAL * self._at(shade, band, flat)
+            piece = Piece(
+                ring,
+                np.tile(normal / max(float(np.linalg.norm(normal)), 1e-12), (4, 1)),
+                flat / REPEAT_M + self.offset,
+                light,
+                np.array([[0, 1, 2], [0, 2, 3]]),
+                self.chart,
+            )
+            self.pieces.add(("grain", self.number, own), piece)
+
+    def _at(self, shade: np.ndarray, band: Band, places: np.ndarray) -> np.ndarray:
+        """A band's light at places (n, 2), (n, 3)."""
+        import cv2
+
+        density = self.seen.facade.density
+        x = places[:, 0] * density - 0.5
+        y = (places[:, 1] - band.top) * density - 0.5 if len(shade) > 1 else np.zeros(len(places))
+        at = [part.astype(np.float32)[:, None] for part in (x, y)]
+        return np.asarray(cv2.remap(shade, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)).reshape(-1, 3)
+
+    def _add(self, key: Key, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0) -> None:
+        """Triangles with corners (t, 3, 2) in the chart's frame, places on their picture (t, 3, 2) and light (3,) or (3 t, 3);
+        corners that have all the same are one."""
+        if not len(corners):
+            return
+        rows = np.concatenate([corners.reshape(-1, 2), place.reshape(-1, 2)], axis=1)
+        _, first, index = np.unique(np.rint(rows * 1e5).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+        out = self.charts.normal()[self.chart]
+        self.pieces.add(
+            key,
+            Piece(
+                self.points(rows[first, :2]) - depth * out,
+                np.tile(out, (len(first), 1)),
+                rows[first, 2:],
+                np.broadcast_to(light, (len(rows), 3))[first],
+                index.reshape(-1, 3),
+                self.chart,
+            ),
+        )
+
+
+def _largest(area: shapely.Geometry) -> Polygon | None:
+    parts = [part for part in shapely.get_parts(area) if part.geom_type == "Polygon" and part.area > 1e-4]
+    return max(parts, key=lambda part: part.area, default=None)
+
+
+def _triangles(areas: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Areas (n,) as triangles (t, 3, 2), counter-clockwise as seen where y runs down, and which area each is of."""
+    parts, of = shapely.get_parts(areas, return_index=True)
+    plane = (shapely.get_type_id(parts) == shapely.GeometryType.POLYGON) & (shapely.area(parts) > 1e-6)
+    cut_up, part = shapely.get_parts(shapely.constrained_delaunay_triangles(parts[plane]), return_index=True)
+    if not len(cut_up):
+        return np.zeros((0, 3, 2)), np.zeros(0, np.int64)
+    corners = shapely.get_coordinates(cut_up).reshape(-1, 4, 2)[:, :3]
+    u, v = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    turned = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0] > 0
+    corners[turned] = corners[turned][:, ::-1]
+    return corners, of[plane][part]

@@ -1,0 +1,307 @@
+"""A published block as a factored model: what `facade_core.factored` makes of its facades, and the rest on pages."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.block import read_block
+from facade_core.errors import FacadeError, InputError
+from tasks.export.features import features_of
+from tasks.export.models import with_ground
+from tasks.progress import advance, begin_stage
+from tasks.published.opened import Published
+from tasks.store.standing import recorded_source
+from tasks.units.images import read_exemplar_picture
+
+if TYPE_CHECKING:
+    from facade_core.export.models import LocalFrame, Textured
+    from facade_core.factored.glb import Part
+    from facade_core.factored.library import Library
+    from facade_core.factored.wall import Facade, Pieces
+
+FIGURES = "figures.json"
+# Of the levels of the variations the one whose types are shown: as photographed.
+LEVEL = 0
+# What is no facade has at most so many texels a metre: ground, and all else (roofs, walls between houses).
+GROUND_DENSITY, REST_DENSITY = 8.0, 4.0
+# A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
+SAME = 4.0
+
+
+def write_factored(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """block.glb with a node a building, whose facades are factored; figures.json, what it comes to."""
+    from facade_core.export.encoders import encoder
+    from facade_core.export.models import local_frame
+    from facade_core.factored.glb import factored_glb
+    from facade_core.factored.pictures import held, pictures_of
+
+    start = time.monotonic()
+    source, shown = found.textured, with_ground(found, buildings)
+    facades = _planes(found, buildings)
+    libraries, of, notes = _libraries(found, list(facades))
+    begin_stage("export", len(facades) + 1)
+    pieces_of: dict[int, Pieces] = {}
+    for index in facades:
+        _lay(found, index, facades[index], libraries, of[index], pieces_of)
+        advance("export", 1)
+    whole = _joined(pieces_of.values())
+    pictures = pictures_of(whole, libraries)
+    frame = local_frame(found.plan.scene.mesh)
+    parts: dict[int, dict[int, Part]] = {}
+    for building, pieces in sorted(pieces_of.items()):
+        parts[building] = _parts(pieces, pictures, frame)
+    laid = {int(found.plan.facades.chart[index]) for index in facades}
+    rest = np.setdiff1d(source.chosen(shown), np.array(sorted(laid), np.int64))
+    pages, elements_held = _rest(source, rest, len(pictures.pictures), parts, frame), held(pictures.pictures)
+    every = [*pictures.pictures, *pages]
+    used = encoder("jpeg")
+    encoded = [used.encode(picture) for picture in every]
+    names = {-1: "ground", **found.names}
+    order = sorted(parts, key=lambda building: (building < 0, building))
+    data = factored_glb(
+        {names[building]: parts[building] for building in order},
+        encoded,
+        [*pictures.repeated, *[False] * len(pages)],
+        used,
+        features_of(found),
+        extras={"origin": frame.origin.tolist(), "crs": found.crs},
+        copyright=found.attribution.line,
+    )
+    (folder / "block.glb").write_bytes(data)
+    density = np.array([density for _, density in whole.elements] or [0.0])
+    told = {
+        "bytes": len(data),
+        "picture_bytes": sum(map(len, encoded)),
+        "texture_mb": round(held(every) / 1e6, 1),
+        "texture_mb_of_grains": round(held([p for p, r in zip(every, pictures.repeated, strict=False) if r]) / 1e6, 1),
+        "texture_mb_of_elements": round(
+            (elements_held - held([p for p, r in zip(every, pictures.repeated, strict=False) if r])) / 1e6, 1
+        ),
+        "texture_mb_of_the_rest": round(held(pages) / 1e6, 1),
+        "elements": len(whole.elements),
+        "types": len({key for key, _ in whole.elements}),
+        "texels_per_metre_of_elements": {
+            str(q): round(float(np.percentile(density, q)), 1) for q in (5, 25, 50, 75, 95)
+        },
+        "triangles": sum(len(part.triangles) for own in parts.values() for part in own.values()),
+        "draw_calls": sum(map(len, parts.values())),
+        "buildings": len(buildings),
+        "facades": len(facades),
+        "seconds": round(time.monotonic() - start, 1),
+    }
+    (folder / FIGURES).write_text(json.dumps(told, indent=1) + "\n")
+    advance("export", 1)
+    return ["block.glb"], notes
+
+
+def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
+    """The facades with a finished layout whose walls are plane: their polygons."""
+    from facade_core.export.openings import outlines
+    from facade_core.factored.wall import Plane, flat
+    from facade_core.grouping import grouped
+
+    source = found.textured
+    of_chart = grouped(source.mesh.chart)
+    planes = {}
+    for index in found.rectified(buildings):
+        chart = int(found.plan.facades.chart[index])
+        triangles = source.mesh.triangles[of_chart.get(chart, np.zeros(0, np.int64))]
+        corners = source.mesh.vertices[triangles]
+        own = [Plane(outline, corners.reshape(-1, 3)) for outline in outlines(source.coordinates[triangles])]
+        if own and all(map(flat, own)):
+            planes[index] = own
+    return planes
+
+
+def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library], dict[int, int], list[str]]:
+    """A library for each exemplar that the facades are made from, and for each facade with a picture of its own; whose is
+    whose."""
+    from facade_core.export.facade_stages import chart_raster
+    from facade_core.factored.library import library_of
+    from facade_core.parse import elements
+
+    exemplars = {r["unit"]: k for k, r in enumerate(found.journals["exemplars"]) if r and r["status"] == "done"}
+    given = _given(found)
+    libraries: list[Library] = []
+    number: dict[str, int] = {}
+    of, coarse = {}, 0
+    placement = found.plan.scene.placement
+    begin_stage("libraries", len({_source(found, index) for index in facades}))
+    for index in facades:
+        source = _source(found, index)
+        if source not in number:
+            if source in exemplars:
+                k = exemplars[source]
+                image, labels = (found.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
+                fine = _fine(given.get(source), image)
+                coarse += fine is None
+                density = 1 / float(found.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
+                made = library_of(image, labels, elements(labels), density, fine, seed=k)
+            else:
+                chart = int(found.plan.facades.chart[index])
+                image, labels = (
+                    chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+                )
+                density = float(placement.texels_per_metre[chart])
+                made = library_of(image, labels, found.elements(index), density, seed=chart)
+            number[source] = len(libraries)
+            libraries.append(made)
+            advance("libraries", 1)
+        of[index] = number[source]
+    notes = []
+    if coarse:
+        notes = [
+            f"{coarse} exemplars are not where the block file says, or show something that was made anew: their elements "
+            "have no more texels than the store"
+        ]
+    return libraries, of, notes
+
+
+def _source(found: Published, index: int) -> str:
+    return str((found.records[index] or {})["source"])
+
+
+def _given(found: Published) -> dict[str, Path]:
+    """The exemplars by name as they were given, where they still are."""
+    path = recorded_source(found.snapshot.out)
+    if path is None:
+        return {}
+    try:
+        return {exemplar.stem: exemplar for exemplar in read_block(path).exemplars}
+    except InputError:
+        return {}
+
+
+def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
+    """A given exemplar with all its pixels; None where it is not what was stored, or has no more. What hid a facade, or is
+    private, was made anew before it was stored: such an exemplar is not taken."""
+    from facade_core.resizing import resized
+
+    if path is None:
+        return None
+    try:
+        fine = read_exemplar_picture(path).rgb
+    except (FacadeError, OSError):
+        return None
+    if fine.shape[0] <= image.shape[0]:
+        return None
+    off = np.abs(resized(fine, image.shape[:2]).astype(np.int16) - image).mean(axis=2)
+    return fine if float(np.percentile(off, 99.5)) <= SAME else None
+
+
+def _lay(
+    found: Published,
+    index: int,
+    planes: Sequence[Any],
+    libraries: Sequence[Library],
+    number: int,
+    pieces_of: dict[int, Pieces],
+) -> None:
+    from facade_core.factored.wall import Pieces, lay
+
+    source = found.textured
+    building = int(found.plan.facades.building[index])
+    own = source.charts.building[source.mesh.chart] == building
+    behind = [source.mesh.vertices[source.mesh.triangles[own]]]
+    pieces = pieces_of.setdefault(building, Pieces())
+    lay(_facade(found, index), planes, source.charts, libraries[number], number, LEVEL, behind, pieces)
+
+
+def _facade(found: Published, index: int) -> Facade:
+    from facade_core.export.facade_stages import chart_raster
+    from facade_core.factored.wall import Facade
+
+    placement, chart = found.plan.scene.placement, int(found.plan.facades.chart[index])
+    seed, labels = (chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels"))
+    density = float(placement.texels_per_metre[chart])
+    return Facade(chart, seed, found.textured.raster(chart), labels, found.elements(index), density)
+
+
+def _joined(every: Any) -> Pieces:
+    from facade_core.factored.wall import Pieces
+
+    whole = Pieces()
+    for pieces in every:
+        for key, own in pieces.by_picture.items():
+            whole.by_picture.setdefault(key, []).extend(own)
+        whole.elements.extend(pieces.elements)
+    return whole
+
+
+def _parts(pieces: Pieces, pictures: Any, frame: LocalFrame) -> dict[int, Part]:
+    """What was laid of a building, by texture."""
+    by_texture: dict[int, list[tuple[Any, np.ndarray, np.ndarray]]] = {}
+    for key, own in sorted(pieces.by_picture.items()):
+        for piece in own:
+            texture, uv, colour = pictures.laid(key, piece)
+            by_texture.setdefault(texture, []).append((piece, uv, colour))
+    return {
+        texture: _part(
+            [(piece.position, piece.normal, uv, colour, piece.triangles, piece.chart) for piece, uv, colour in own], frame
+        )
+        for texture, own in by_texture.items()
+    }
+
+
+def _part(rows: Sequence[tuple[Any, ...]], frame: LocalFrame) -> Part:
+    from facade_core.factored.glb import Part
+
+    position, normal, uv, colour, triangles, chart = zip(*rows, strict=True)
+    first = np.concatenate([[0], np.cumsum([len(one) for one in position])])
+    return Part(
+        frame.points(np.concatenate(position)),
+        frame.directions(np.concatenate(normal)),
+        np.concatenate(uv),
+        np.concatenate(colour),
+        np.concatenate([one + start for one, start in zip(triangles, first[:-1], strict=True)]),
+        np.concatenate([np.full(len(p), c) for p, c in zip(position, chart, strict=True)]),
+    )
+
+
+def _rest(
+    source: Textured, charts: np.ndarray, before: int, parts: dict[int, dict[int, Part]], frame: LocalFrame
+) -> list[np.ndarray]:
+    """The pages of all charts that are not factored, whose parts are added by building; pictures before theirs."""
+    from facade_core.export.pages import scaled
+    from facade_core.export.tile_pages import tile_pages
+    from facade_core.factored.glb import Part
+    from facade_core.geometry.charts import DOOR, GROUND, WINDOW
+    from facade_core.grouping import grouped
+
+    kind = source.charts.kind
+    density = (source.texels / source.extent).max(axis=1)
+    most = np.where(kind == GROUND, GROUND_DENSITY, np.where(np.isin(kind, (WINDOW, DOOR)), np.inf, REST_DENSITY))
+    share = np.minimum(1.0, most / density)
+    texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
+
+    def raster(chart: int) -> np.ndarray:
+        width, height = texels[chart].tolist()
+        return scaled(source.raster(chart), (width, height))
+
+    pages = tile_pages(replace(source, texels=texels, raster=raster), charts)
+    drawn, mesh = pages.drawn, source.mesh
+    place = np.full(len(source.charts), -1, np.int64)
+    place[charts] = np.arange(len(charts))
+    mine = np.flatnonzero(place[mesh.chart] >= 0)
+    page = drawn.layout.page[place[mesh.chart[mine]]]
+    owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
+    count = len(drawn.layout.pages)
+    for code, here in sorted(grouped((owner + 1) * count + page).items()):
+        used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
+        chart = mesh.vertex_chart[used]
+        parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = Part(
+            frame.points(mesh.vertices[used]),
+            frame.directions(source.normals[used]),
+            drawn.texture_coordinates(chart, source.coordinates[used]),
+            np.ones((len(used), 3)),
+            index.reshape(-1, 3),
+            chart,
+        )
+    return [pages.picture(page) for page in range(count)]
