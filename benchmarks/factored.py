@@ -34,7 +34,8 @@ METRES = (3.0, 15.0, 40.0)
 SIZE = (760, 500)
 MIPMAPS = 4 / 3
 CLIENTS = Path(__file__).resolve().parents[1] / ".venv" / "clients" / "node_modules"
-PAGE = """<!doctype html><meta charset="utf-8"><script type="importmap">{"imports": {"three": "/three/build/three.module.js"}}</script>
+PAGE = """<!doctype html><meta charset="utf-8">
+<script type="importmap">{"imports": {"three": "/three/build/three.module.js"}}</script>
 <script type="module">
 import * as THREE from "three";
 import { GLTFLoader } from "/three/examples/jsm/loaders/GLTFLoader.js";
@@ -92,7 +93,10 @@ def cameras(out: Path, wanted: Sequence[str]) -> list[tuple[str, float, list[flo
             area = facades.width * facades.height * (facades.role == 0)
             order = np.argsort(-area, kind="stable").tolist()
             made = {i: str((found.records[i] or {}).get("source")) for i in order}
-            chosen = [next(i for i in order if "." not in made[i]), next((i for i in order if "." in made[i]), order[0])]
+            chosen = [
+                next(i for i in order if "." not in made[i]),
+                next((i for i in order if "." in made[i]), order[0]),
+            ]
         views = []
         for i in chosen:
             chart = int(facades.chart[i])
@@ -172,7 +176,8 @@ def sheet(pairs: Sequence[tuple[str, Image.Image, Image.Image]]) -> Image.Image:
         for column, (image, name) in enumerate(zip(images, ("unique texels", "factored"), strict=True)):
             place = (column * (SIZE[0] + 4), row * (SIZE[1] + 4))
             drawn.paste(image, place)
-            ImageDraw.Draw(drawn).text((place[0] + 8, place[1] + 6), f"{name}, {title}", fill="white", stroke_width=2, stroke_fill="black")
+            where = (place[0] + 8, place[1] + 6)
+            ImageDraw.Draw(drawn).text(where, f"{name}, {title}", fill="white", stroke_width=2, stroke_fill="black")
     return drawn
 
 

@@ -76,7 +76,8 @@ def _borders(rows: np.ndarray, reach: int) -> list[int]:
     for row in np.argsort(-step, kind="stable").tolist():
         if step[row] <= STEP:
             break
-        if all(abs(row - other) >= max(2, reach // 2) for other in found):
+        highest = step[row] >= step[max(row - 1, 0) : row + 2].max()
+        if highest and all(abs(row - other) >= max(2, reach // 2) for other in found):
             found.append(row)
     return sorted(found)
 

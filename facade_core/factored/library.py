@@ -18,6 +18,8 @@ from facade_core.variation import encode
 LOOK = 16
 # Elements are like each other where their sides' ratio is no farther apart than this.
 ASPECT = 1.6
+# How far the walls around two elements are apart, roots of light, is worth so many grey levels of what they show.
+WALL = 150.0
 # Pixels of a moulding's picture fade into its beginning over this, metres; it is no longer than that, and no shorter unless
 # it is stretched.
 FADE_M, LONGEST_M, SHORTEST_M = 0.3, 4.0, 0.6
@@ -53,25 +55,29 @@ class Moulding:
 @dataclass(frozen=True, eq=False)
 class Library:
     """units of the picture, each of a type at every level of the variations, of (levels, units) int; looks (units, LOOK, LOOK,
-    3); bands, and by their numbers the grain (SIDE, SIDE, 3) of what is laid, or the moulding."""
+    3); walls (units, 3): the wall around them, linear light; bands, and by their numbers the grain (SIDE, SIDE, 3) of what is
+    laid, or the moulding."""
 
     units: tuple[Unit, ...]
     of: np.ndarray
     looks: np.ndarray
+    walls: np.ndarray
     types: dict[int, Type]
     bands: tuple[Band, ...]
     grains: dict[int, np.ndarray]
     mouldings: dict[int, Moulding]
 
-    def type_of(self, unit: Unit, look: np.ndarray, level: int) -> int | None:
-        """The type of the unit that is most like another of the same kind, with its look (LOOK, LOOK, 3), None where none is."""
+    def type_of(self, unit: Unit, look: np.ndarray, wall: np.ndarray, level: int) -> int | None:
+        """The type of the unit that is most like another of the same kind, with its look (LOOK, LOOK, 3) and the light (3,) of
+        the wall around; None where none is."""
         wide, high = unit.size
         best: tuple[float, int] | None = None
         for k, own in enumerate(self.units):
             ratio = abs(float(np.log((wide / high) / (own.size[0] / own.size[1]))))
             if own.kind != unit.kind or ratio > np.log(ASPECT):
                 continue
-            apart = float(np.abs(look - self.looks[k]).mean()) + 20 * ratio
+            off = float(np.abs(np.sqrt(wall) - np.sqrt(self.walls[k])).mean())
+            apart = float(np.abs(look - self.looks[k]).mean()) + 20 * ratio + WALL * off
             if best is None or apart < best[0]:
                 best = apart, k
         return None if best is None else int(self.of[min(level, len(self.of) - 1), best[1]])
@@ -87,6 +93,24 @@ def look_of(image: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
         return np.zeros((LOOK, LOOK, 3), np.float32)
     small = cv2.resize(part, (LOOK, LOOK), interpolation=cv2.INTER_AREA).astype(np.float32)
     return small - 0.5 * small.mean()
+
+
+def mean_in(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+    """The mean of light (h, w, 3) over a box in metres, (3,)."""
+    height, width = light.shape[:2]
+    x0, y0, x1, y1 = (round(side * density) for side in box)
+    left, top = min(max(x0, 0), width - 1), min(max(y0, 0), height - 1)
+    return light[top : max(y1, top + 1), left : max(x1, left + 1)].mean(axis=(0, 1))
+
+
+def _grown(box: Rectangle) -> Rectangle:
+    """A box with AROUND_M on all sides."""
+    return box[0] - AROUND_M, box[1] - AROUND_M, box[2] + AROUND_M, box[3] + AROUND_M
+
+
+def wall_around(light: np.ndarray, box: Rectangle, density: float) -> np.ndarray:
+    """The light (3,) of the wall around a box, from that of the wall everywhere (h, w, 3)."""
+    return mean_in(light, _grown(box), density)
 
 
 def library_of(
@@ -111,21 +135,19 @@ def library_of(
     free_fine = cv2.resize(free.astype(np.uint8), fine.shape[1::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
     wall = smoothed(linear(image), free, AROUND_M * density)
     reach = _reaches(image, units, srgb(wall).astype(np.float32), density)
-    of, chosen = _types(image, units, density)
+    walls = np.array([wall_around(wall, unit.box, density) for unit in units]).reshape(-1, 3)
+    of, chosen = _types(image, units, walls, density)
     return Library(
         tuple(units),
         of,
         np.stack([look_of(image, unit.box, density) for unit in units])
         if units
         else np.zeros((0, LOOK, LOOK, 3), np.float32),
+        walls,
         {t: _type(fine, units[k], reach[k], whole, wall, density) for t, k in chosen.items()},
         tuple(bands),
         _grains(fine, free_fine, bands, whole, seed),
-        {
-            number: _moulding(fine, free_fine, band, whole)
-            for number, band in enumerate(bands)
-            if band.moulding
-        },
+        {number: _moulding(fine, free_fine, band, whole) for number, band in enumerate(bands) if band.moulding},
     )
 
 
@@ -148,7 +170,7 @@ def _grains(
                 break
         else:
             groups.append([number])
-    found = {}
+    found: dict[int, np.ndarray] = {}
     for group in groups:
         area = np.logical_or.reduce([_within(free, bands[number], density) for number in group])
         grain = repeating(fine, area, density, seed)
@@ -176,16 +198,43 @@ def _reaches(
     found = np.array(
         [surround(image, (number >= 0) & (number != k), wall, unit.box, density) for k, unit in enumerate(units)]
     ).reshape(-1, 4)
-    return [tuple(row) for row in found.tolist()]  # type: ignore[misc]
+    return [tuple(row) for row in found.tolist()]
 
 
-def _types(image: np.ndarray, units: Sequence[Unit], density: float) -> tuple[np.ndarray, dict[int, int]]:
-    """The type of every unit at every level (levels, units), and the unit that stands for each type."""
+def _types(
+    image: np.ndarray, units: Sequence[Unit], walls: np.ndarray, density: float
+) -> tuple[np.ndarray, dict[int, int]]:
+    """The type of every unit at every level (levels, units), and the unit that stands for each type. Those in walls (units, 3)
+    of another material are of another type: their surrounds are."""
     if not units:
         return np.zeros((1, 0), np.int64), {}
+    materials: list[np.ndarray] = []
+    groups: list[list[int]] = []
+    for k, wall in enumerate(np.sqrt(walls)):
+        number = next((n for n, other in enumerate(materials) if np.abs(wall - other).max() < SAME), len(materials))
+        if number == len(materials):
+            materials.append(wall)
+            groups.append([])
+        groups[number].append(k)
+    of = [_types_in(image, [units[k] for k in group], density) for group in groups]
+    levels = np.zeros((max(len(own) for own, _ in of), len(units)), np.int64)
+    chosen: dict[int, int] = {}
+    before = 0
+    for group, (own, stands) in zip(groups, of, strict=True):
+        # a group whose variations end earlier stays as it is at the end
+        levels[:, group] = before + own[np.minimum(np.arange(len(levels)), len(own) - 1)]
+        chosen |= {before + t: group[k] for t, k in stands.items()}
+        before = max(chosen) + 1
+    return levels, chosen
+
+
+def _types_in(image: np.ndarray, units: Sequence[Unit], density: float) -> tuple[np.ndarray, dict[int, int]]:
+    """The same of units in walls of one material."""
     shown = [Element(unit.kind, *(round(side * density) for side in unit.box)) for unit in units]
     hierarchy = encode(image, shown)
     boxes = np.array([box for group in hierarchy.groups for box in group.boxes], float).reshape(-1, 4)
+    if not len(boxes):  # too small to be coded
+        return np.arange(len(units))[None], {k: k for k in range(len(units))}
     middle = (boxes[:, :2] + boxes[:, 2:]) / 2
     own = np.array([((e.x0 + e.x1) / 2, (e.y0 + e.y1) / 2) for e in shown])
     # what is coded may have moved by a few pixels, and what is too small is not
@@ -193,8 +242,8 @@ def _types(image: np.ndarray, units: Sequence[Unit], density: float) -> tuple[np
     levels = np.stack([hierarchy.types_at(level)[nearest] for level in range(len(hierarchy.levels))])
     back = {int(element): k for k, element in reversed(list(enumerate(nearest.tolist())))}
     chosen = {t: back[int(e)] for t, e in enumerate(hierarchy.representatives) if int(e) in back}
-    for t in np.unique(levels):  # a type that none of the units stands for
-        chosen.setdefault(int(t), int(np.argwhere(levels == t)[0, 1]))
+    for t in np.unique(levels).tolist():  # one that none of the units stands for
+        chosen.setdefault(t, int(np.argwhere(levels == t)[0, 1]))
     return levels.astype(np.int64), chosen
 
 
@@ -210,13 +259,14 @@ def _type(
     x0, y0, x1, y1 = (side * density for side in unit.box)
     left, top = max(0, round(x0 - reach[0] * density)), max(0, round(y0 - reach[1] * density))
     right, foot = min(width, round(x1 + reach[2] * density)), min(height, round(y1 + reach[3] * density))
-    y, x = (slice(int(low * coarse / density), max(int(high * coarse / density), int(low * coarse / density) + 1)) for low, high in ((top, foot), (left, right)))
     return Type(
         unit.kind,
         fine[top:foot, left:right],
         (x0 - left, y0 - top, x1 - left, y1 - top),
-        tuple((a * density - left, b * density - top, c * density - left, d * density - top) for a, b, c, d in unit.panes),
-        wall[y, x].mean(axis=(0, 1)),
+        tuple(
+            (a * density - left, b * density - top, c * density - left, d * density - top) for a, b, c, d in unit.panes
+        ),
+        mean_in(wall, (left / density, top / density, right / density, foot / density), coarse),
         density,
     )
 
@@ -232,7 +282,10 @@ def _moulding(fine: np.ndarray, free: np.ndarray, band: Band, density: float) ->
     stop = min(stop, start + round(LONGEST_M * density) + fade)
     rows = fine[top:foot]
     if stop - start < SHORTEST_M * density + fade:
-        column = np.stack([srgb(linear(row[own]).mean(axis=0)) if own.any() else srgb(linear(row).mean(axis=0)) for row, own in zip(rows, free[top:foot], strict=True)])
+        means = [
+            linear(row[own] if own.any() else row).mean(axis=0) for row, own in zip(rows, free[top:foot], strict=True)
+        ]
+        column = srgb(np.stack(means))
         picture = np.repeat(column[:, None], max(8, round(SHORTEST_M * density)), axis=1)
     else:
         light = linear(rows[:, start:stop])

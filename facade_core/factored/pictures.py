@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,10 +16,6 @@ from facade_core.factored.wall import Key, Piece, Pieces
 LIT = 0.995
 # And no lighter than that this share of its own light is kept.
 KEPT = 0.995
-# Grain has light on both sides of its mean.
-GRAIN_MOST = 1.8
-# A grain where a wall is like none.
-PLAIN = -1
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,11 +40,10 @@ def pictures_of(pieces: Pieces, libraries: Sequence[Library]) -> Shown:
     grains: dict[int, list[Key]] = {}
     flat: list[Key] = []
     for key in sorted(pieces.by_picture):
-        kind, number, own = key
-        if kind != "grain":
+        if key[0] != "grain":
             flat.append(key)
         else:
-            grains.setdefault(id(libraries[number].grains.get(own)), []).append(key)
+            grains.setdefault(id(libraries[key[1]].grains.get(key[2])), []).append(key)
     pictures: list[np.ndarray] = []
     place: dict[Key, tuple[int, np.ndarray, np.ndarray]] = {}
     for keys in grains.values():
@@ -56,7 +51,7 @@ def pictures_of(pieces: Pieces, libraries: Sequence[Library]) -> Shown:
         # as light as the lightest wall wants it, so that vertex colours stay within 1
         most = max(_wanted(pieces, key) for key in keys)
         limit = 1 / float(np.quantile(grain, KEPT))
-        light = min(most, limit) if most < limit else limit
+        light = min(most, limit)
         pictures.append(srgb(grain * light))
         for key in keys:
             place[key] = (len(pictures) - 1, np.zeros(2), np.ones(2))
@@ -64,10 +59,10 @@ def pictures_of(pieces: Pieces, libraries: Sequence[Library]) -> Shown:
     repeated = [True] * len(pictures)
     rasters = []
     for key in flat:
-        own = _picture(libraries, key)
-        light = linear(own)
-        gain[key] = max(1.0, min(_wanted(pieces, key), 1 / max(float(np.quantile(light.max(axis=2), KEPT)), 1e-3)))
-        rasters.append(srgb(light * gain[key]))
+        bright = linear(_picture(libraries, key))
+        most = 1 / max(float(np.quantile(bright.max(axis=2), KEPT)), 1e-3)
+        gain[key] = max(1.0, min(_wanted(pieces, key), most))
+        rasters.append(srgb(bright * gain[key]))
     pages, where = _on_pages(rasters, [len(pictures)])
     place |= dict(zip(flat, where, strict=True))
     return Shown(pictures + pages, repeated + [False] * len(pages), place, gain)
@@ -106,7 +101,6 @@ def _on_pages(
     return pages, where
 
 
-def held(pictures: Mapping[int, np.ndarray] | Sequence[np.ndarray]) -> int:
+def held(pictures: Sequence[np.ndarray]) -> int:
     """Bytes that pictures take of a graphics card: four a texel, and a third more for their mipmaps."""
-    every = pictures.values() if isinstance(pictures, Mapping) else pictures
-    return sum(image.shape[0] * image.shape[1] for image in every) * 16 // 3
+    return sum(image.shape[0] * image.shape[1] for image in pictures) * 16 // 3

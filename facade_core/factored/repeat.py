@@ -85,7 +85,7 @@ def _own_side(error: np.ndarray, known: np.ndarray) -> np.ndarray:
 
 def _path(error: np.ndarray) -> np.ndarray:
     """The column (h,) of the cheapest way down errors (h, w), by steps to the next column at most."""
-    height, width = error.shape
+    height = len(error)
     cost = error.astype(np.float64).copy()
     for row in range(1, height):
         before = np.pad(cost[row - 1], 1, constant_values=np.inf)

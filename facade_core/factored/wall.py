@@ -1,4 +1,4 @@
-"""One wall as triangles: cells of its material between its units, these set back in it, each with what multiplies its picture."""
+"""One wall as triangles: cells of its material between its units, these set back in it, each with its light."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from shapely import Polygon
 from facade_core.export.openings import EDGE_M, NARROWEST_M, SMALLEST_OPENING_M2
 from facade_core.export.recess import cut
 from facade_core.factored.bands import Band, bands_of, free_of
-from facade_core.factored.library import Library, band_like, look_of
+from facade_core.factored.library import Library, band_like, look_of, mean_in, wall_around
 from facade_core.factored.light import linear, smoothed
 from facade_core.factored.units import Rectangle, Unit, units_of
 from facade_core.geometry.charts import Charts
@@ -122,8 +122,11 @@ class _Seen:
             (band, band_like(library, band), self._shade(band)) for band in bands_of(facade.seed, self.free, density)
         ]
         ordered = sorted(units, key=lambda unit: (-unit.size[0] * unit.size[1], unit.box))
-        looks = [(unit, look_of(facade.seed, unit.box, density)) for unit in ordered]
-        named = [(unit, library.type_of(unit, look, level)) for unit, look in looks]
+        around = smoothed(linear(facade.seed), self.free, SHADE_M * density)
+        named = []
+        for unit in ordered:
+            look, wall = look_of(facade.seed, unit.box, density), wall_around(around, unit.box, density)
+            named.append((unit, library.type_of(unit, look, wall, level)))
         self.units = [(unit, shown) for unit, shown in named if shown is not None]
 
     def _shade(self, band: Band) -> np.ndarray:
@@ -139,13 +142,6 @@ class _Seen:
         if not free.any():
             free = np.ones_like(free)
         return smoothed(light, free, SHADE_M * density)
-
-    def mean(self, light: np.ndarray, box: Rectangle) -> np.ndarray:
-        """The mean of light (h, w, 3) over a box in metres, (3,)."""
-        height, width = light.shape[:2]
-        x0, y0, x1, y1 = (round(side * self.facade.density) for side in box)
-        left, top = min(max(x0, 0), width - 1), min(max(y0, 0), height - 1)
-        return light[top : max(y1, top + 1), left : max(x1, left + 1)].mean(axis=(0, 1))
 
     def grain_at(self, y: float) -> tuple[int, np.ndarray, Band] | None:
         """The laid band nearest to a height: the library's, its light, and itself."""
@@ -203,7 +199,9 @@ class _Wall:
             return
         if moulding is not None:
             left = across[:-1][cell % (len(across) - 1)]
-            place = np.stack([(corners[..., 0] - left[:, None]) / wide, (corners[..., 1] - top) / (foot - top)], axis=-1)
+            place = np.stack(
+                [(corners[..., 0] - left[:, None]) / wide, (corners[..., 1] - top) / (foot - top)], axis=-1
+            )
             light = self._at(shade, band, corners.reshape(-1, 2)) / np.maximum(moulding.colour, 1e-4)
             key: Key = ("moulding", self.number, own if own is not None else -1)
         else:
@@ -214,7 +212,7 @@ class _Wall:
 
     def set_in(self, unit: Unit, shown: int, free: shapely.Geometry, behind: list[np.ndarray]) -> shapely.Geometry:
         """Set a unit into what is free of the wall; what is left free."""
-        kind = self.seen.library.types[shown]
+        kind, density = self.seen.library.types[shown], self.seen.facade.density
         x0, y0, x1, y1 = unit.box
         a, b, c, d = kind.box
         step = np.array([(x1 - x0) / (c - a), (y1 - y0) / (d - b)])
@@ -226,13 +224,13 @@ class _Wall:
             return free
         rest = free.difference(area)
         size = np.array([width, height])
-        own = self.seen.mean(self.seen.around, (*corner, *(corner + step * size)))  # type: ignore[arg-type]
+        own = mean_in(self.seen.around, _box(corner, corner + step * size), density)
         light = np.clip(own / np.maximum(kind.wall, 1e-4), DARKER, LIGHTER)
         key: Key = ("type", self.number, shown)
         inner = self.plane.outline.buffer(-EDGE_M, join_style="mitre").intersection(area.buffer(-EDGE_M / 2))
         ring: shapely.Geometry = area
         for left, top, right, foot in kind.panes:
-            box = (*(corner + step * [left, top]), *(corner + step * [right, foot]))
+            box = _box(corner + step * [left, top], corner + step * [right, foot])
             pane = _largest(shapely.box(*box).intersection(inner))
             if pane is None or pane.area < SMALLEST_OPENING_M2 or pane.buffer(-NARROWEST_M / 2).is_empty:
                 continue
@@ -241,9 +239,12 @@ class _Wall:
             if not found.depth:
                 continue
             ring = ring.difference(pane)
-            rows, columns = (slice(max(0, round(low)), max(round(low) + 1, round(high))) for low, high in ((top, foot), (left, right)))
+            rows, columns = (
+                slice(max(0, round(low)), max(round(low), 0, round(high) - 1) + 1)
+                for low, high in ((top, foot), (left, right))
+            )
             mine = linear(kind.picture[rows, columns]).mean(axis=(0, 1))
-            within = np.clip(self.seen.mean(self.seen.light, box) / np.maximum(mine, 1e-4), DARKER, LIGHTER)  # type: ignore[arg-type]
+            within = np.clip(mean_in(self.seen.light, box, density) / np.maximum(mine, 1e-4), DARKER, LIGHTER)
             corners, _ = _triangles(np.array([pane]))
             self._add(key, corners, ((corners - corner) / step) / size, within, found.depth)
             self._reveals(found.reveals())
@@ -277,8 +278,10 @@ class _Wall:
         density = self.seen.facade.density
         x = places[:, 0] * density - 0.5
         y = (places[:, 1] - band.top) * density - 0.5 if len(shade) > 1 else np.zeros(len(places))
-        at = [part.astype(np.float32)[:, None] for part in (x, y)]
-        return np.asarray(cv2.remap(shade, *at, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)).reshape(-1, 3)
+        across, down = (part.astype(np.float32)[:, None] for part in (x, y))
+        return np.asarray(cv2.remap(shade, across, down, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE)).reshape(
+            -1, 3
+        )
 
     def _add(self, key: Key, corners: np.ndarray, place: np.ndarray, light: np.ndarray, depth: float = 0.0) -> None:
         """Triangles with corners (t, 3, 2) in the chart's frame, places on their picture (t, 3, 2) and light (3,) or (3 t, 3);
@@ -286,7 +289,9 @@ class _Wall:
         if not len(corners):
             return
         rows = np.concatenate([corners.reshape(-1, 2), place.reshape(-1, 2)], axis=1)
-        _, first, index = np.unique(np.rint(rows * 1e5).astype(np.int64), axis=0, return_index=True, return_inverse=True)
+        _, first, index = np.unique(
+            np.rint(rows * 1e5).astype(np.int64), axis=0, return_index=True, return_inverse=True
+        )
         out = self.charts.normal()[self.chart]
         self.pieces.add(
             key,
@@ -299,6 +304,11 @@ class _Wall:
                 self.chart,
             ),
         )
+
+
+def _box(low: np.ndarray, high: np.ndarray) -> Rectangle:
+    (x0, y0), (x1, y1) = low.tolist(), high.tolist()
+    return x0, y0, x1, y1
 
 
 def _largest(area: shapely.Geometry) -> Polygon | None:

@@ -105,8 +105,9 @@ def query(
 @click.option("--building", "buildings", multiple=True, metavar="ID", help="Only this building; may be repeated.")
 @click.option(
     "--textures",
-    type=click.Choice(["jpeg", "webp", "ktx2"]),
-    help="Of 3dtiles: ktx2 is held compressed by graphics cards (`make ktx2-setup`).  [default: jpeg]",
+    type=click.Choice(["jpeg", "webp", "ktx2", "factored"]),
+    help="Of 3dtiles: ktx2 is held compressed by graphics cards (`make ktx2-setup`).  [default: jpeg]  Of glb: factored, "
+    "each type of window, door ... once and sharp, on walls of a tiling material.",
 )
 @click.option(
     "--max-texture-mb",
@@ -147,6 +148,7 @@ def export(
     \b
     Examples:
       streetloom export out/demo --format glb                  lit: roughness, normals, occlusion; variants day and night
+      streetloom export out/demo --format glb --textures factored --to factored/
       streetloom export out/demo --format 3dtiles --to tiles/
       streetloom export out/demo --format 3dtiles --textures webp --max-texture-mb 300
       streetloom export out/demo --format 3dtiles --night --to night/

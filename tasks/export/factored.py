@@ -14,7 +14,6 @@ import numpy as np
 from catalogs.block import read_block
 from facade_core.errors import FacadeError, InputError
 from tasks.export.features import features_of
-from tasks.export.models import with_ground
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 from tasks.store.standing import recorded_source
@@ -41,6 +40,7 @@ def write_factored(found: Published, buildings: np.ndarray, folder: Path) -> tup
     from facade_core.export.models import local_frame
     from facade_core.factored.glb import factored_glb
     from facade_core.factored.pictures import held, pictures_of
+    from tasks.export.models import with_ground
 
     start = time.monotonic()
     source, shown = found.textured, with_ground(found, buildings)
@@ -131,7 +131,8 @@ def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library],
     given = _given(found)
     libraries: list[Library] = []
     number: dict[str, int] = {}
-    of, coarse = {}, 0
+    of: dict[int, int] = {}
+    coarse = 0
     placement = found.plan.scene.placement
     begin_stage("libraries", len({_source(found, index) for index in facades}))
     for index in facades:
@@ -244,7 +245,8 @@ def _parts(pieces: Pieces, pictures: Any, frame: LocalFrame) -> dict[int, Part]:
             by_texture.setdefault(texture, []).append((piece, uv, colour))
     return {
         texture: _part(
-            [(piece.position, piece.normal, uv, colour, piece.triangles, piece.chart) for piece, uv, colour in own], frame
+            [(piece.position, piece.normal, uv, colour, piece.triangles, piece.chart) for piece, uv, colour in own],
+            frame,
         )
         for texture, own in by_texture.items()
     }

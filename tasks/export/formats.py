@@ -30,6 +30,9 @@ class Exported:
     notes: tuple[str, ...]
 
 
+# What --textures says of glb for a model whose facades are of types and tiling materials.
+FACTORED = "factored"
+
 # Writes buildings of a published block into a folder, (published, buildings, folder, options by name); returns the files to
 # open first, and notes.
 Writer = Callable[..., tuple[list[str], list[str]]]
@@ -79,16 +82,21 @@ def export(
     The folder `to` (OUT/exports/FORMAT where it is None) appears whole or not at all; an earlier export of the format there is
     replaced unless something in it was added or changed since. Where it ends in .gpkg, that format is written as this one
     new file. Of a run in a bucket that is exported whole it is OUT/exports/FORMAT/SNAPSHOT where it is None; the marker
-    arrives last, and of earlier exports the newest stays, as somebody may read it. textures (jpeg where it is None, webp, ktx2)
-    and max_texture_mb are of 3dtiles alone: how its pictures are encoded, and what those of a view may take of a graphics
-    card. lit and night are of glb and 3dtiles: whether materials take light, and windows give it. Raises InputError in one line
-    with the remedy.
+    arrives last, and of earlier exports the newest stays, as somebody may read it. textures: of 3dtiles how its pictures are
+    encoded (jpeg where it is None, webp, ktx2); of glb FACTORED, a model of few pictures, which is unlit. max_texture_mb is of
+    3dtiles alone: what the pictures of a view may take of a graphics card. lit and night are of glb and 3dtiles: whether
+    materials take light, and windows give it. Raises InputError in one line with the remedy.
     """
     if format not in FORMATS:
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
     asked = {"textures": textures, "max_texture_mb": max_texture_mb, "lit": lit, "night": night or None}
     options = {name: value for name, value in asked.items() if value is not None}
-    for name in options:
+    if textures == FACTORED:
+        if format != "glb":
+            raise InputError(f"--textures {FACTORED}: is of glb; leave it out with {format}")
+        for name in options.keys() - {"textures"}:
+            raise InputError(f"--{name.replace('_', '-')}: is not of --textures {FACTORED}; leave it out")
+    for name in options if textures != FACTORED else ():
         if format not in OF_OPTION[name]:
             whose = " and ".join(OF_OPTION[name])
             raise InputError(f"--{name.replace('_', '-')}: is of {whose}; leave it out with {format}")

@@ -46,9 +46,20 @@ def with_ground(found: Published, buildings: np.ndarray) -> np.ndarray:
 
 
 def write_models(
-    found: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
+    found: Published,
+    buildings: np.ndarray,
+    folder: Path,
+    *,
+    textures: str | None = None,
+    lit: bool | None = None,
+    night: bool = False,
 ) -> tuple[list[str], list[str]]:
-    """block.glb with a node per building, and buildings/ID.glb each, all in the block's local frame (extras: origin, crs)."""
+    """block.glb with a node per building, and buildings/ID.glb each, all in the block's local frame (extras: origin, crs); with
+    any `textures` block.glb alone, factored."""
+    if textures is not None:
+        from tasks.export.factored import write_factored
+
+        return write_factored(found, buildings, folder)
     from facade_core.export.encoders import ENCODERS
     from facade_core.export.glb import glb_bytes
     from facade_core.export.looks import look_of

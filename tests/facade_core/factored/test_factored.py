@@ -1,0 +1,191 @@
+"""Factored walls against what they are made from, and against plain loops."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.factored.bands import bands_of, free_of, like
+from facade_core.factored.library import Library, library_of
+from facade_core.factored.light import linear, smoothed, srgb
+from facade_core.factored.pictures import pictures_of
+from facade_core.factored.repeat import SIDE, repeating
+from facade_core.factored.units import units_of
+from facade_core.factored.wall import Facade, Piece, Pieces, Plane, flat, lay
+from facade_core.geometry.charts import WALL, Charts
+from facade_core.labels import BALCONY, WINDOW
+from facade_core.types import Element
+
+DENSITY = 32.0
+
+
+def painted() -> tuple[np.ndarray, np.ndarray, list[Element]]:
+    """A wall 8 m wide and 9.5 m high: plaster over a course over stone, six windows, the first of which has a balcony."""
+    rng = np.random.default_rng(3)
+    image = np.full((304, 256, 3), (190, 170, 140), np.float64)
+    image[200:208] = 235
+    image[208:] = (90, 95, 100)
+    image += rng.normal(0, 4, image.shape[:2])[..., None]
+    labels = np.zeros(image.shape[:2], np.uint8)
+    elements = []
+    for row in range(2):
+        for column in range(3):
+            x, y = 30 + 76 * column, 30 + 90 * row
+            image[y : y + 56, x : x + 40] = (60, 70, 90) if (row + column) % 2 else (150, 130, 100)
+            image[y + 26 : y + 30, x : x + 40] = 240
+            labels[y : y + 56, x : x + 40] = WINDOW
+            elements.append(Element("window", x, y, x + 40, y + 56))
+    image[66:90, 26:74], labels[66:90, 26:74] = (120, 120, 122), BALCONY
+    elements.append(Element("balcony", 26, 66, 74, 90))
+    return np.clip(image, 0, 255).astype(np.uint8), labels, elements
+
+
+@pytest.fixture(scope="module")
+def library() -> Library:
+    image, labels, elements = painted()
+    fine = np.repeat(np.repeat(image, 2, axis=0), 2, axis=1)
+    return library_of(image, labels, elements, DENSITY, fine, seed=1)
+
+
+def facade() -> Facade:
+    image, labels, elements = painted()
+    return Facade(0, image, srgb(0.6 * linear(image)), labels, elements, DENSITY)
+
+
+def laid(library: Library) -> tuple[Pieces, Plane]:
+    """The wall, that stands on x to the east and looks south, under six tenths of its light."""
+    charts = Charts(
+        np.array([WALL], np.uint8),
+        np.zeros(1, np.int32),
+        np.zeros(1, np.int32),
+        np.array([[0.0, 0.0, 9.5]]),
+        np.array([[1.0, 0.0, 0.0]]),
+        np.array([[0.0, 0.0, -1.0]]),
+        np.array([[8.0, 9.5]]),
+    )
+    outline = shapely.orient_polygons(shapely.box(0, 0, 8, 9.5), exterior_cw=True)
+    plane = Plane(outline, charts.points(0, np.array([0, 8, 8, 0.0]), np.array([0, 0, 9.5, 9.5])))
+    pieces = Pieces()
+    lay(facade(), [plane], charts, library, 0, 0, [], pieces)
+    return pieces, plane
+
+
+def area(piece: Piece) -> float:
+    a, b, c = (piece.position[piece.triangles[:, k]] for k in range(3))
+    return float(np.linalg.norm(np.cross(b - a, c - a), axis=1).sum() / 2)
+
+
+def test_light_goes_there_and_back() -> None:
+    every = np.arange(256, dtype=np.uint8)
+    assert (srgb(linear(every)) == every).all()
+
+
+def test_a_mean_over_what_is_known_is_that_of_a_loop() -> None:
+    rng = np.random.default_rng(0)
+    light, known = rng.random((20, 24, 3)).astype(np.float32), rng.random((20, 24)) < 0.6
+    found = smoothed(light, known, 1.5)
+    for y, x in ((10, 12), (8, 15)):
+        rows, columns = np.mgrid[:20, :24]
+        weight = np.exp(-((rows - y) ** 2 + (columns - x) ** 2) / (2 * 1.5**2)) * known
+        assert found[y, x] == pytest.approx((light * weight[..., None]).sum(axis=(0, 1)) / weight.sum(), abs=0.02)
+
+
+def test_a_window_and_its_balcony_are_one_unit_that_lies_back_above_the_balcony() -> None:
+    _, _, elements = painted()
+    units = units_of(elements, DENSITY)
+    assert [unit.kind for unit in units].count("window") == 5
+    (balcony,) = (unit for unit in units if unit.kind == "balcony")
+    assert balcony.box == pytest.approx((26 / 32, 30 / 32, 74 / 32, 90 / 32))
+    ((_, top, _, foot),) = balcony.panes
+    assert (top, foot) == pytest.approx((30 / 32, 66 / 32))
+
+
+def test_bands_are_what_was_painted() -> None:
+    image, labels, elements = painted()
+    free = free_of(labels, [unit.box for unit in units_of(elements, DENSITY)], DENSITY)
+    bands = bands_of(image, free, DENSITY)
+    assert [band.moulding for band in bands] == [False, True, False]
+    assert [band.top for band in bands] == pytest.approx([0, 200 / 32, 208 / 32], abs=0.1)
+    assert bands[-1].foot == pytest.approx(9.5)
+    assert [like(band, bands) for band in bands] == [0, 1, 2]
+
+
+def test_grain_goes_on_into_itself_and_has_no_shade() -> None:
+    rng = np.random.default_rng(5)
+    shade = np.linspace(80, 200, 300)[None, :, None]
+    image = np.clip(shade + rng.normal(0, 12, (200, 300, 1)), 0, 255).repeat(3, axis=2).astype(np.uint8)
+    grain = repeating(image, np.ones((200, 300), bool), 64.0, 7)
+    assert grain.shape == (SIDE, SIDE, 3)
+    assert grain.mean(axis=(0, 1)) == pytest.approx(1, abs=1e-3)
+    inner, over = (
+        np.abs(np.diff(np.pad(grain, [(0, 0), (0, 1), (0, 0)], "wrap"), axis=1)).mean(axis=(0, 2)) for _ in (0, 1)
+    )
+    assert over[-1] < 1.5 * inner[:-1].mean(), "the last column beside the first is like any two"
+    assert np.abs(smoothed(grain, np.ones((SIDE, SIDE), bool), 30.0, wrap=True) - 1).max() < 0.05
+    assert (grain == repeating(image, np.ones((200, 300), bool), 64.0, 7)).all()
+
+
+def test_grain_of_no_room_is_even() -> None:
+    assert (repeating(np.zeros((9, 9, 3), np.uint8), np.ones((9, 9), bool), 64.0, 7) == 1).all()
+
+
+def test_types_have_the_pixels_of_the_finer_picture_and_fewer_at_later_levels(library: Library) -> None:
+    assert len(library.units) == 6
+    for kind in library.types.values():
+        width = kind.box[2] - kind.box[0]
+        assert kind.pixels_per_metre == 2 * DENSITY
+        assert width in (80, 96)
+    numbers = [len(np.unique(row)) for row in library.of]
+    assert numbers == sorted(numbers, reverse=True)
+    assert set(np.unique(library.of).tolist()) <= set(library.types)
+
+
+def test_a_wall_is_covered_once_and_its_panes_lie_back(library: Library) -> None:
+    pieces, _ = laid(library)
+    upright = depth = 0.0
+    for key, own in pieces.by_picture.items():
+        for piece in own:
+            facing = np.allclose(piece.normal, [0, -1, 0])
+            upright += area(piece) if facing else 0.0
+            if key[0] == "type":
+                depth = max(depth, float(piece.position[:, 1].max()))
+            a, b, c = (piece.position[piece.triangles[:, k]] for k in range(3))
+            assert (np.einsum("ij,ij->i", np.cross(b - a, c - a), piece.normal[piece.triangles[:, 0]]) > 0).all()
+    assert upright == pytest.approx(8 * 9.5, rel=1e-4)
+    assert depth == pytest.approx(0.15)
+    assert len(pieces.elements) == 6
+
+
+def test_pictures_times_light_are_the_wall(library: Library) -> None:
+    pieces, _ = laid(library)
+    shown = pictures_of(pieces, [library])
+    means = []
+    for key, own in pieces.by_picture.items():
+        for piece in own:
+            texture, uv, colour = shown.laid(key, piece)
+            assert colour.max() <= 1
+            assert shown.repeated[texture] == (key[0] == "grain")
+            if not shown.repeated[texture]:
+                assert (uv >= 0).all()
+                assert (uv <= 1 + 1e-9).all()
+            elif np.allclose(piece.normal, [0, -1, 0]):
+                light = linear(shown.pictures[texture]).mean(axis=(0, 1)) * colour
+                means += [light[piece.position[:, 2] > 4]]
+    wall = np.concatenate([part for part in means if len(part)]).mean(axis=0)
+    assert srgb(wall).astype(int) == pytest.approx(
+        srgb(0.6 * linear(np.array([190, 170, 140], np.uint8))).astype(int), abs=6
+    )
+
+
+def test_the_same_wall_is_laid_the_same(library: Library) -> None:
+    (one, _), (other, _) = laid(library), laid(library)
+    for key, own in one.by_picture.items():
+        for a, b in zip(own, other.by_picture[key], strict=True):
+            assert all((x == y).all() for x, y in zip(a[:5], b[:5], strict=True))
+
+
+def test_a_bent_wall_is_not_flat() -> None:
+    corners = np.array([[0, 0, 0], [1, 0, 0], [1, 0.2, 1], [0, 0, 1.0]])
+    assert not flat(Plane(shapely.box(0, 0, 1, 1), corners))
+    assert flat(Plane(shapely.box(0, 0, 1, 1), corners * [1, 0, 1]))
