@@ -166,7 +166,9 @@ def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library],
 
 
 def _source(found: Published, index: int) -> str:
-    return str((found.records[index] or {})["source"])
+    record = found.records[index]
+    assert record is not None  # it has a layout
+    return str(record["source"])
 
 
 def _given(found: Published) -> dict[str, Path]:
