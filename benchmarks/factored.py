@@ -192,7 +192,7 @@ def main() -> None:
         folders = {}
         for name, textures in (("unique", None), ("factored", "factored")):
             start = time.monotonic()
-            made = export(options.out, "glb", Path(scratch) / name, textures=textures)
+            made = export(options.out, "glb", Path(scratch) / name, textures=textures, lit=None if textures else False)
             seconds = time.monotonic() - start
             folders[name] = Path(str(made.path))
             told[name] = measure(folders[name] / "block.glb")

@@ -10,7 +10,8 @@ import numpy as np
 
 from facade_core.export.encoders import Encoder
 from facade_core.export.features import Features, feature_ids
-from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNLIT, UNSIGNED_INT, VERTICES, glb_of, material
+from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNSIGNED_INT, VERTICES, glb_of
+from facade_core.export.looks import Look, materials_of
 
 UNSIGNED_SHORT, SHORT_MOST = 5123, 65535
 REPEAT = 10497
@@ -99,25 +100,23 @@ def factored_glb(
             )
         meshes.append({"name": name, "primitives": primitives})
     metadata = features.metadata(used, add_view)
-    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in pictures]
+    materials = materials_of([Look(picture) for picture in pictures], encoder)
+    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in materials.pictures]
+    textures = [
+        one | {"sampler": int(again)} for one, again in zip(materials.document["textures"], repeated, strict=True)
+    ]
     named = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
-        "extensionsUsed": [*UNLIT["extensionsUsed"], "EXT_mesh_features", "EXT_structural_metadata", *named],
+        "extensionsUsed": [*sorted({*materials.used, *named}), "EXT_mesh_features", "EXT_structural_metadata"],
         **({"extensionsRequired": named} if named else {}),
         "extensions": {"EXT_structural_metadata": metadata},
         "scene": 0,
         "scenes": [{"nodes": list(range(len(meshes))), "extras": dict(extras)}],
         "nodes": [{"name": mesh["name"], "mesh": i} for i, mesh in enumerate(meshes)],
         "meshes": meshes,
-        "materials": [material(i) for i in range(len(pictures))],
-        "textures": [
-            {
-                "sampler": int(again),
-                **({"extensions": {encoder.extension: {"source": i}}} if named else {"source": i}),
-            }
-            for i, again in enumerate(repeated)
-        ],
+        "materials": materials.document["materials"],
+        "textures": textures,
         "images": images,
         "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT, "wrapT": REPEAT}],
         "accessors": accessors,

@@ -308,4 +308,4 @@ def _rest(
             index.reshape(-1, 3),
             chart,
         )
-    return [pages.picture(page) for page in range(count)]
+    return [pages.pictures(page).colour for page in range(count)]
