@@ -34,16 +34,18 @@ GROUND_DENSITY, REST_DENSITY = 8.0, 4.0
 SAME = 4.0
 
 
-def write_factored(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
-    """block.glb with a node a building, whose facades are factored; figures.json, what it comes to."""
+def write_factored(
+    found: Published, buildings: np.ndarray, shown: np.ndarray, folder: Path
+) -> tuple[list[str], list[str]]:
+    """block.glb with a node a building, whose facades are factored; figures.json, what it comes to. shown: the
+    buildings, and -1 for the ground."""
     from facade_core.export.encoders import encoder
     from facade_core.export.models import local_frame
     from facade_core.factored.glb import factored_glb
     from facade_core.factored.pictures import held, pictures_of
-    from tasks.export.models import with_ground
 
     start = time.monotonic()
-    source, shown = found.textured, with_ground(found, buildings)
+    source = found.textured
     facades = _planes(found, buildings)
     libraries, of, notes = _libraries(found, list(facades))
     begin_stage("export", len(facades) + 1)

@@ -59,7 +59,7 @@ def write_models(
     if textures is not None:
         from tasks.export.factored import write_factored
 
-        return write_factored(found, buildings, folder)
+        return write_factored(found, buildings, with_ground(found, buildings), folder)
     from facade_core.export.encoders import ENCODERS
     from facade_core.export.glb import glb_bytes
     from facade_core.export.looks import look_of
