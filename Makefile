@@ -5,7 +5,7 @@ DEMO_FLAGS ?=
 # A run starts some interpreters, a test many more: without bytecode each of them compiles all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup train-setup detect-setup ktx2-setup clients check bench constraints clean
+.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients check bench constraints clean
 
 demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -37,6 +37,9 @@ detect-setup: setup  ## What looks for faces, number plates and shops' names in 
 ktx2-setup: setup  ## What encodes textures of 3D Tiles as KTX2, into the same .venv
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/ktx2.txt
 
+usd-setup: setup  ## What writes OpenUSD (220 MB), into the same .venv
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/usd.txt
+
 clients: setup  ## Programs of others that tests open exports with (CesiumJS, three.js, a validator), where npm is there
 	@mkdir -p .venv/clients && cp tests/clients/package.json tests/clients/package-lock.json .venv/clients/
 	@{ command -v npm >/dev/null && npm ci --prefix .venv/clients --no-audit --no-fund --silent; } || \
@@ -59,6 +62,8 @@ constraints: setup  ## Pin anew what pyproject.toml asks for
 		-c deploy/constraints/constraints.txt -o deploy/constraints/detect.txt
 	$(BIN)/uv pip compile --group ktx2 --no-deps --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/ktx2.txt
+	$(BIN)/uv pip compile --group usd --no-deps --universal --python-version 3.11 \
+		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/usd.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
 

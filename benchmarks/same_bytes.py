@@ -28,7 +28,7 @@ from tests.pipeline import stages
 from tests.pipeline.runs import environment
 
 ROOT = Path(__file__).resolve().parent.parent
-FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
+FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog")
 # Columns that say when something was done, how long that took, where, and by which code.
 VOLATILE = ["updated", "seconds", "run", "config_digest"]
 # What an export says of its own files, which are compared themselves.

@@ -94,8 +94,10 @@ def query(
     "--format",
     "style",
     required=True,
-    type=click.Choice(["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg"]),
-    help="glb, 3dtiles, cityjson(seq), lod3: models; coco, labelme: elements of the facades; gpkg: for QGIS.",
+    type=click.Choice(
+        ["glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog", "usd"]
+    ),
+    help="glb, 3dtiles, cityjson(seq), lod3, citygml, usd: models; coco, labelme: elements of the facades; gpkg, cog: for GIS.",
 )
 @click.option(
     "--to",
@@ -140,7 +142,10 @@ def export(
     3dtiles       on the earth (EPSG:4978); heights over the ellipsoid by geoid_separation of the block file
     cityjson(seq) LoD2, in the block's CRS; a Solid for each building whose surfaces close
     lod3          the same, windows and doors set back in the walls, balconies before them
+    citygml       lod3 as CityGML 2.0, textures as its theme rgbTexture
     gpkg          facades, walls, buildings, roofs, ground, streets, in the block's CRS
+    usd           z up, metres around an origin that the layer's customLayerData states; lit (`make usd-setup`)
+    cog           an orthophoto of each facade: metres along and up its wall, whose pose its tags and STAC Item tell
     coco,labelme  elements of the facades on their rectified pictures, in pixels
 
     The block's CRS is metric; heights are metres, as the sources state them or above the ground assumed there.

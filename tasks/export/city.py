@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -16,6 +16,9 @@ from facade_core.types import Element
 from tasks.export.models import with_ground
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
+
+if TYPE_CHECKING:
+    from facade_core.export.buildings import Modelled
 
 TEXTURES = "textures"
 
@@ -35,7 +38,7 @@ def write_cityjsonseq(found: Published, buildings: np.ndarray, folder: Path) -> 
     from facade_core.export.cityjson import Pool, document
 
     url, notes = _reference_system(found)
-    origin = _origin(found)
+    origin = origin_of(found)
     images, objects = _objects(found, buildings, folder, openings=False)
     name = f"{found.block}.city.jsonl"
     with (folder / name).open("w", encoding="utf-8") as file:
@@ -54,7 +57,7 @@ def _write_document(
     from facade_core.export.cityjson import Pool, document
 
     url, notes = _reference_system(found)
-    pool = Pool(_origin(found))
+    pool = Pool(origin_of(found))
     images, objects = _objects(found, buildings, folder, openings=openings)
     city = document(found.block, pool.origin, url, found.attribution)
     city["CityObjects"] = {id: made for _, make in objects for id, made in make(pool).items()}
@@ -87,13 +90,12 @@ def _objects(
     for page, image in enumerate(images):
         (folder / image).write_bytes(page_jpeg(drawn, page))
         advance("export", 1)
-    facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
-    layouts = _layouts(found) if openings else {}
+    layouts = facade_layouts(found) if openings else {}
     triangles = grouped(source.charts.building[source.mesh.chart])
     taken = set(found.names.values())
 
     def building(index: int, pool: Any) -> dict[str, Any]:
-        made = building_objects(found, drawn, triangles[index], index, facades, layouts, pool, taken)
+        made = building_objects(found, drawn, triangles[index], index, layouts, pool, taken)
         advance("export", 1)
         return made
 
@@ -104,7 +106,7 @@ def _objects(
         for index in buildings.tolist():
             yield found.names[index], partial(building, index)
         if -1 in shown and -1 in triangles:
-            for number, faces in enumerate(ground_faces(drawn, triangles[-1], _origin(found))):
+            for number, faces in enumerate(ground_faces(drawn, triangles[-1], origin_of(found))):
                 id = _free(f"{GROUND_NODE}-{number}" if number else GROUND_NODE, taken)
                 yield id, partial(terrain, id, faces)
             advance("export", 1)
@@ -117,24 +119,21 @@ def building_objects(
     drawn: Any,
     triangles: np.ndarray,
     index: int,
-    facades: Mapping[int, str],
     layouts: Mapping[int, list[Element]],
     pool: Any,
     taken: set[str],
 ) -> dict[str, Any]:
     """A building and its installations by id: a Solid where its surfaces close, and what stands out of it."""
-    from facade_core.export.buildings import modelled
     from facade_core.export.cityjson import geometry_of
 
-    assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
-    made = modelled(drawn, triangles, facades, layouts, pool.origin, assumed=assumed)
+    made = model_of(found, drawn, triangles, index, layouts, pool.origin)
     opened = any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces)
     name, lod = found.names[index], "3" if opened else "2"
 
     def geometry(part: Any) -> list[dict[str, Any]]:
         return [geometry_of(part.faces, part.surfaces, pool, lod, "Solid" if part.solid else "MultiSurface")]
 
-    attributes = _attributes(found, index, made.body)
+    attributes = attributes_of(found, index, made.body)
     body = {"type": "Building", "attributes": attributes, "geometry": geometry(made.body)}
     wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.beside]
     if layouts:
@@ -150,6 +149,22 @@ def building_objects(
     return {name: body | ({"children": list(installations)} if installations else {})} | installations
 
 
+def model_of(
+    found: Published,
+    drawn: Any,
+    triangles: np.ndarray,
+    index: int,
+    layouts: Mapping[int, list[Element]],
+    origin: np.ndarray,
+) -> Modelled:
+    """A building as faces on the grid around `origin` (3,), with the openings and balconies of `layouts`."""
+    from facade_core.export.buildings import modelled
+
+    assumed = float(found.buildings["roof_confidence"][index]) < 1 if "roof_confidence" in found.buildings else False
+    facades = dict(zip(found.plan.facades.chart.tolist(), found.plan.facades.id, strict=True))
+    return modelled(drawn, triangles, facades, layouts, origin, assumed=assumed)
+
+
 def _free(id: str, taken: set[str]) -> str:
     """An id that no building has: this one, or with so many dashes behind it."""
     while id in taken:
@@ -157,7 +172,7 @@ def _free(id: str, taken: set[str]) -> str:
     return id
 
 
-def _attributes(found: Published, building: int, body: Any) -> dict[str, Any]:
+def attributes_of(found: Published, building: int, body: Any) -> dict[str, Any]:
     """What the plan and the finished facades say of a building, by CityJSON's own names where it has some; its height is that
     of the highest place of its roof over its lowest corner, chimneys and what else stands beside its body left out."""
     row = {name: column[building] for name, column in found.buildings.items()}
@@ -190,7 +205,7 @@ def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
     return {"roofType": row["roof_shape"], "eavesHeight": eaves, "roofHeight": height, "roofConfidence": confidence}
 
 
-def _layouts(found: Published) -> dict[int, list[Element]]:
+def facade_layouts(found: Published) -> dict[int, list[Element]]:
     """The elements of every finished facade by its chart, in metres."""
     density = found.plan.scene.placement.texels_per_metre
     chosen = found.rectified(found.choose(()))
@@ -204,7 +219,7 @@ def _layouts(found: Published) -> dict[int, list[Element]]:
     }
 
 
-def _origin(found: Published) -> np.ndarray:
+def origin_of(found: Published) -> np.ndarray:
     return np.floor(found.plan.scene.mesh.vertices.min(axis=0))
 
 

@@ -87,6 +87,14 @@ def _catalogue(found: Published) -> dict[str, dict[str, Any]]:
     return {row["id"]: row for row in rows}
 
 
+def building_rows(found: Published) -> dict[int, dict[str, Any]]:
+    """What each building says of itself, by the catalogue's columns."""
+    of: dict[str, list[dict[str, Any]]] = {}
+    for row in _catalogue(found).values():
+        of.setdefault(row["building"], []).append(row)
+    return {building: _building(found, building, of.get(name, [])) for building, name in found.names.items()}
+
+
 def _property(column: Column) -> Property:
     # the only times are text as ISO 8601 has them; integers of 64 bits are exact as doubles, which scripts can add up
     types = {"int64": "double", "timestamp[us, UTC]": "string"}

@@ -40,8 +40,11 @@ Writer = Callable[..., tuple[list[str], list[str]]]
 
 def _writers() -> dict[str, Writer]:
     from tasks.export.city import write_cityjson, write_cityjsonseq, write_lod3
+    from tasks.export.citygml import write_citygml
     from tasks.export.facades import write_coco, write_geopackage, write_labelme
     from tasks.export.models import write_3dtiles, write_models
+    from tasks.export.orthophotos import write_cogs
+    from tasks.export.usd import write_usd
 
     return {
         "glb": write_models,
@@ -49,13 +52,16 @@ def _writers() -> dict[str, Writer]:
         "cityjson": write_cityjson,
         "cityjsonseq": write_cityjsonseq,
         "lod3": write_lod3,
+        "citygml": write_citygml,
         "coco": write_coco,
         "labelme": write_labelme,
         "gpkg": write_geopackage,
+        "cog": write_cogs,
+        "usd": write_usd,
     }
 
 
-FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "coco", "labelme", "gpkg")
+FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog", "usd")
 
 # Of which formats options are.
 OF_OPTION = {

@@ -18,6 +18,7 @@ import numpy as np
 import pandas as pd
 import pytest
 from click.testing import CliRunner
+from lxml import etree
 from rich.console import Console
 
 from catalogs.query import query
@@ -27,8 +28,9 @@ from flows import artifacts
 from flows.cli import commands as cli
 from flows.cli import console
 from flows.markdown import code, plain
-from tasks.export.formats import FORMATS, export
+from tasks.export.formats import export
 from tasks.outcome import log_units
+from tests.exports import EACH
 from tests.faults.hostile_names import BROKEN, CONTROLS, DATA, MARKUP, hostile_block
 
 
@@ -143,20 +145,38 @@ def names_in(format: str, folder: Path) -> set[str]:
         found = [json.loads(path.read_text("utf-8")) for path in folder.glob("*.json") if path.name != "export.json"]
         assert all((folder / one["imagePath"]).is_file() for one in found)
         return {one["imagePath"] for one in found}
+    if format == "cog":
+        found = [json.loads(path.read_text("utf-8")) for path in folder.glob("*.json") if path.name != "export.json"]
+        assert {path.name for path in folder.glob("*.tif")} == {
+            one["assets"]["orthophoto"]["href"].removeprefix("./") for one in found
+        }
+        return {one["id"] for one in found}
+    if format == "citygml":
+        [path] = folder.glob("*.gml")
+        stated = etree.parse(path).iterfind(".//{*}Building/{*}stringAttribute[@name='id']/{*}value")
+        return {value.text or "" for value in stated}
+    if format == "usd":
+        from pxr import Usd
+
+        [path] = folder.glob("*.usda")
+        stage = Usd.Stage.Open(str(path))
+        return {prim.GetDisplayName() for prim in stage.GetDefaultPrim().GetChildren()} - {"ground"}
     import pyogrio
 
     [path] = folder.glob("*.gpkg")
     return set(pyogrio.read_dataframe(path, layer="buildings").id)
 
 
-@pytest.mark.parametrize("format", FORMATS)
+@pytest.mark.parametrize("format", EACH)
 def test_exports_name_things_as_they_are(format: str, made: SimpleNamespace) -> None:
     target = made.top / "exports" / format
     export(made.out, format, target)
     found = names_in(format, target)
     if format == "labelme":
         assert len(found) == (items(made).kind == "facade").sum()
-    elif format == "coco":
+    elif format == "citygml":  # XML cannot have them all as they are
+        assert found == {visible(name) for name in made.names}
+    elif format in ("coco", "cog"):
         assert {facade.rpartition("-")[0] for facade in found} == set(made.names)
     else:
         assert found == set(made.names)

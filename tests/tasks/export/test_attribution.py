@@ -10,11 +10,14 @@ from typing import Any
 
 import pyogrio
 import pytest
+import rasterio
+from lxml import etree
 from PIL import Image
 
 from facade_core.export.glb import header_of
 from tasks.export.formats import FORMATS, export
 from tasks.published.opened import published
+from tests.exports import EACH
 
 Run = tuple[Path, dict[str, Any]]
 # The demo's map, of which the block is a part.
@@ -76,15 +79,47 @@ def of_geopackage(folder: Path) -> Iterable[str]:
             yield said["attribution"]
 
 
+def of_cog(folder: Path) -> Iterable[str]:
+    for file in folder.glob("*.tif"):
+        with rasterio.open(file) as image:
+            yield image.tags()["attribution"]
+            yield image.tags()["TIFFTAG_COPYRIGHT"]
+        said = json.loads(file.with_suffix(".json").read_text())["properties"]
+        assert [one["name"] for one in said["providers"]] == ["OpenStreetMap contributors"]
+        yield said["streetloom:attribution"]["line"]
+
+
+def of_citygml(folder: Path) -> Iterable[str]:
+    (file,) = folder.glob("*.gml")
+    model = etree.parse(file).getroot()
+    yield model.findtext("{*}description")
+    yield json.loads(model.findtext("{*}metaDataProperty/{*}GenericMetaData"))["line"]
+
+
+def of_usd(folder: Path) -> Iterable[str]:
+    from pxr import Usd
+
+    for file in (*folder.glob("*.usda"), *folder.glob("*.usdz")):
+        stage = Usd.Stage.Open(str(file))
+        layer = stage.GetRootLayer()
+        yield layer.comment
+        yield layer.customLayerData["streetloom"]["attribution"]
+        for prim in stage.GetDefaultPrim().GetChildren():
+            yield prim.GetCustomDataByKey("streetloom:attribution")
+
+
 NAMED: dict[str, Callable[[Path], Iterable[str]]] = {
     "glb": of_glb,
     "3dtiles": of_tiles,
     "cityjson": of_cityjson,
     "cityjsonseq": of_cityjson,
     "lod3": of_cityjson,
+    "citygml": of_citygml,
     "coco": of_coco,
     "labelme": of_labelme,
     "gpkg": of_geopackage,
+    "cog": of_cog,
+    "usd": of_usd,
 }
 
 
@@ -92,7 +127,7 @@ def test_each_format_is_asked() -> None:
     assert tuple(NAMED) == FORMATS
 
 
-@pytest.mark.parametrize("style", FORMATS)
+@pytest.mark.parametrize("style", EACH)
 def test_a_format_names_the_licence_of_the_map(undisturbed: Run, tmp_path: Path, style: str) -> None:
     with published(undisturbed[0]) as found:
         name = found.names[int(found.plan.facades.building[found.rectified(found.choose(()))[0]])]

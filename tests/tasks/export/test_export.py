@@ -31,6 +31,7 @@ from flows.cli.commands import main
 from tasks.export.formats import FORMATS, _writers, export
 from tasks.export.models import write_3dtiles
 from tasks.published.opened import Published, published
+from tests.exports import HERE
 
 Run = tuple[Path, dict[str, Any]]
 # val3dity, where it lies beside the checkout.
@@ -87,7 +88,7 @@ def watertight(shell: list[list[list[int]]]) -> None:
 
 def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
     runner = click.testing.CliRunner()
-    for style in FORMATS:
+    for style in HERE:
         done = runner.invoke(main, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)])
         assert done.exit_code == 0, done.output
         about = json.loads((tmp_path / style / "export.json").read_text())

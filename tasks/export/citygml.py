@@ -1,0 +1,139 @@
+"""CityGML 2.0 of a published block: the solids of `lod3` with their textures, for what reads no CityJSON."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.features import file_stem
+from catalogs.visible import visible
+from tasks.export.city import TEXTURES, attributes_of, facade_layouts, model_of, origin_of
+from tasks.export.models import with_ground
+from tasks.progress import advance, begin_stage
+from tasks.published.opened import Published
+
+if TYPE_CHECKING:
+    from lxml.etree import _Element as Element
+
+# What CityGML has elements for, by the name of the attribute; all else is a generic attribute.
+OWN = ("name", "roofType", "measuredHeight", "storeysAboveGround")
+
+
+def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """BLOCK.gml: LoD3 where a building has openings, else LoD2, with textures beside it."""
+    from facade_core.export.citygml import city_model, ncname
+    from facade_core.export.models import layout_of, page_jpeg
+    from facade_core.grouping import grouped
+
+    source, shown = found.textured, with_ground(found, buildings)
+    drawn = layout_of(source, source.chosen(shown))
+    images = [f"{TEXTURES}/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
+    begin_stage("export", len(images) + len(shown))
+    (folder / TEXTURES).mkdir()
+    for page, image in enumerate(images):
+        (folder / image).write_bytes(page_jpeg(drawn, page))
+        advance("export", 1)
+    triangles = grouped(source.charts.building[source.mesh.chart])
+    layouts = facade_layouts(found)
+    ids = {index: ncname(found.names[index]) for index in buildings.tolist()}
+    mine = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])
+    corners = source.mesh.vertices[source.mesh.triangles[mine].ravel()]
+    extent = np.array([corners.min(axis=0), corners.max(axis=0)])
+    name = f"{file_stem(found.block)}.gml"
+    with city_model(folder / name, found.block, found.crs, extent, found.attribution) as file:
+        for index in buildings.tolist():
+            file.write(_building(found, drawn, triangles[index], index, ids[index], layouts, images))
+            advance("export", 1)
+        if -1 in shown and -1 in triangles:
+            for element in _terrain(found, drawn, triangles[-1], set(ids.values()), images):
+                file.write(element)
+            advance("export", 1)
+    return [name], []
+
+
+def _building(
+    found: Published,
+    drawn: Any,
+    triangles: np.ndarray,
+    index: int,
+    id: str,
+    layouts: Mapping[int, Any],
+    images: list[str],
+) -> Element:
+    from facade_core.export.citygml import Textured, add, attribute, solid, surfaces_of
+    from facade_core.export.cityjson import Pool
+
+    origin = origin_of(found)
+    made = model_of(found, drawn, triangles, index, layouts, origin)
+    lod = "3" if any(surface["type"] in ("Window", "Door") for surface in made.body.surfaces) else "2"
+    textured = Textured(id, Pool(origin))
+    bounds, ids = surfaces_of(textured, made.body.faces, made.body.surfaces, lod)
+    installations = []
+    wanted: list[tuple[str, dict[str, str], Any]] = [("roof", {}, part) for part in made.beside]
+    wanted += [("balcony", {"facade": facade}, part) for facade, part in made.balconies]
+    for number, (kind, said, part) in enumerate(wanted):
+        textured.prefix = f"{id}-{kind}-{number}"
+        installations.append((textured.prefix, kind, said, surfaces_of(textured, part.faces, part.surfaces, lod)[0]))
+    said = attributes_of(found, index, made.body)
+    member = _member()
+    building = add(member, "bldg:Building", gml_id=id)
+    if "name" in said:
+        add(building, "gml:name", visible(said["name"]))
+    for key, value in {"id": found.names[index], **said}.items():
+        if key not in OWN:
+            attribute(building, key, visible(value) if isinstance(value, str) else value)
+    textured.appearance(building, images)
+    if "roofType" in said:
+        add(building, "bldg:roofType", said["roofType"])
+    add(building, "bldg:measuredHeight", said["measuredHeight"], uom="m")
+    if "storeysAboveGround" in said:
+        add(building, "bldg:storeysAboveGround", said["storeysAboveGround"])
+    shell = [solid(lod, ids)] if made.body.solid else []
+    if lod == "2":
+        building.extend(shell)
+    for prefix, kind, own, within in installations:
+        thing = add(add(building, "bldg:outerBuildingInstallation"), "bldg:BuildingInstallation", gml_id=prefix)
+        for key, value in own.items():
+            attribute(thing, key, value)
+        add(thing, "bldg:function", kind)
+        thing.extend(within)
+    building.extend(bounds)
+    if lod == "3":
+        building.extend(shell)
+    return member
+
+
+def _terrain(found: Published, drawn: Any, triangles: np.ndarray, taken: set[str], images: list[str]) -> list[Element]:
+    """The ground's pieces, each a relief of one triangulated surface."""
+    from facade_core.export.buildings import ground_faces
+    from facade_core.export.citygml import Textured, add
+    from facade_core.export.cityjson import Pool
+    from facade_core.export.models import GROUND_NODE
+
+    origin, members = origin_of(found), []
+    for number, faces in enumerate(ground_faces(drawn, triangles, origin)):
+        id = f"{GROUND_NODE}-{number}"
+        while id in taken:
+            id += "-"
+        textured = Textured(id, Pool(origin))
+        member = _member()
+        relief = add(member, "dem:ReliefFeature", gml_id=id)
+        add(relief, "dem:lod", 2)
+        tin = add(add(relief, "dem:reliefComponent"), "dem:TINRelief", gml_id=f"{id}-relief")
+        add(tin, "dem:lod", 2)
+        textured.triangles(add(tin, "dem:tin"), faces)
+        textured.appearance(tin, images)
+        tin.insert(0, tin[-1])
+        members.append(member)
+    return members
+
+
+def _member() -> Element:
+    from lxml import etree
+
+    from facade_core.export.citygml import NAMESPACES, tag
+
+    return etree.Element(tag("cityObjectMember"), nsmap=NAMESPACES)

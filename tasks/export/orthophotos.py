@@ -1,0 +1,140 @@
+"""Facades of a published block as Cloud Optimized GeoTIFFs in the planes of their walls, with a STAC Item each."""
+
+from __future__ import annotations
+
+import io
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.features import file_stem
+from catalogs.visible import visible, visible_json
+from facade_core.errors import InputError
+from tasks.progress import advance, begin_stage
+from tasks.published.opened import Published
+
+if TYPE_CHECKING:
+    from pystac import Item
+
+    from facade_core.export.plane import WallPlane
+
+# Of the file's tiles, texels: those of a facade are few.
+BLOCK = 256
+
+
+def write_cogs(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """ID.tif for every facade that has surfaces, textured or not, and ID.json, a STAC Item, beside it."""
+    from facade_core.export.facade_stages import chart_raster
+    from facade_core.export.plane import wall_plane
+
+    facades, source = found.plan.facades, found.textured
+    drawn = set(source.chosen(buildings).tolist())
+    chosen = [i for i in np.flatnonzero(np.isin(facades.building, buildings)).tolist() if facades.chart[i] in drawn]
+    rows = _rows(found)
+    begin_stage("export", len(chosen))
+    names = []
+    for index in chosen:
+        name, chart = facades.id[index], int(facades.chart[index])
+        plane = wall_plane(source, chart)
+        texels = chart_raster(found.group, found.plan.scene.placement, chart, "atlas/colour")
+        names.append(f"{file_stem(name)}.tif")
+        row = rows[name]
+        _write_cog(found, folder / names[-1], texels, plane, chart, name)
+        item = _item(found, name, row, plane, texels.shape[:2], names[-1])
+        text = json.dumps(item.to_dict(include_self_link=False), indent=1, ensure_ascii=False, allow_nan=False)
+        (folder / f"{file_stem(name)}.json").write_text(visible_json(text) + "\n", encoding="utf-8")
+        advance("export", 1)
+    return names, []
+
+
+def _rows(found: Published) -> dict[str, dict[str, Any]]:
+    """The catalogue's rows of facades by id; foot lines in WGS 84."""
+    import geopandas as gpd
+
+    try:
+        rows = gpd.read_parquet(io.BytesIO(found.snapshot.items.read_bytes()))
+    except (OSError, ValueError) as error:
+        raise InputError(f"{found.snapshot.items}: {found.snapshot.remedy}") from error
+    return {row["id"]: row for row in rows[rows.kind == "facade"].to_dict("records")}
+
+
+def _write_cog(found: Published, path: Path, texels: np.ndarray, plane: WallPlane, chart: int, name: str) -> None:
+    import rasterio
+    from rasterio.features import rasterize
+    from rasterio.transform import Affine
+
+    from facade_core.export.plane import PLANE_WKT, wall_outlines
+
+    height, width = texels.shape[:2]
+    polygons = [
+        {"type": "Polygon", "coordinates": [ring.tolist() for ring in rings]}
+        for rings in wall_outlines(found.textured, chart)
+    ]
+    # a texel that the wall touches counts as its own
+    wall = rasterize(polygons, out_shape=(height, width), default_value=255, dtype="uint8", all_touched=True)
+    profile: dict[str, Any] = {
+        "driver": "COG",
+        "width": width,
+        "height": height,
+        "count": 3,
+        "dtype": "uint8",
+        "crs": PLANE_WKT,
+        "transform": Affine(*plane.transform),
+        "compress": "DEFLATE",
+        "predictor": "YES",
+        "blocksize": BLOCK,
+        "num_threads": 1,
+    }
+    with rasterio.Env(GDAL_TIFF_INTERNAL_MASK=True), rasterio.open(path, "w", **profile) as file:
+        file.write(np.moveaxis(texels, -1, 0))
+        file.write_mask(wall)
+        file.update_tags(
+            facade=visible(name),
+            building=visible(found.names[int(found.plan.scene.charts.building[chart])]),
+            world_crs=found.crs,
+            **{f"world_{key}": " ".join(map(str, value)) for key, value in plane.pose().items()},
+            metres_per_texel=f"{plane.texel[0]:.9g}",
+            TIFFTAG_COPYRIGHT=found.attribution.line,
+            **found.attribution.tags(),
+        )
+
+
+def _item(
+    found: Published, name: str, row: dict[str, Any], plane: WallPlane, shape: tuple[int, ...], file: str
+) -> Item:
+    """The facade's Item: its foot line on the earth, its raster's frame by the projection extension, its pose in the world."""
+    import pystac
+    import shapely
+
+    from catalogs.stac.facts import SourceFact
+    from catalogs.stac.items import PROJECTION
+    from catalogs.stac.licences import license_links, license_of, licensors
+    from facade_core.export.plane import PLANE_WKT
+
+    sources = [SourceFact(one.key, one.name, one.licence) for one in found.attribution.sources]
+    line = row["geometry"]
+    placed = line is not None and not line.is_empty
+    item = pystac.Item(
+        name,
+        shapely.geometry.mapping(line) if placed else None,
+        list(line.bounds) if placed else None,
+        row["updated"].to_pydatetime(),
+        {
+            "title": f"Orthophoto of the facade {name}",
+            "license": license_of(sources),
+            "providers": [one.to_dict() for one in licensors(sources)],
+            "proj:code": None,
+            "proj:wkt2": PLANE_WKT,
+            "proj:transform": list(plane.transform),
+            "proj:shape": list(shape),
+            "streetloom:world": {"crs": found.crs, **plane.pose()},
+            "streetloom:attribution": found.attribution.value(),
+        },
+        stac_extensions=[PROJECTION],
+    )
+    item.links = license_links(sources)
+    media = "image/tiff; application=geotiff; profile=cloud-optimized"
+    item.assets = {"orthophoto": pystac.Asset(f"./{file}", media_type=media, roles=["data", "visual"])}
+    return item

@@ -1,0 +1,61 @@
+"""OpenUSD of a published block: a stage for each building, one that references them, and all of it as one package."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from catalogs.features import file_stem
+from tasks.export.features import building_rows
+from tasks.export.models import with_ground
+from tasks.progress import advance, begin_stage
+from tasks.published.opened import Published
+
+# 1980-01-02 in any time zone, the first day that a package can state, seconds.
+CHANGED_S = 315_619_200
+
+
+def write_usd(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+    """BLOCK.usda, which references buildings/ID.usdc with textures/ beside them; BLOCK.usdz has them all in one file."""
+    from facade_core.export.models import GROUND_NODE, layout_of, local_frame, nodes_of, page_jpeg
+    from facade_core.export.usd import ZUpFrame, usd_module, write_block, write_building, write_package
+
+    usd_module()
+    source = found.textured
+    drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
+    frame = ZUpFrame(local_frame(found.plan.scene.mesh).origin)
+    nodes, _ = nodes_of([drawn], found.names, frame)
+    pages = [f"textures/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
+    begin_stage("export", len(pages) + len(nodes) + 1)
+    for name in ("textures", "buildings"):
+        (folder / name).mkdir()
+    for page, picture in enumerate(pages):
+        (folder / picture).write_bytes(page_jpeg(drawn, page))
+        advance("export", 1)
+    rows = {found.names[index]: row for index, row in building_rows(found).items()}
+    parts: dict[str, str] = {}
+    for node in nodes:
+        parts[node.name] = f"./buildings/{file_stem(node.name)}.usdc"
+        about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": found.attribution.line}
+        write_building(folder / parts[node.name], node, [f"../{picture}" for picture in pages], about)
+        advance("export", 1)
+    stem = file_stem(found.block)
+    said_of_all: dict[str, Any] = {
+        "block": found.block,
+        "crs": found.crs,
+        "origin": json.dumps(frame.origin.tolist()),
+        "snapshot": found.snapshot.id,
+        **found.attribution.tags(),
+    }
+    write_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line)
+    for path in folder.rglob(
+        "*"
+    ):  # a package states when its files were changed: the same snapshot gives the same bytes
+        os.utime(path, (CHANGED_S, CHANGED_S))
+    write_package(folder / f"{stem}.usda", folder / f"{stem}.usdz")
+    advance("export", 1)
+    return [f"{stem}.usda", f"{stem}.usdz"], []

@@ -1,0 +1,97 @@
+"""OpenUSD: what Pixar's own library reads of an export, and what its validators say."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from tasks.export.formats import export
+from tasks.published.opened import Published, published
+
+pxr = pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
+Run = tuple[Path, dict[str, Any]]
+
+
+@pytest.fixture(scope="module")
+def found(undisturbed: Run) -> Iterator[Published]:
+    with published(undisturbed[0]) as opened:
+        yield opened
+
+
+@pytest.fixture(scope="module")
+def folder(undisturbed: Run, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return Path(str(export(undisturbed[0], "usd", tmp_path_factory.mktemp("export") / "usd").path))
+
+
+def errors_of(stage: Any) -> list[str]:
+    from pxr import UsdValidation
+
+    validators = UsdValidation.ValidationRegistry().GetOrLoadAllValidators()
+    assert len(validators) >= 20
+    return [str(error.GetName()) for error in UsdValidation.ValidationContext(validators).Validate(stage)]
+
+
+def test_the_validators_find_nothing_and_would(folder: Path) -> None:
+    from pxr import Usd
+
+    for file in (*folder.glob("*.usda"), *folder.glob("*.usdz"), *folder.glob("buildings/*.usdc")):
+        stage = Usd.Stage.Open(str(file))
+        assert errors_of(stage) == [], file.name
+    stage.GetRootLayer().ClearDefaultPrim()
+    assert errors_of(stage)
+
+
+def test_buildings_stand_where_they_do_and_say_what_they_are(found: Published, folder: Path) -> None:
+    from pxr import Usd, UsdGeom
+
+    (file,) = folder.glob("*.usda")
+    stage = Usd.Stage.Open(str(file))
+    assert (UsdGeom.GetStageUpAxis(stage), UsdGeom.GetStageMetersPerUnit(stage)) == ("Z", 1.0)
+    origin = np.array(json.loads(stage.GetRootLayer().customLayerData["streetloom"]["origin"]))
+    prims = {prim.GetDisplayName(): prim for prim in stage.GetDefaultPrim().GetChildren()}
+    names = {found.names[b]: b for b in found.choose(()).tolist()}
+    assert prims.keys() == names.keys() | {"ground"}
+    source = found.textured
+    for name, building in names.items():
+        assert prims[name].GetCustomDataByKey("streetloom:height_m") == pytest.approx(
+            found.buildings["height"][building]
+        )
+        meshes = [prim for prim in Usd.PrimRange(prims[name]) if prim.IsA(UsdGeom.Mesh)]
+        points = np.concatenate([np.array(UsdGeom.Mesh(mesh).GetPointsAttr().Get()) for mesh in meshes]) + origin
+        mine = source.mesh.triangles[source.charts.building[source.mesh.chart] == building]
+        corners = source.mesh.vertices[mine.ravel()]
+        np.testing.assert_allclose(points.min(axis=0), corners.min(axis=0), atol=0.002)
+        np.testing.assert_allclose(points.max(axis=0), corners.max(axis=0), atol=0.002)
+        faces = sum(len(UsdGeom.Mesh(mesh).GetFaceVertexCountsAttr().Get()) for mesh in meshes)
+        assert faces == len(mine)
+
+
+def test_every_mesh_shows_a_picture_that_is_there(folder: Path) -> None:
+    from pxr import Usd, UsdGeom, UsdShade
+
+    for file in (*folder.glob("*.usda"), *folder.glob("*.usdz")):
+        stage = Usd.Stage.Open(str(file))
+        meshes = [prim for prim in stage.Traverse() if prim.IsA(UsdGeom.Mesh)]
+        assert meshes
+        for prim in meshes:
+            material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial()
+            shader = material.ComputeSurfaceSource()[0]
+            assert shader.GetShaderId() == "UsdPreviewSurface"
+            texture = UsdShade.Shader(shader.GetInput("diffuseColor").GetConnectedSource()[0].GetPrim())
+            assert texture.GetInput("file").Get().resolvedPath
+            uv = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get())
+            assert len(uv) == len(UsdGeom.Mesh(prim).GetPointsAttr().Get())
+            assert uv.min() >= 0
+            assert uv.max() <= 1
+
+
+def test_the_same_snapshot_gives_the_same_stages(undisturbed: Run, found: Published, tmp_path: Path) -> None:
+    name = found.names[int(found.choose(())[-1])]
+    one, two = (export(undisturbed[0], "usd", tmp_path / side, [name]).path for side in "ab")
+    for file in sorted(path.relative_to(one) for path in one.rglob("*") if path.is_file()):
+        assert (one / file).read_bytes() == (two / file).read_bytes(), file
