@@ -97,13 +97,14 @@ def write_block(path: Path, parts: Mapping[str, str], said: Mapping[str, Any], c
     layer.Save()
 
 
-def write_package(stage: Path, path: Path) -> None:
-    """A stage with all that it references as one .usdz file."""
+def write_package(folder: Path, names: Sequence[str], path: Path) -> None:
+    """Files of a folder, by their paths in it, as one .usdz file; the first is the stage that it opens."""
     usd_module()
-    from pxr import Sdf, UsdUtils
+    from pxr import Sdf
 
-    if not UsdUtils.CreateNewUsdzPackage(Sdf.AssetPath(str(stage)), str(path)):
-        raise InputError(f"{path}: usd-core cannot pack {stage.name}")
+    with Sdf.ZipFileWriter.CreateNew(str(path)) as package:
+        for name in names:
+            package.AddFile(str(folder / name), name)
 
 
 def identifier(name: str) -> str:

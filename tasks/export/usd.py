@@ -52,10 +52,9 @@ def write_usd(found: Published, buildings: np.ndarray, folder: Path) -> tuple[li
         **found.attribution.tags(),
     }
     write_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line)
-    for path in folder.rglob(
-        "*"
-    ):  # a package states when its files were changed: the same snapshot gives the same bytes
-        os.utime(path, (CHANGED_S, CHANGED_S))
-    write_package(folder / f"{stem}.usda", folder / f"{stem}.usdz")
+    packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *pages]
+    for name in packed:  # a package states when its files were changed: the same snapshot gives the same bytes
+        os.utime(folder / name, (CHANGED_S, CHANGED_S))
+    write_package(folder, packed, folder / f"{stem}.usdz")
     advance("export", 1)
     return [f"{stem}.usda", f"{stem}.usdz"], []
