@@ -189,7 +189,18 @@ def _check_target(target: Path, format: str, as_file: bool) -> None:
             raise InputError(f"{target}: {why}; name a new or empty folder with --to")
     elif target.exists():
         raise InputError(f"{target}: is a file, and an export of {format} is a folder; name a folder with --to")
-    elif target.suffix.lower() in (".glb", ".json", ".jsonl", ".gpkg", ".zip", ".txt"):
+    elif target.suffix.lower() in (
+        ".glb",
+        ".json",
+        ".jsonl",
+        ".gml",
+        ".gpkg",
+        ".tif",
+        ".usda",
+        ".usdz",
+        ".zip",
+        ".txt",
+    ):
         if format == "gpkg":
             raise InputError(f"--to {target.name}: gpkg goes into a file, such as --to {target.stem}.gpkg, or a folder")
         raise InputError(
