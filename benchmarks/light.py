@@ -1,6 +1,6 @@
 """A street of a run by day and by night, as three.js lights it: docs/light-day.jpg and docs/light-night.jpg.
 
-    python -m benchmarks.light out/demo --view street-1
+    python -m benchmarks.light out/demo --view street-0
 
 exports the run as a lit GLB and opens it in Chromium, on a software renderer, from where one of the report's pictures is taken.
 The sun stands where the block's does; by night the moon does. Needs `make clients`, and Chromium or Playwright's own.
@@ -81,7 +81,7 @@ def main() -> None:
 
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("out", type=Path, help="the folder of a run that is published")
-    parser.add_argument("--view", default="street-1", help="one of the report's views")
+    parser.add_argument("--view", default="street-0", help="one of the report's views")
     parser.add_argument("--glb", type=Path, help="folder of a lit export of the run, made before")
     parser.add_argument("--to", type=Path, default=Path("docs"), help="folder of the pictures")
     asked = parser.parse_args()
