@@ -447,3 +447,24 @@ def test_what_is_not_published_is_refused_in_one_line(undisturbed: Run, tmp_path
         (broken / "current").write_text(other)
         with pytest.raises(StoreError, match=f"does not hold snapshot {other}"):
             export(broken, "glb")
+
+
+def test_a_factored_model_has_few_pictures_and_answers(found: Published, undisturbed: Run, tmp_path: Path) -> None:
+    whole = export(undisturbed[0], "glb", tmp_path / "whole").path
+    made = export(undisturbed[0], "glb", tmp_path / "factored", textures="factored").path
+    assert [path.name for path in sorted(Path(str(made)).iterdir())] == ["block.glb", "export.json", "figures.json"]
+    with (made / "block.glb").open("rb") as file:
+        document, _ = header_of(file)
+    assert {node["name"] for node in document["nodes"]} == {
+        *(found.names[b] for b in found.choose(()).tolist()),
+        "ground",
+    }
+    primitives = [primitive for mesh in document["meshes"] for primitive in mesh["primitives"]]
+    assert all("COLOR_0" in one["attributes"] and one["extensions"]["EXT_mesh_features"] for one in primitives)
+    told = json.loads((made / "figures.json").read_text())
+    assert told["types"] < told["elements"]
+    assert told["draw_calls"] == len(primitives)
+    model, other = (trimesh.load(folder / "block.glb").bounds for folder in (made, whole))
+    assert np.abs(model - other).max() < 0.1
+    with pytest.raises(InputError, match="--textures factored: is of glb"):
+        export(undisturbed[0], "3dtiles", textures="factored")
