@@ -166,9 +166,13 @@ def main() -> None:
         alone = ran[f"stages {one.name}"].all_of("seconds")
         fitted_on.append(replace(one, seconds={COMMAND: max(one.seconds[COMMAND] - alone, 0.0)}, bytes={}, commits={}))
     held = {block: of_it(fit(fitted_on), ran[f"command {block}"]) for block in asked.check}
-    cost = fit(fitted_on, asked.machine, errors(list(held.values())) if held else None)
+    planned = {block: of_it(fit(fitted_on), ran[f"command {block}"], planned=True) for block in asked.check}
+    off = [errors(list(one.values())) if one else None for one in (held, planned)]
+    cost = fit(fitted_on, asked.machine, *off)
     on_itself = {block: of_it(cost, ran[f"command {block}"]) for block in asked.command}
-    print(json.dumps({"model": asdict(cost), "fitted_on": on_itself, "check": held}, indent=1))
+    print(
+        json.dumps({"model": asdict(cost), "fitted_on": on_itself, "check": held, "check_planned": planned}, indent=1)
+    )
     if asked.write:
         COEFFICIENTS.write_text(json.dumps(asdict(cost), indent=1) + "\n", encoding="utf-8")
 

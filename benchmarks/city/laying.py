@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, field
+from dataclasses import asdict, dataclass, field, replace
 from datetime import UTC, datetime
 from typing import Any
 
@@ -52,8 +52,14 @@ class Ran:
         return sum(getattr(self, what).values())
 
 
-def fit(blocks: Sequence[Ran], machine: str = "", error: Mapping[str, float] | None = None) -> Cost:
-    """The model of some blocks, run on a machine of these words; error: by what it was off where it was checked."""
+def fit(
+    blocks: Sequence[Ran],
+    machine: str = "",
+    error: Mapping[str, float] | None = None,
+    error_planned: Mapping[str, float] | None = None,
+) -> Cost:
+    """The model of some blocks, run on a machine of these words; error: by what it was off where it was checked, error_planned:
+    likewise, with facades and texels by the plan."""
     whole = [block for block in blocks if block.commits]  # not those of which the command's part is known alone
     told, had = (sum((getattr(block, name) for block in whole), NOTHING) for name in ("told", "had"))
     return cost_of(
@@ -65,6 +71,7 @@ def fit(blocks: Sequence[Ran], machine: str = "", error: Mapping[str, float] | N
                 "facades": int(had.facades),
                 "texels_per_metre": sorted({block.density for block in whole}),
                 "error": dict(error or {}),
+                "error_planned": dict(error_planned or {}),
             },
             "counted": {name: figures(getattr(had, name) / max(getattr(told, name), 1e-9)) for name in WHAT},
             "seconds": _laid(blocks, "seconds", OF_SECONDS),
@@ -93,9 +100,12 @@ def _laid(blocks: Sequence[Ran], what: str, of: Mapping[str, Sequence[str]]) -> 
     return {name: figures(one) for name, one in total.items()}
 
 
-def of_it(cost: Cost, block: Ran) -> dict[str, dict[str, float]]:
-    """What the model says of a block by its map, beside what it had and took by the command."""
+def of_it(cost: Cost, block: Ran, *, planned: bool = False) -> dict[str, dict[str, float]]:
+    """What the model says of a block by its map, beside what it had and took by the command; planned: with the facades and
+    texels that its plan has."""
     said = block.told.times(cost.counted)
+    if planned:
+        said = replace(said, facades=block.had.facades, megatexels=block.had.megatexels)
     pairs = {
         name: (getattr(said, name), getattr(block.had, name))
         for name in ("facades", "viewpoints", "ground", "megatexels")

@@ -83,7 +83,7 @@ def city(
 )
 @click.option("--json", "as_json", is_flag=True, help="Print one JSON object.")
 def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
-    """Say what texturing a city will take, before anything is run.
+    """Say what texturing a city will take, before anything is run: its blocks are planned as their runs plan them.
 
     \b
     Example:
@@ -91,12 +91,19 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
     """
     import tempfile
 
+    from catalogs.block import read_block
     from tasks.city.account import Account
     from tasks.city.blocks import read_city
+    from tasks.city.counting import planned_of
 
     with tempfile.TemporaryDirectory() as folder:
-        account = Account("").of(read_city(city_file, Path(folder)), "")
-    said = account.estimate(list(account.blocks), workers, at_once)
+        found = read_city(city_file, Path(folder))
+        planned = {}
+        with click.progressbar(found.blocks, label="planning", file=sys.stderr) as blocks:
+            for block in blocks:  # one that cannot be read has nothing to plan, as its run will say
+                planned[block.name] = planned_of(read_block(block.file)) if block.digest else {}
+    account = Account("").of(found, "")
+    said = account.estimate(list(account.blocks), workers, at_once, planned)
     if as_json:
         click.echo(json.dumps(said))
         return
@@ -104,7 +111,7 @@ def plan(city_file: Path, at_once: int, workers: int, as_json: bool) -> None:
     counts = f"{said['facades']} facades, {said['viewpoints']} viewpoints, {said['ground']} pieces of ground"
     say(f"{account.name}: {said['blocks']} blocks, {counts}")
     alone = f"{said['processor_hours']:.2g} h of a processor"
-    off = {what: f"{share:.0%}" for what, share in fitted["error"].items()}
+    off = {what: f"{share:.0%}" for what, share in fitted["error_planned"].items()}
     say(f"  time   {said['hours']:.2g} h with {said['workers']} workers ({at_once} x {workers}), {alone}")
     say(f"  kept   {said['gigabytes']:.2g} GB, {said['commits']} commits")
     say(f"  most   {said['bottleneck_share']:.0%} of the time: {said['bottleneck']}")

@@ -87,9 +87,12 @@ class Account:
         sources = {block.name: block.source for block in city.blocks if block.source}
         return Account(city.name, source, kept, digests, city.set_aside, told, sources, self.over)
 
-    def estimate(self, names: Sequence[str], workers: int, at_once: int) -> dict[str, Any]:
-        """What some blocks will take, by the model."""
-        return shipped().estimate([Counts(**self.told[name]) for name in names], workers, at_once)
+    def estimate(
+        self, names: Sequence[str], workers: int, at_once: int, planned: Mapping[str, Mapping[str, float]] | None = None
+    ) -> dict[str, Any]:
+        """What some blocks will take, by the model; planned: as of `Cost.estimate`, by name."""
+        told = [Counts(**self.told[name]) for name in names]
+        return shipped().estimate(told, workers, at_once, [planned[name] for name in names] if planned else ())
 
     def ended(self, name: str, how: Ended) -> Account:
         return replace(self, blocks={**self.blocks, name: how})

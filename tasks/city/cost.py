@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -27,7 +27,8 @@ WORDS = {
 @dataclass(frozen=True)
 class Cost:
     """The model. fitted: when, on which machine, by how many blocks of which density (texels a metre); error: by which share of
-    them seconds, bytes and commits were off at most on blocks that it was not fitted on.
+    them seconds, bytes and commits were off at most on blocks that it was not fitted on; error_planned: likewise, with
+    facades and texels by the plan.
 
     counted: of each of WHAT how many there are for one that the map tells of; seconds, bytes, commits: what one takes: seconds
     of a processor that does nothing else, bytes kept in store and published.
@@ -45,13 +46,21 @@ class Cost:
         spent = counts.times(self.seconds)
         return spent.blocks + (sum(asdict(spent).values()) - spent.blocks) / workers
 
-    def estimate(self, told: Sequence[Counts], workers: int, at_once: int = 1) -> dict[str, Any]:
+    def estimate(
+        self, told: Sequence[Counts], workers: int, at_once: int = 1, planned: Sequence[Mapping[str, float]] = ()
+    ) -> dict[str, Any]:
         """What blocks will take, by what the map tells of each: facades and the like, hours on processors that do nothing else,
-        gigabytes, commits, and where most of the time goes."""
-        counts = sum((one.times(self.counted) for one in told), NOTHING)
+        gigabytes, commits, and where most of the time goes.
+
+        planned: of each block what its plan knows, in place of what the map tells; none where no plan was made.
+        """
+        blocks = [one.times(self.counted) for one in told]
+        if planned:
+            blocks = [replace(one, **known) for one, known in zip(blocks, planned, strict=True)]
+        counts = sum(blocks, NOTHING)
         spent = counts.times(self.seconds)
         shares = asdict(spent) | {name: getattr(spent, name) / workers for name in WHAT if name != "blocks"}
-        longest = max((self.seconds_of(one.times(self.counted), workers) for one in told), default=0.0)
+        longest = max((self.seconds_of(one, workers) for one in blocks), default=0.0)
         hours = max(self.seconds_of(counts, workers) / max(1, min(at_once, len(told))), longest) / 3600
         most = max(shares, key=lambda name: shares[name])
         return {

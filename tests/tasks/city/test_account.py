@@ -17,6 +17,7 @@ from flows.cli.commands import main
 from tasks.city import account as accounts
 from tasks.city import blocks
 from tasks.city.account import Account, Ended, known, read_account, stands, version, write_ended
+from tasks.stages.planning import plan_of
 from tests.pipeline.stages import write_block
 
 # Houses along one street, farther apart than context reaches.
@@ -71,6 +72,18 @@ def test_a_block_that_was_cut_is_told_to_be_one(tmp_path: Path) -> None:
     file = next(iter(files.values()))
     with pytest.raises(BlockFileError, match=f"`streetloom run {file}` textures it alone"):
         known(file, tmp_path / "other")
+
+
+def test_a_city_is_planned_with_the_facades_that_its_run_has(tmp_path: Path) -> None:
+    """And so by the command, which says how far that was off of blocks that the model was not fitted on."""
+    file = town(tmp_path)
+    said = CliRunner().invoke(main, ["plan", str(file), "--json"], catch_exceptions=False)
+    told = json.loads(said.stdout)
+    _, files = known(file, tmp_path / "out")
+    assert told["facades"] == sum(len(plan_of(read_block(one)).facades) for one in files.values())
+    off = told["fitted"]["error_planned"]
+    printed = CliRunner().invoke(main, ["plan", str(file)], catch_exceptions=False).stdout
+    assert f"at most {off['seconds']:.0%} of a processor's time, {off['bytes']:.0%} of the bytes" in printed
 
 
 def test_a_block_file_is_cut_as_usual(tmp_path: Path) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from benchmarks.city.reading import write_town
 from catalogs.block import read_block
-from tasks.city.counting import Counts, counts_of
+from tasks.city.counting import Counts, counts_of, planned_of
 from tasks.stages.planning import plan_of
 
 
@@ -25,6 +25,7 @@ def test_texels_are_told_as_they_will_be(tmp_path: Path, texels: float) -> None:
     texels = float((placement.width.astype(float) * placement.height)[plan.own].sum()) / 1e6
     assert told.megatexels == pytest.approx(texels, rel=0.35)
     assert told.facades == pytest.approx(len(plan.facades), rel=0.1)
+    assert planned_of(read_block(tmp_path / "block.yaml")) == {"facades": len(plan.facades), "megatexels": texels}
 
 
 def test_a_panorama_twice_as_wide_has_four_times_the_pixels(tmp_path: Path) -> None:
