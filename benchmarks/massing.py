@@ -1,7 +1,7 @@
 """What stands out of roofs costs in charts, triangles and texels: `python -m benchmarks.massing BLOCK.yaml` prints JSON.
 
-The geometry of a block with eaves, parapets, chimneys, dormers and rooflights and without, each packed into an atlas of
-DENSITY texels a metre everywhere; nothing is textured.
+The geometry of a block with eaves, parapets, chimneys, dormers, rooflights, gutters and vents, without the last two, and
+without any, each packed into an atlas of DENSITY texels a metre everywhere; nothing is textured.
 """
 
 from __future__ import annotations
@@ -18,6 +18,7 @@ from catalogs.block import Block, read_block
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.geometry import block_surfaces, pack, surfaces, terrain_of
 from facade_core.geometry.charts import ROOF
+from facade_core.geometry.eaves import Overhang
 from facade_core.geometry.ways import fitted
 from facade_core.types import Ground
 
@@ -54,15 +55,20 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("block", type=Path, help="a block file, such as out/demo/input/helsinki.yaml")
     block = read_block(parser.parse_args().block)
+    fittings: dict[str, Any] = {name: lambda *_: None for name in ("gutters", "vents", "vents_on_flat")}
     bare: dict[str, Any] = {
-        "overhang": lambda roof, *_: (roof, None),
+        "overhang": lambda roof, *_: Overhang(roof, None, [], [], 0.0),
         "parapet": lambda *_: None,
         "chimneys": lambda *_: None,
         "dormers": lambda *_: None,
+        **fittings,
     }
-    with patch.multiple(surfaces, **bare):
-        without = measure(block)
-    print(json.dumps({"without": without, "with": measure(block)}, indent=1))
+    found = {}
+    for name, left_out in (("without", bare), ("without_fittings", fittings)):
+        with patch.multiple(surfaces, **left_out):
+            found[name] = measure(block)
+    found["with"] = measure(block)
+    print(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

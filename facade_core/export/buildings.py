@@ -27,6 +27,7 @@ SEMANTICS = {
     "window": "Window",
     "door": "Door",
     "ceiling": "OuterCeilingSurface",
+    "metal": "RoofSurface",
 }
 OPENINGS = {"window": "Window", "door": "Door"}
 # What stands out of a building is one thing where its pieces come this near each other.
@@ -59,7 +60,7 @@ class Part:
 
 @dataclass(frozen=True)
 class Modelled:
-    """A building: its body; what stands out of it (eaves, parapets, chimneys, dormers); its balconies, each with the facade."""
+    """A building: its body; what stands out of it (eaves, gutters, dormers ...); its balconies, each with the facade."""
 
     body: Part
     beside: tuple[Part, ...]

@@ -1,6 +1,6 @@
 """Cameras, charts, streets and visibility. Conventions: geometry/README.md."""
 
-from facade_core.geometry.charts import CEILING, DOOR, GROUND, KINDS, ROOF, WALL, WINDOW, Charts, Mesh
+from facade_core.geometry.charts import CEILING, DOOR, GROUND, KINDS, METAL, ROOF, WALL, WINDOW, Charts, Mesh
 from facade_core.geometry.equirectangular import directions, project
 from facade_core.geometry.packing import Placement, pack
 from facade_core.geometry.streets import Viewpoint, colour_waves, viewpoints
@@ -12,6 +12,7 @@ __all__ = [
     "DOOR",
     "GROUND",
     "KINDS",
+    "METAL",
     "ROOF",
     "WALL",
     "WINDOW",

@@ -10,8 +10,8 @@ import shapely
 
 from facade_core.grouping import Grouped
 
-KINDS = ("wall", "roof", "ground", "window", "door", "ceiling")
-WALL, ROOF, GROUND, WINDOW, DOOR, CEILING = range(6)
+KINDS = ("wall", "roof", "ground", "window", "door", "ceiling", "metal")
+WALL, ROOF, GROUND, WINDOW, DOOR, CEILING, METAL = range(7)
 # A surface that leans less than this from the horizontal (sine) has its chart's right to the east, as a flat one.
 LEVEL = 0.035
 # The corners of a chart as shares of its width and height.
@@ -22,7 +22,8 @@ CORNERS = np.array([[0, 0], [0, 1], [1, 0], [1, 1]])
 class Charts:
     """Planar charts as columns; row i is chart i.
 
-    kind (n,) uint8: an index into KINDS, "ground" is the terrain, "ceiling" what faces down;
+    kind (n,) uint8: an index into KINDS, "ground" is the terrain, "ceiling" what faces down,
+    "metal" gutters, pipes and vents;
     surface (n,) int32: the uncut surface the chart is a piece of;
     building (n,) int32: -1 for ground;
     origin, axis_u, axis_v (n, 3) float64: the frame, see `points`;

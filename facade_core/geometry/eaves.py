@@ -5,6 +5,8 @@ They are drawn beside the building's closed surfaces, as installations on it: wa
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from shapely import Polygon
 
@@ -27,12 +29,22 @@ MITRE = 2.5
 LEVEL_M = 5e-3
 
 
-def overhang(roof: Facets, outline: Polygon, around: Around) -> tuple[Facets, Trim | None]:
-    """The facets of a pitched roof drawn out over its eaves and verges, and the coves below; the roof as it is where there is
-    nowhere to."""
+class Overhang(NamedTuple):
+    """A pitched roof drawn out over its edges; the coves below, None without any; its edges as far as they are drawn out, with
+    the outer ends (3,) of each; how far below an edge its cove meets the wall, metres."""
+
+    roof: Facets
+    coves: Trim | None
+    edges: list[Edge]
+    ends: list[tuple[np.ndarray, np.ndarray]]
+    below: float
+
+
+def overhang(roof: Facets, outline: Polygon, around: Around) -> Overhang:
+    """The facets of a pitched roof drawn out over its eaves and verges; the roof as it is where there is nowhere to."""
     offsets, edges = _offsets(free_pieces([_with_width(edge) for edge in roof_edges(roof, outline)], around))
     if not edges:
-        return roof, None
+        return Overhang(roof, None, [], [], 0.0)
     faces = Faces()
     strips, facet, normals = [], [], list(roof.normal)
     level: dict[tuple[int, float], int] = {}
@@ -53,7 +65,8 @@ def overhang(roof: Facets, outline: Polygon, around: Around) -> tuple[Facets, Tr
             faces.add(WALL, [edge.start - below, left, edge.start])
         if edge.after < 0:
             faces.add(WALL, [right, edge.end - below, edge.end])
-    return _with_strips(roof, np.array(strips), np.array(facet), np.array(normals)), faces.trim()
+    drawn = _with_strips(roof, np.array(strips), np.array(facet), np.array(normals))
+    return Overhang(drawn, faces.trim(), edges, offsets, float(below[2]))
 
 
 def parapet(outline: Polygon, top: float, around: Around) -> Trim | None:
@@ -124,13 +137,13 @@ def _offsets(edges: list[Edge]) -> tuple[list[tuple[np.ndarray, np.ndarray]], li
 
 def _meet(one: Edge, other: Edge) -> bool:
     """Whether overhangs of two edges meet in a mitre: near enough, and at one height."""
-    step = _mitre(one, other)
+    step = mitre(one, other)
     if step is None:
         return False
     return bool(abs(_lowered(one, one.end, step)[2] - _lowered(other, other.start, step)[2]) < LEVEL_M)
 
 
-def _mitre(one: Edge, other: Edge) -> np.ndarray | None:
+def mitre(one: Edge, other: Edge) -> np.ndarray | None:
     """From where two edges meet to where their outer edges do, (2,); None where that is too far."""
     system = np.array([one.out, other.out])
     if abs(np.linalg.det(system)) < 0.05:
@@ -143,7 +156,7 @@ def _outer(edge: Edge, other: Edge | None, corner: np.ndarray) -> np.ndarray:
     """The outer corner (3,) over a corner of an edge, which the other edge shares."""
     if other is None:
         return _lowered(edge, corner, edge.wide * edge.out)
-    step = _mitre(edge, other)
+    step = mitre(edge, other)
     assert step is not None
     return (_lowered(edge, corner, step) + _lowered(other, corner, step)) / 2
 

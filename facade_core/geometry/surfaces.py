@@ -18,11 +18,13 @@ from facade_core.geometry.edges import OPEN, Around, along_streets
 from facade_core.geometry.extruded import above, add_extruded
 from facade_core.geometry.facets import Facets, facets, walled
 from facade_core.geometry.ground import add_ground
+from facade_core.geometry.gutters import gutters
 from facade_core.geometry.neighbours import beside, free_line, in_the_way, on_one_ground
 from facade_core.geometry.roofs import GRID_M, roof_shell
 from facade_core.geometry.shells import add_facets, add_skirt
 from facade_core.geometry.terrain import Terrain
 from facade_core.geometry.trim import Trim
+from facade_core.geometry.vents import vents, vents_on_flat
 from facade_core.types import Building, Street
 
 # Footprint vertices nearer than this to the wall they lie on do not split it into two facades.
@@ -111,20 +113,27 @@ def add_building(
         base = terrain.lowest(outline) if building.base is None else building.base
         onto_grid = shapely.transform(outline, lambda xy: np.round(xy / GRID_M) * GRID_M)
         roofed = roof_shell(replace(building, footprint=onto_grid), base, party) if onto_grid.is_valid else None
-        stacks: Trim | None = None
-        lights: Trim | None = None
+        beside: list[Trim | None] = []
+        assumed = building.roof is not None and building.roof.confidence < 1
+        top = base + building.height
         if roofed is None:
-            flat = building.roof is not None and building.roof.shape == "flat" and building.height > LOW_ROOF_M
-            edge = parapet(outline, base + building.height, around) if flat else None
+            if building.roof is not None and building.roof.shape == "flat" and building.height > LOW_ROOF_M:
+                beside.append(parapet(outline, top, around))
+                if assumed:
+                    beside.append(vents_on_flat(building.id, outline, top, around, building.height))
             add_extruded(pieces, index, outline, base, building.height, terrain, largest, grid, raised=building.raised)
         else:
-            closed = above(facets(roofed, outline), base + building.height)
-            roof, edge = overhang(closed, onto_grid, around)
+            closed = above(facets(roofed, outline), top)
+            over = overhang(closed, onto_grid, around)
+            roof = over.roof
             add_extruded(pieces, index, onto_grid, base, building.height, terrain, largest, grid, roof, building.raised)
-            if building.roof is not None and building.roof.confidence < 1:
+            beside += [over.coves, gutters(building.id, over, lambda xy: _foot(terrain, base, building.raised, xy))]
+            if assumed:
                 stacks = chimneys(building.id, closed, onto_grid)
                 lights = dormers(building.id, closed, onto_grid, around, stacks)
-        for trim in (edge, stacks, lights):
+                cowls = vents(building.id, closed, onto_grid, around, building.height, [stacks, lights])
+                beside += [stacks, lights, cowls]
+        for trim in beside:
             if trim is not None:
                 add_facets(pieces, index, trim.facets, largest, grid, trim.along)
         return outline, None
@@ -134,6 +143,11 @@ def add_building(
     add_facets(pieces, index, found, largest, grid)
     add_skirt(pieces, index, found, outline, terrain, largest, grid)
     return outline, found
+
+
+def _foot(terrain: Terrain, base: float, raised: float, place: np.ndarray) -> float:
+    """Where the walls of a building begin at a place (2,), metres: on the ground, or where it is raised over that."""
+    return base + raised if raised else max(base, float(terrain.height(place[None])[0]))
 
 
 def _outline(building: Building) -> Polygon | MultiPolygon:

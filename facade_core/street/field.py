@@ -16,6 +16,7 @@ from facade_core.street.field_kernels import (
     BOARDS,
     BRICK,
     FELT,
+    FITTING,
     LAID,
     NONE,
     PANE,
@@ -32,7 +33,18 @@ from facade_core.street.field_kernels import (
 from facade_core.street.grain import Grains
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import Squares
-from facade_core.street.materials import BALLASTS, BRICKS, FELTS, PLASTERS, ROOFS, SLATES, SOFFIT, TILES, WOODS
+from facade_core.street.materials import (
+    BALLASTS,
+    BRICKS,
+    FELTS,
+    FITTINGS,
+    PLASTERS,
+    ROOFS,
+    SLATES,
+    SOFFIT,
+    TILES,
+    WOODS,
+)
 from facade_core.street.own_walls import WallMaterial
 from facade_core.street.render import shade
 from facade_core.street.sampling import Lights
@@ -76,6 +88,7 @@ GRAIN = {
     BRICK: grain.BRICKS,
     BOARDS: grain.BOARDS,
     UNDERSIDE: grain.PLASTER_FINE,
+    FITTING: grain.METAL,
 }
 ROUGH = 1 / 3
 # Texels of a chart that are painted in one call.
@@ -194,7 +207,7 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     foot = np.full(max(1, int(charts.building.max(initial=-1)) + 1), np.inf)
     np.minimum.at(foot, charts.building[own[wall]], mesh.vertices[wall, 2])
     normal = charts.normal()
-    made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE], np.uint8)[charts.kind]
+    made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE, FITTING], np.uint8)[charts.kind]
     roof = charts.kind == ROOF
     number = scene.building_numbers[charts.building]
     made[roof & (normal[:, 2] > TILED)] = SHEET
@@ -220,6 +233,7 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
         (PLASTER, PLASTERS, 9),
         (BRICK, BRICKS, 9),
         (BOARDS, WOODS, 37),
+        (FITTING, FITTINGS, 113),
     )
     for material, palette, turn in palettes:
         chosen = made == material

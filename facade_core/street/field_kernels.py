@@ -26,6 +26,7 @@ from facade_core.street.materials import (
     ballast,
     brick,
     felt,
+    fitting,
     framed,
     glass,
     moss,
@@ -40,7 +41,7 @@ from facade_core.street.sampling import Lights, lit
 from facade_core.street.tiled import Mips, laid_at
 
 # What a chart is made of.
-SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT, BALLAST = range(12)
+SOIL, SHEET, TILE, LAID, PLASTER, PANE, BOARDS, UNDERSIDE, BRICK, SLATE, FELT, BALLAST, FITTING = range(13)
 # Of a colour, this much goes where no sky is seen.
 SHADOW = 0.65
 # Seams of sheets run down a roof that falls by more than this a metre, and northwards on others.
@@ -222,6 +223,10 @@ def _paint(c: int, points: np.ndarray, side: np.ndarray, field: Field, lights: L
     elif made == BOARDS:
         wood(x, y, side, seed, tone)
         x, y = y, x  # the example's boards lie
+    elif made == FITTING:
+        for k in range(n):
+            east[k], north[k] = x[k] - start[0], y[k] - start[1]
+        fitting(x, y, east, north, size[0], size[1], side, seed, tone)
     else:
         soffit(x, y, side, seed, tone)
     add_grain(x, y, side, field.grains, example, 1.0, seed + 71, tone)

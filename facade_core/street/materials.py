@@ -33,6 +33,10 @@ TILES = np.array([[158, 86, 62], [142, 74, 56], [170, 104, 76], [112, 72, 62], [
 SLATES = np.array([[84, 88, 94], [74, 78, 82], [92, 92, 98], [70, 76, 74]], np.float64)
 FELTS = np.array([[82, 80, 78], [98, 95, 91], [70, 70, 71], [104, 106, 104]], np.float64)
 BALLASTS = np.array([[132, 126, 116], [118, 114, 106], [146, 137, 122]], np.float64)
+# Zinc new and weathered, and what is painted over it.
+FITTINGS = np.array(
+    [[142, 146, 150], [122, 126, 130], [104, 108, 110], [88, 84, 80], [150, 148, 142], [84, 74, 66]], np.float64
+)
 WOODS = np.array([[96, 66, 44], [72, 50, 38], [58, 74, 66], [84, 46, 40], [112, 86, 60]], np.float64)
 # The colours of a tone of 1.
 SOFFIT = np.array([172.0, 170.28, 166.84])
@@ -410,6 +414,28 @@ def soffit(x: np.ndarray, y: np.ndarray, side: np.ndarray, seed: int, out: np.nd
     out[:] = 1.0
     for number, cell in enumerate((0.3, 1.5, 5.0)):
         add_noise(x, y, side, (cell, cell), 0.05 / 3, seed + 47 + number, out)
+
+
+@njit(cache=True, nogil=True, error_model="numpy")
+def fitting(
+    x: np.ndarray,
+    y: np.ndarray,
+    right: np.ndarray,
+    down: np.ndarray,
+    wide: float,
+    high: float,
+    side: np.ndarray,
+    seed: int,
+    out: np.ndarray,
+) -> None:
+    """Gutters, pipes and vents of sheet metal, round: darker to both sides of their narrower way; right, down: on a piece so
+    wide and high."""
+    across, narrow = (right, wide) if wide < high else (down, high)
+    for k in range(len(x)):
+        turned = 2 * min(max(across[k] / narrow, 0.0), 1.0) - 1
+        out[k] = 1.04 - 0.34 * turned * turned
+    add_noise(x, y, side, (0.3, 0.3), 0.05, seed + 111, out)
+    add_noise(x, y, side, (1.8, 1.8), 0.05, seed + 112, out)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
