@@ -27,6 +27,7 @@ from facade_core.export.patches import (
     ring_normal,
     split,
 )
+from facade_core.geometry.charts import METAL
 
 # What is open no higher above the lowest corner is the foot of a building.
 FOOT_M = 2.0
@@ -84,6 +85,10 @@ def _surfaces(
     for chart in np.unique(chart_of).tolist():
         for side in (False, True):
             own = mesh.triangles[triangles[(chart_of == chart) & (apart == side)]]
+            if charts.kind[chart] == METAL:  # bent about its chart: no plane polygon but its triangles
+                polygons += [[corners] for corners in mesh.vertices[own]]
+                of += [chart] * len(own)
+                continue
             corners = np.unique(own)
             known = dict(zip(map(tuple, source.coordinates[corners].tolist()), corners.tolist(), strict=True))
             for part in outlines(source.coordinates[own]):
