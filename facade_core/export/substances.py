@@ -61,6 +61,7 @@ OF_MATERIAL = {
     field.SLATE: SLATE,
     field.FELT: FELT,
     field.BALLAST: GRAVEL,
+    field.FITTING: SHEET,
 }
 # Of ground, by facade_core.types.SURFACES.
 OF_SURFACE = (GRAVEL, ASPHALT, SLABS, SETTS, GRASS, WATER, ASPHALT)

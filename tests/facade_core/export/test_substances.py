@@ -18,7 +18,7 @@ def test_every_label_material_and_surface_is_of_something() -> None:
     assert found[0, WINDOW] == FRAME
     assert found[0, BALCONY] == RAILING
     assert len(OF_SURFACE) == len(SURFACES)
-    assert set(OF_MATERIAL) == set(range(field.BALLAST + 1)), "all that charts are made of"
+    assert set(OF_MATERIAL) == set(range(field.FITTING + 1)), "all that charts are made of"
     assert len(substances.SUBSTANCES) == len({one.name for one in substances.SUBSTANCES})
 
 
