@@ -45,9 +45,20 @@ APART = frozenset(
         "tasks.store.wounds",
     }
 )
-# Likewise of libraries.
+# Likewise of libraries; and what encodes pictures of exports alone, which no unit does.
 LIBRARIES_APART = frozenset(
-    {"dask", "distributed", "icechunk", "libusb_package", "prefect", "psutil", "threadpoolctl", "xarray", "zarr"}
+    {
+        "alktx2",
+        "dask",
+        "distributed",
+        "icechunk",
+        "libusb_package",
+        "prefect",
+        "psutil",
+        "threadpoolctl",
+        "xarray",
+        "zarr",
+    }
 )
 # Under which name a library is installed, where that is not the one it is imported by.
 INSTALLED_AS = {
