@@ -11,20 +11,16 @@ import argparse
 import base64
 import io
 import json
-import shutil
 import tempfile
 import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
+from collections.abc import Sequence
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
 from PIL import Image, ImageDraw
 
+from benchmarks.programs import CHROMIUM, PACKAGES, SOFTWARE_GL, served
 from facade_core.export.glb import header_of
 from facade_core.export.models import local_frame
 from tasks.export.formats import export
@@ -33,29 +29,6 @@ from tasks.published.opened import published
 METRES = (3.0, 15.0, 40.0)
 SIZE = (760, 500)
 MIPMAPS = 4 / 3
-CLIENTS = Path(__file__).resolve().parents[1] / ".venv" / "clients" / "node_modules"
-PAGE = """<!doctype html><meta charset="utf-8">
-<script type="importmap">{"imports": {"three": "/three/build/three.module.js"}}</script>
-<script type="module">
-import * as THREE from "three";
-import { GLTFLoader } from "/three/examples/jsm/loaders/GLTFLoader.js";
-const renderer = new THREE.WebGLRenderer({antialias: true, preserveDrawingBuffer: true});
-renderer.setSize(WIDTH, HEIGHT);
-document.body.append(renderer.domElement);
-const scene = new THREE.Scene();
-scene.background = new THREE.Color(0xb9c6d2);
-new GLTFLoader().load("/model/block.glb", (gltf) => {
-  scene.add(gltf.scene);
-  gltf.scene.traverse((one) => { if (one.material?.map) one.material.map.anisotropy = 8; });
-  window.draw = (eye, target) => {
-    const camera = new THREE.PerspectiveCamera(50, WIDTH / HEIGHT, 0.1, 2000);
-    camera.position.set(...eye); camera.lookAt(...target);
-    renderer.render(scene, camera);
-    return renderer.domElement.toDataURL("image/png");
-  };
-  window.ready = true;
-}, undefined, (error) => { window.failed = String(error); });
-</script>"""
 
 
 def measure(path: Path) -> dict[str, Any]:
@@ -119,45 +92,17 @@ def cameras(out: Path, wanted: Sequence[str]) -> list[tuple[str, float, list[flo
         return views
 
 
-@contextmanager
-def served(folders: dict[str, Path], page: str) -> Iterator[str]:
-    class Files(SimpleHTTPRequestHandler):
-        def do_GET(self) -> None:
-            _, name, rest = (self.path.split("?")[0] + "//").split("/", 2)
-            path = folders.get(name, Path("/nowhere")) / rest.rstrip("/")
-            data = page.encode() if name == "page" else path.read_bytes() if path.is_file() else None
-            self.send_response(200 if data is not None else 404)
-            kind = {"page": "text/html", ".js": "text/javascript"}.get(name if name == "page" else path.suffix)
-            self.send_header("Content-Type", kind or "application/octet-stream")
-            self.end_headers()
-            self.wfile.write(data or b"")
-
-        def log_message(self, format: str, *arguments: Any) -> None:
-            pass
-
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(Files))
-    thread = Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_address[1]}"
-    finally:
-        server.shutdown()
-        server.server_close()
-
-
 def rendered(folder: Path, views: Sequence[tuple[str, float, list[float], list[float]]]) -> list[Image.Image]:
     """block.glb of a folder from some places, by three.js."""
     from playwright.sync_api import sync_playwright
 
-    chromium = shutil.which("chromium") or shutil.which("google-chrome")
-    if chromium is None or not (CLIENTS / "three").is_dir():
+    if CHROMIUM is None or not (PACKAGES / "three").is_dir():
         raise SystemExit("--sheet: Chromium and three.js draw it; install chromium, and run `make clients`")
-    page = PAGE.replace("WIDTH", str(SIZE[0])).replace("HEIGHT", str(SIZE[1]))
-    flags = ["--no-sandbox", "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
-    with served({"three": CLIENTS / "three", "model": folder}, page) as address, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=[*flags, "--ignore-gpu-blocklist"])
+    places = {"pages": Path(__file__).resolve().parent, "three": PACKAGES / "three", "model": folder}
+    with served(**places) as address, sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *SOFTWARE_GL])
         tab = browser.new_page()
-        tab.goto(f"{address}/page/")
+        tab.goto(f"{address}/pages/factored.html?size={SIZE[0]},{SIZE[1]}")
         tab.wait_for_function("window.ready || window.failed", timeout=300_000)
         if failed := tab.evaluate("window.failed"):
             raise SystemExit(f"three.js: {failed}")

@@ -12,20 +12,15 @@ import argparse
 import base64
 import io
 import json
-import shutil
 import tempfile
 import time
-from collections.abc import Iterator
-from contextlib import contextmanager
-from functools import partial
-from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
-from threading import Thread
 from typing import Any
 
 import numpy as np
 from PIL import Image
 
+from benchmarks.programs import CHROMIUM, PACKAGES, SOFTWARE_GL, served
 from facade_core.export.models import local_frame, y_up
 from facade_core.export.views import cameras, view_names
 from facade_core.street.sun import direction
@@ -35,45 +30,9 @@ from tasks.export.lighting import lighting
 from tasks.published.opened import published
 
 HERE = Path(__file__).resolve().parent
-PACKAGES = HERE.parent / ".venv" / "clients" / "node_modules"
-FLAGS = [
-    "--no-sandbox",
-    "--use-gl=angle",
-    "--use-angle=swiftshader",
-    "--enable-unsafe-swiftshader",
-    "--ignore-gpu-blocklist",
-]
 SIZE = (1280, 640)
 # Where a block states none.
 NOON = Sun(145.0, 47.0)
-
-
-class _Files(SimpleHTTPRequestHandler):
-    def __init__(self, *arguments: Any, places: dict[str, Path], **more: Any) -> None:
-        self.places = places
-        super().__init__(*arguments, **more)
-
-    def translate_path(self, path: str) -> str:
-        _, name, rest = path.split("?")[0].split("/", 2)
-        folder = self.places.get(name, HERE)
-        found = (folder / rest).resolve()
-        return str(found if found.is_relative_to(folder.resolve()) else HERE / "nothing")
-
-    def log_message(self, format: str, *arguments: Any) -> None:
-        pass
-
-
-@contextmanager
-def served(**places: Path) -> Iterator[str]:
-    server = ThreadingHTTPServer(("127.0.0.1", 0), partial(_Files, places=places))
-    thread = Thread(target=server.serve_forever, daemon=True)
-    thread.start()
-    try:
-        yield f"http://127.0.0.1:{server.server_address[1]}"
-    finally:
-        server.shutdown()
-        server.server_close()
-        thread.join()
 
 
 def main() -> None:
@@ -85,8 +44,8 @@ def main() -> None:
     parser.add_argument("--glb", type=Path, help="folder of a lit export of the run, made before")
     parser.add_argument("--to", type=Path, default=Path("docs"), help="folder of the pictures")
     asked = parser.parse_args()
-    if not (PACKAGES / "three").is_dir():
-        parser.error("three.js is not installed: make clients")
+    if CHROMIUM is None or not (PACKAGES / "three").is_dir():
+        parser.error("Chromium and three.js draw it; install chromium, and run `make clients`")
     with published(asked.out) as found:
         view = dict(zip(view_names(found.plan), cameras(found.plan, found.records), strict=True))[asked.view]
         frame = local_frame(found.plan.scene.mesh)
@@ -98,8 +57,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = asked.glb or Path(str(export(asked.out, "glb", Path(scratch) / "glb").path))
         told["glb_mb"] = round((folder / "block.glb").stat().st_size / 1e6, 1)
-        with served(model=folder, three=PACKAGES / "three") as address, sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=shutil.which("chromium"), args=FLAGS)
+        with served(pages=HERE, model=folder, three=PACKAGES / "three") as address, sync_playwright() as playwright:
+            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *SOFTWARE_GL])
             for name in ("day", "night"):
                 page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
                 page.set_default_timeout(600_000)

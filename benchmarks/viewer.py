@@ -24,11 +24,12 @@ from typing import TYPE_CHECKING, Any, cast
 
 import yaml
 
+from benchmarks.programs import CHROMIUM
+
 if TYPE_CHECKING:
     from facade_core.atlas.journal import Record
 
 AREA = [24.9375, 60.1615, 24.9565, 60.1715]
-CHROMIUM = ("chromium", "chromium-browser", "google-chrome")
 
 
 def write_store(folder: Path, area: list[float]) -> int:
@@ -96,8 +97,7 @@ def visit(address: str, visits: int) -> dict[str, Any]:
     """Open the pages in Chromium."""
     from playwright.sync_api import sync_playwright
 
-    chromium = next((found for name in CHROMIUM if (found := shutil.which(name))), None)
-    if chromium is None:
+    if CHROMIUM is None:
         raise SystemExit("benchmarks.viewer: no Chromium on this machine; install chromium")
     block = json.loads(urllib.request.urlopen(f"{address}/api/block").read())
     facade = block["facades"][len(block["facades"]) // 2]["id"]
@@ -105,7 +105,7 @@ def visit(address: str, visits: int) -> dict[str, Any]:
     seconds: dict[str, list[float]] = {name: [] for name in pages}
     weight = 0
     with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
         for _ in range(visits):
             for name, (place, there) in pages.items():
                 page = browser.new_page(viewport={"width": 1280, "height": 860})

@@ -48,8 +48,8 @@ _HIDDEN = 0.3  # an element hidden by more than this share was not observed
 
 def observe(case: Case) -> tuple[np.ndarray, list[Element]]:
     """What the pipeline knows: labels parsed from the visible part, and the layout completed from its elements."""
-    from facade_core.facade import reached, visible_boxes
     from facade_core.layout import complete
+    from facade_core.layout.visible import reached, visible_boxes
 
     parsing = parse(np.dstack([case.image, np.where(case.mask, 0, 255).astype(np.uint8)]))
     seen = [e for e in elements(parsing) if _hidden_share(case.mask, e) <= _HIDDEN]

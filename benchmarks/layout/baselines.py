@@ -9,17 +9,19 @@ import numpy as np
 from catalogs.learning.layouts import LayoutRecord
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import complete, grids
-from facade_core.layout.completion import plan, start_of
 from facade_core.layout.extension import Extension, extend, known
 from facade_core.layout.grids import boxes
 from facade_core.layout.model import LayoutModel
-from facade_core.layout.optimisation import value_of
+from facade_core.layout.optimisation import search, start_of, value_of
 from facade_core.layout.picking import pick
+from facade_core.layout.policy import roll_out
 from facade_core.layout.proposals import Box
 from facade_core.layout.rectangles import iou, may_overlap, overlaps
 from facade_core.types import Element
 
 Method = Callable[[list[Element], Box, list[Box]], list[list[Element]]]
+# Of the policy search: generations of ten policies, completions a policy.
+GENERATIONS, TRIES = 5, 4
 _NOTHING = np.zeros((0, 5))
 
 
@@ -170,8 +172,12 @@ def policy_search(model: LayoutModel) -> Method:
     """The paper's own method: the layout of the policy search with the best score."""
 
     def method(seen: list[Element], domain: Box, region: list[Box]) -> list[list[Element]]:
-        best = plan(seen, domain, np.array(region), model, seed=0)[0]
-        return [cleared(best, seen, domain, region)]
+        start = start_of(seen, domain, np.array(region), model)
+        used, seeds, scores = search(
+            model.policies, start, model.densities, model.weights, model.mean, GENERATIONS, TRIES, 0
+        )
+        box, label, _ = roll_out(used[scores.argmax()], start, int(seeds[scores.argmax()]))
+        return [cleared(np.column_stack([label, box])[len(seen) :], seen, domain, region)]
 
     return method
 

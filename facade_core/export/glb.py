@@ -11,13 +11,13 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
+from facade_core.export.buffers import INDICES, VERTICES, Buffer
 from facade_core.export.looks import Look, Time, materials_of
 
-# glTF's numbers for component types, buffer targets, filters and wrapping.
+# glTF's numbers for component types, filters and wrapping.
 UNSIGNED_INT, FLOAT = 5125, 5126
 # Of component types, as numpy has them.
 BYTE_KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
-VERTICES, INDICES = 34962, 34963
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 # Of models of pictures alone.
 UNLIT = {"extensionsUsed": ["KHR_materials_unlit"]}
@@ -85,26 +85,15 @@ def glb_bytes(
         "tangent": [tangents(p.tangent) for p in primitives if p.tangent is not None],
         "triangles": [np.ascontiguousarray(p.triangles, "<u4").reshape(-1, 1) for p in primitives],
     }
-    views: list[dict[str, Any]] = []
-    chunks: list[bytes] = []
-    offset = 0
-
-    def add_view(data: bytes, **more: Any) -> None:
-        nonlocal offset
-        views.append({"buffer": 0, "byteOffset": offset, "byteLength": len(data), **more})
-        padded = data + b"\0" * (-len(data) % 4)
-        chunks.append(padded)
-        offset += len(padded)
-
-    accessors: list[dict[str, Any]] = []
+    buffer = Buffer()
     first: dict[str, int] = {}
     for name, parts in arrays.items():
         kind = KINDS[name]
-        first[name] = len(accessors)
+        first[name] = len(buffer.accessors)
         start = 0
         for part in parts:
             accessor: dict[str, Any] = {
-                "bufferView": len(views),
+                "bufferView": len(buffer.views),
                 "byteOffset": start,
                 "componentType": UNSIGNED_INT if name == "triangles" else FLOAT,
                 "count": len(part),
@@ -112,15 +101,13 @@ def glb_bytes(
             }
             if name == "position":
                 accessor |= {"min": part.min(axis=0).tolist(), "max": part.max(axis=0).tolist()}
-            accessors.append(accessor)
+            buffer.accessors.append(accessor)
             start += part.nbytes
         if parts:
             stride = {} if name == "triangles" else {"byteStride": 4 * parts[0].shape[1]}
             target = INDICES if name == "triangles" else VERTICES
-            add_view(b"".join(part.tobytes() for part in parts), target=target, **stride)
-    pictures = len(views)
-    for picture in shown.pictures:
-        add_view(picture)
+            buffer.view(b"".join(part.tobytes() for part in parts), target=target, **stride)
+    pictures = [buffer.view(picture) for picture in shown.pictures]
 
     meshes: list[dict[str, Any]] = []
     count = leaning = 0
@@ -154,13 +141,11 @@ def glb_bytes(
             "nodes": [{"name": node.name, "mesh": i} for i, node in enumerate(nodes)],
             "meshes": meshes,
             **shown.document,
-            "images": [{"bufferView": pictures + i, "mimeType": "image/jpeg"} for i in range(len(shown.pictures))],
+            "images": [{"bufferView": view, "mimeType": "image/jpeg"} for view in pictures],
             "samplers": SAMPLERS,
-            "accessors": accessors,
-            "bufferViews": views,
-            "buffers": [{"byteLength": offset}],
+            **buffer.document,
         }
-    return glb_of(document, chunks)
+    return glb_of(document, buffer.chunks)
 
 
 def glb_of(document: Mapping[str, Any], chunks: Sequence[bytes]) -> bytes:

@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.export.buffers import INDICES, Buffer
 from facade_core.export.encoders import Encoder
 from facade_core.export.features import Features, feature_ids
-from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNSIGNED_INT, VERTICES, glb_of, tangents
+from facade_core.export.glb import FLOAT, SAMPLERS, UNSIGNED_INT, glb_of, tangents
 from facade_core.export.looks import Look, Time, materials_of
 
 # glTF's numbers for the component types of quantised data, and the largest of each.
@@ -47,29 +48,7 @@ def tile_glb(
 ) -> bytes:
     """The tile of batches, the i-th of which shows the i-th look."""
     shown = materials_of(looks, encoder, time)
-    views: list[dict[str, Any]] = []
-    chunks: list[bytes] = []
-    accessors: list[dict[str, Any]] = []
-    length = 0
-
-    def add_view(data: bytes, **more: Any) -> int:
-        nonlocal length
-        views.append({"buffer": 0, "byteOffset": length, "byteLength": len(data), **more})
-        padded = data + b"\0" * (-len(data) % 8)
-        chunks.append(padded)
-        length += len(padded)
-        return len(views) - 1
-
-    def add_accessor(values: np.ndarray, component: int, kind: str, *, target: int = VERTICES, **more: Any) -> int:
-        """values (n, k), whose rows are padded to four bytes where they are a vertex'."""
-        count, stride = len(values), -(-values.itemsize * values.shape[1] // 4) * 4
-        wide = np.zeros((count, stride // values.itemsize), values.dtype)
-        wide[:, : values.shape[1]] = values
-        data = wide.tobytes() if target == VERTICES else values.tobytes()
-        view = add_view(data, target=target, **({"byteStride": stride} if target == VERTICES else {}))
-        accessors.append({"bufferView": view, "componentType": component, "count": count, "type": kind, **more})
-        return len(accessors) - 1
-
+    buffer = Buffer()
     everything = np.concatenate([batch.position for batch in batches])
     low, step = quantised_frame(everything)
     used, index = np.unique(np.concatenate([batch.rows for batch in batches]), return_inverse=True)
@@ -83,32 +62,34 @@ def tile_glb(
         start += len(batch.position)
         bounds = {"min": place.min(axis=0).tolist(), "max": place.max(axis=0).tolist()}
         attributes = {
-            "POSITION": add_accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
-            "NORMAL": add_accessor(np.round(batch.normal * BYTE_MOST).astype("i1"), BYTE, "VEC3", normalized=True),
-            "TEXCOORD_0": add_accessor(
+            "POSITION": buffer.accessor(place, UNSIGNED_SHORT, "VEC3", **bounds),
+            "NORMAL": buffer.accessor(np.round(batch.normal * BYTE_MOST).astype("i1"), BYTE, "VEC3", normalized=True),
+            "TEXCOORD_0": buffer.accessor(
                 np.round(batch.uv * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC2", normalized=True
             ),
         }
         if batch.tangent is not None:
             along = np.round(tangents(batch.tangent) * BYTE_MOST).astype("i1")
-            attributes["TANGENT"] = add_accessor(along, BYTE, "VEC4", normalized=True)
+            attributes["TANGENT"] = buffer.accessor(along, BYTE, "VEC4", normalized=True)
         counts = {}
         for column, label in enumerate(LABELS):
             values = ids[:, column : column + 1].astype("<u2" if short else "<f4")
-            attributes[f"_FEATURE_ID_{column}"] = add_accessor(values, UNSIGNED_SHORT if short else FLOAT, "SCALAR")
+            attributes[f"_FEATURE_ID_{column}"] = buffer.accessor(values, UNSIGNED_SHORT if short else FLOAT, "SCALAR")
             counts[label] = len(np.unique(values))
         wide = len(batch.position) > SHORT_MOST
         triangles = batch.triangles.astype("<u4" if wide else "<u2").reshape(-1, 1)
         primitives.append(
             {
                 "attributes": attributes,
-                "indices": add_accessor(triangles, UNSIGNED_INT if wide else UNSIGNED_SHORT, "SCALAR", target=INDICES),
+                "indices": buffer.accessor(
+                    triangles, UNSIGNED_INT if wide else UNSIGNED_SHORT, "SCALAR", target=INDICES
+                ),
                 "material": number,
                 "extensions": {"EXT_mesh_features": feature_ids(counts)},
             }
         )
-    metadata = features.metadata(used, add_view)
-    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in shown.pictures]
+    metadata = features.metadata(used, buffer.view)
+    images = [{"bufferView": buffer.view(picture), "mimeType": encoder.mime} for picture in shown.pictures]
     named = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
@@ -128,11 +109,9 @@ def tile_glb(
         "textures": shown.document["textures"],
         "images": images,
         "samplers": SAMPLERS,
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": length}],
+        **buffer.document,
     }
-    return glb_of(document, chunks)
+    return glb_of(document, buffer.chunks)
 
 
 def quantised_frame(points: np.ndarray) -> tuple[np.ndarray, float]:

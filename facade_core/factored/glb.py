@@ -8,9 +8,10 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.export.buffers import INDICES, Buffer
 from facade_core.export.encoders import Encoder
 from facade_core.export.features import Features, feature_ids
-from facade_core.export.glb import FLOAT, INDICES, SAMPLERS, UNSIGNED_INT, VERTICES, glb_of
+from facade_core.export.glb import FLOAT, SAMPLERS, UNSIGNED_INT, glb_of
 from facade_core.export.looks import Look, materials_of
 
 UNSIGNED_SHORT, SHORT_MOST = 5123, 65535
@@ -41,27 +42,7 @@ def factored_glb(
     copyright: str,
 ) -> bytes:
     """nodes: name -> texture -> what shows it there. Surfaces are unlit: their colours hold the light of the day."""
-    views: list[dict[str, Any]] = []
-    chunks: list[bytes] = []
-    accessors: list[dict[str, Any]] = []
-    length = 0
-
-    def add_view(data: bytes, **more: Any) -> int:
-        nonlocal length
-        views.append({"buffer": 0, "byteOffset": length, "byteLength": len(data), **more})
-        padded = data + b"\0" * (-len(data) % 8)
-        chunks.append(padded)
-        length += len(padded)
-        return len(views) - 1
-
-    def accessor(values: np.ndarray, component: int, kind: str, **more: Any) -> int:
-        wide = -(-values.itemsize * values.shape[1] // 4) * 4
-        rows = np.zeros((len(values), wide // values.itemsize), values.dtype)
-        rows[:, : values.shape[1]] = values
-        view = add_view(rows.tobytes(), target=VERTICES, byteStride=wide)
-        accessors.append({"bufferView": view, "componentType": component, "count": len(values), "type": kind, **more})
-        return len(accessors) - 1
-
+    buffer = Buffer()
     every = [part for parts in nodes.values() for part in parts.values()]
     used, index = np.unique(features.of_chart[np.concatenate([part.chart for part in every])], return_inverse=True)
     short = len(used) <= SHORT_MOST
@@ -73,35 +54,31 @@ def factored_glb(
             ids = index[start : start + len(position)][:, None]
             start += len(position)
             attributes = {
-                "POSITION": accessor(
+                "POSITION": buffer.accessor(
                     position, FLOAT, "VEC3", min=position.min(axis=0).tolist(), max=position.max(axis=0).tolist()
                 ),
-                "NORMAL": accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
-                "TEXCOORD_0": accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
-                "COLOR_0": accessor(
+                "NORMAL": buffer.accessor(part.normal.astype("<f4"), FLOAT, "VEC3"),
+                "TEXCOORD_0": buffer.accessor(part.uv.astype("<f4"), FLOAT, "VEC2"),
+                "COLOR_0": buffer.accessor(
                     np.rint(part.colour * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
                 ),
-                "_FEATURE_ID_0": accessor(
+                "_FEATURE_ID_0": buffer.accessor(
                     ids.astype("<u2" if short else "<f4"), UNSIGNED_SHORT if short else FLOAT, "SCALAR"
                 ),
             }
             triangles = part.triangles.astype("<u4").reshape(-1, 1)
-            view = add_view(triangles.tobytes(), target=INDICES)
-            accessors.append(
-                {"bufferView": view, "componentType": UNSIGNED_INT, "count": len(triangles), "type": "SCALAR"}
-            )
             primitives.append(
                 {
                     "attributes": attributes,
-                    "indices": len(accessors) - 1,
+                    "indices": buffer.accessor(triangles, UNSIGNED_INT, "SCALAR", target=INDICES),
                     "material": texture,
                     "extensions": {"EXT_mesh_features": feature_ids({"part": len(np.unique(ids))})},
                 }
             )
         meshes.append({"name": name, "primitives": primitives})
-    metadata = features.metadata(used, add_view)
+    metadata = features.metadata(used, buffer.view)
     materials = materials_of([Look(picture) for picture in pictures], encoder)
-    images = [{"bufferView": add_view(picture), "mimeType": encoder.mime} for picture in materials.pictures]
+    images = [{"bufferView": buffer.view(picture), "mimeType": encoder.mime} for picture in materials.pictures]
     textures = [
         one | {"sampler": int(again)} for one, again in zip(materials.document["textures"], repeated, strict=True)
     ]
@@ -119,8 +96,6 @@ def factored_glb(
         "textures": textures,
         "images": images,
         "samplers": [*SAMPLERS, {**SAMPLERS[0], "wrapS": REPEAT, "wrapT": REPEAT}],
-        "accessors": accessors,
-        "bufferViews": views,
-        "buffers": [{"byteLength": length}],
+        **buffer.document,
     }
-    return glb_of(document, chunks)
+    return glb_of(document, buffer.chunks)

@@ -13,19 +13,14 @@ from facade_core.layout.descriptors import describe
 from facade_core.layout.evidence import weighed
 from facade_core.layout.grids import boxes, grids
 from facade_core.layout.model import LayoutModel, shipped
-from facade_core.layout.optimisation import search
 from facade_core.layout.picking import aligned, pick
-from facade_core.layout.placement import Start, beside_gaps, spacings
-from facade_core.layout.policy import roll_out
 from facade_core.layout.proposals import Box, frame, propose
 from facade_core.layout.ranking import probability
 from facade_core.layout.rectangles import DOOR
-from facade_core.layout.scores import arrays, score
+from facade_core.layout.scores import score
 from facade_core.layout.styles import sample_layouts
 from facade_core.types import Completion, Element, Parsing
 
-# The policy search: generations of ten policies, completions a policy; the best few are proposed.
-GENERATIONS, TRIES, BEST = 5, 4, 4
 # A window, balcony, door or shop is picked when it is likelier than this: about half of the F1 that is reached for its
 # label, where F1 is largest. Alternatives pick more, and fewer.
 _LIKELY = np.array([0.25, 0.15, 0.09, 0.11])
@@ -58,7 +53,7 @@ def complete(
 
     Proposals come from extended, pooled and mirrored grids, doors and shops where the database has them; boosted trees say how
     likely each is, and the likely ones that do not exclude each other are picked; at most one door, or as many as are seen.
-    The policy search of the paper (5.1-5.2, `plan`) adds nothing to that and is not asked (ADR 0088). The score is the expected
+    The policy search of the paper (5.1-5.2) adds nothing to that and is not asked (ADR 0088). The score is the expected
     F1 of what was picked, plus a small share of `score` (Eq. 15). With neither an element nor a region, whole layouts are
     sampled in the styles of the database and ranked by `score`; for them alone the seed counts. No element in a seen region
     is a bare wall, returned as such.
@@ -121,42 +116,6 @@ def candidates(
         # the first choice is the one of largest expected F1: no alternative counts more
         made.setdefault(layout, min(value, next(iter(made.values()), value)))
     return sorted(made.items(), key=lambda item: -item[1])
-
-
-def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: LayoutModel) -> Start:
-    """The observed layout as the policy takes it."""
-    box, label, grid = arrays(seen)
-    facade = frame(seen, domain)
-    sizes = np.array([(1.0, 1.0), (1.3, 0.5), model.sizes.door[0, :2], model.sizes.shop[0, :2]]) * facade.size
-    return Start(
-        np.ascontiguousarray(box),
-        label,
-        grid,
-        spacings(np.ascontiguousarray(box), grid),
-        beside_gaps(np.ascontiguousarray(box), grid),
-        int(grid.max()) + 1 if len(grid) else 0,
-        np.array(domain, float),
-        np.ascontiguousarray(region),
-        sizes,
-        model.ratios,
-        model.labels,
-        float(facade.ground),
-    )
-
-
-def plan(
-    seen: Sequence[Element], domain: Box, region: np.ndarray, model: LayoutModel, *, seed: int
-) -> list[np.ndarray]:
-    """The best layouts of the policy search: (N, 5) label and x0, y0, x1, y1 of what each adds."""
-    start = start_of(seen, domain, region, model)
-    used, seeds, scores = search(
-        model.policies, start, model.densities, model.weights, model.mean, GENERATIONS, TRIES, seed % 2**31
-    )
-    found = []
-    for k in np.argsort(-scores, kind="stable")[:BEST]:
-        box, label, _ = roll_out(used[k], start, int(seeds[k]))
-        found.append(np.column_stack([label, box])[len(seen) :])
-    return found
 
 
 def _distinct(layouts: Sequence[tuple[tuple[Element, ...], float]], n: int) -> list[tuple[tuple[Element, ...], float]]:

@@ -11,7 +11,6 @@ from facade_core.errors import LayoutError
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases
 from facade_core.layout import statistics as st
-from facade_core.layout.completion import start_of
 from facade_core.layout.densities import (
     ALIGN_X,
     ALIGN_Y,
@@ -36,7 +35,7 @@ from facade_core.layout.densities import (
 from facade_core.layout.descriptors import describe
 from facade_core.layout.grids import boxes, grids
 from facade_core.layout.model import LayoutModel
-from facade_core.layout.optimisation import POPULATION, random_policies, search
+from facade_core.layout.optimisation import POPULATION, random_policies, search, start_of
 from facade_core.layout.policy import LENGTH, roll_out
 from facade_core.layout.proposals import Box, Sizes, frame, propose
 from facade_core.layout.ranking import Trees, train_trees

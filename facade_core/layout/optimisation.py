@@ -8,24 +8,50 @@ once more into it, for seconds, to save a run a tenth of one.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from facade_core.kernels import njit
 from facade_core.layout.densities import Densities
+from facade_core.layout.model import LayoutModel
+from facade_core.layout.placement import Start, beside_gaps, spacings
 from facade_core.layout.policy import (
     COPY_SPACING,
     DATABASE_LABEL,
     LENGTH,
     OBSERVED_LABEL,
     OBSERVED_SPACING,
-    Start,
     roll_out,
 )
-from facade_core.layout.scores import log_scores
+from facade_core.layout.proposals import Box, frame
+from facade_core.layout.scores import arrays, log_scores
 from facade_core.layout.statistics import measure
+from facade_core.types import Element
 
 POPULATION = 10
 _STEP = 0.15
+
+
+def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: LayoutModel) -> Start:
+    """The observed layout as the policy takes it."""
+    box, label, grid = arrays(seen)
+    facade = frame(seen, domain)
+    sizes = np.array([(1.0, 1.0), (1.3, 0.5), model.sizes.door[0, :2], model.sizes.shop[0, :2]]) * facade.size
+    return Start(
+        np.ascontiguousarray(box),
+        label,
+        grid,
+        spacings(np.ascontiguousarray(box), grid),
+        beside_gaps(np.ascontiguousarray(box), grid),
+        int(grid.max()) + 1 if len(grid) else 0,
+        np.array(domain, float),
+        np.ascontiguousarray(region),
+        sizes,
+        model.ratios,
+        model.labels,
+        float(facade.ground),
+    )
 
 
 def search(

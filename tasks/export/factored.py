@@ -5,7 +5,6 @@ from __future__ import annotations
 import json
 import time
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -20,7 +19,6 @@ from tasks.store.standing import recorded_source
 from tasks.units.images import read_exemplar_picture
 
 if TYPE_CHECKING:
-    from facade_core.export.models import LocalFrame, Textured
     from facade_core.factored.glb import Part
     from facade_core.factored.library import Library
     from facade_core.factored.wall import Facade, Pieces
@@ -28,8 +26,6 @@ if TYPE_CHECKING:
 FIGURES = "figures.json"
 # Of the levels of the variations the one whose types are shown: as photographed.
 LEVEL = 0
-# What is no facade has at most so many texels a metre: ground, and all else (roofs, walls between houses).
-GROUND_DENSITY, REST_DENSITY = 8.0, 4.0
 # A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
 SAME = 4.0
 
@@ -42,6 +38,7 @@ def write_factored(
     from facade_core.export.encoders import encoder
     from facade_core.export.models import local_frame
     from facade_core.factored.glb import factored_glb
+    from facade_core.factored.parts import joined, parts_of, rest
     from facade_core.factored.pictures import held, pictures_of
 
     start = time.monotonic()
@@ -53,15 +50,15 @@ def write_factored(
     for index in facades:
         _lay(found, index, facades[index], libraries, of[index], pieces_of)
         advance("export", 1)
-    whole = _joined(pieces_of.values())
+    whole = joined(pieces_of.values())
     pictures = pictures_of(whole, libraries)
     frame = local_frame(found.plan.scene.mesh)
     parts: dict[int, dict[int, Part]] = {}
     for building, pieces in sorted(pieces_of.items()):
-        parts[building] = _parts(pieces, pictures, frame)
+        parts[building] = parts_of(pieces, pictures, frame)
     laid = {int(found.plan.facades.chart[index]) for index in facades}
-    rest = np.setdiff1d(source.chosen(shown), np.array(sorted(laid), np.int64))
-    pages, elements_held = _rest(source, rest, len(pictures.pictures), parts, frame), held(pictures.pictures)
+    others = np.setdiff1d(source.chosen(shown), np.array(sorted(laid), np.int64))
+    pages, elements_held = rest(source, others, len(pictures.pictures), parts, frame), held(pictures.pictures)
     every = [*pictures.pictures, *pages]
     used = encoder("jpeg")
     encoded = [used.encode(picture) for picture in every]
@@ -227,87 +224,3 @@ def _facade(found: Published, index: int) -> Facade:
     seed, labels = (chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels"))
     density = float(placement.texels_per_metre[chart])
     return Facade(chart, seed, found.textured.raster(chart), labels, found.elements(index), density)
-
-
-def _joined(every: Any) -> Pieces:
-    from facade_core.factored.wall import Pieces
-
-    whole = Pieces()
-    for pieces in every:
-        for key, own in pieces.by_picture.items():
-            whole.by_picture.setdefault(key, []).extend(own)
-        whole.elements.extend(pieces.elements)
-    return whole
-
-
-def _parts(pieces: Pieces, pictures: Any, frame: LocalFrame) -> dict[int, Part]:
-    """What was laid of a building, by texture."""
-    by_texture: dict[int, list[tuple[Any, np.ndarray, np.ndarray]]] = {}
-    for key, own in sorted(pieces.by_picture.items()):
-        for piece in own:
-            texture, uv, colour = pictures.laid(key, piece)
-            by_texture.setdefault(texture, []).append((piece, uv, colour))
-    return {
-        texture: _part(
-            [(piece.position, piece.normal, uv, colour, piece.triangles, piece.chart) for piece, uv, colour in own],
-            frame,
-        )
-        for texture, own in by_texture.items()
-    }
-
-
-def _part(rows: Sequence[tuple[Any, ...]], frame: LocalFrame) -> Part:
-    from facade_core.factored.glb import Part
-
-    position, normal, uv, colour, triangles, chart = zip(*rows, strict=True)
-    first = np.concatenate([[0], np.cumsum([len(one) for one in position])])
-    return Part(
-        frame.points(np.concatenate(position)),
-        frame.directions(np.concatenate(normal)),
-        np.concatenate(uv),
-        np.concatenate(colour),
-        np.concatenate([one + start for one, start in zip(triangles, first[:-1], strict=True)]),
-        np.concatenate([np.full(len(p), c) for p, c in zip(position, chart, strict=True)]),
-    )
-
-
-def _rest(
-    source: Textured, charts: np.ndarray, before: int, parts: dict[int, dict[int, Part]], frame: LocalFrame
-) -> list[np.ndarray]:
-    """The pages of all charts that are not factored, whose parts are added by building; pictures before theirs."""
-    from facade_core.export.pages import scaled
-    from facade_core.export.tile_pages import tile_pages
-    from facade_core.factored.glb import Part
-    from facade_core.geometry.charts import DOOR, GROUND, WINDOW
-    from facade_core.grouping import grouped
-
-    kind = source.charts.kind
-    density = (source.texels / source.extent).max(axis=1)
-    most = np.where(kind == GROUND, GROUND_DENSITY, np.where(np.isin(kind, (WINDOW, DOOR)), np.inf, REST_DENSITY))
-    share = np.minimum(1.0, most / density)
-    texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
-
-    def raster(chart: int) -> np.ndarray:
-        width, height = texels[chart].tolist()
-        return scaled(source.raster(chart), (width, height))
-
-    pages = tile_pages(replace(source, texels=texels, raster=raster), charts)
-    drawn, mesh = pages.drawn, source.mesh
-    place = np.full(len(source.charts), -1, np.int64)
-    place[charts] = np.arange(len(charts))
-    mine = np.flatnonzero(place[mesh.chart] >= 0)
-    page = drawn.layout.page[place[mesh.chart[mine]]]
-    owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
-    count = len(drawn.layout.pages)
-    for code, here in sorted(grouped((owner + 1) * count + page).items()):
-        used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
-        chart = mesh.vertex_chart[used]
-        parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = Part(
-            frame.points(mesh.vertices[used]),
-            frame.directions(source.normals[used]),
-            drawn.texture_coordinates(chart, source.coordinates[used]),
-            np.ones((len(used), 3)),
-            index.reshape(-1, 3),
-            chart,
-        )
-    return [pages.pictures(page).colour for page in range(count)]

@@ -10,8 +10,9 @@ from typing import Any
 import geopandas as gpd
 import pytest
 
+from benchmarks.programs import served
 from tasks.export.formats import export
-from tests.clients.conftest import package, served
+from tests.clients.conftest import package
 
 SIDE = 256
 # Of a view's places, those of a grid are asked.
@@ -29,7 +30,7 @@ def opened(
     if request.param == "ktx2":
         pytest.importorskip("alktx2", reason="no encoder of KTX2; `make ktx2-setup` installs it")
     tiles = export(undisturbed[0], "3dtiles", tmp_path_factory.mktemp("tiles") / "3d", textures=request.param).path
-    with served(tiles=tiles, cesium=cesium) as address:
+    with served(pages=Path(__file__).parent, tiles=tiles, cesium=cesium) as address:
         page = browser.new_page(viewport={"width": SIDE, "height": SIDE})
         said: list[str] = []
         page.on("pageerror", lambda error: said.append(str(error)))

@@ -12,7 +12,7 @@ import pytest
 import facade_core.facade
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
-from facade_core.facade import _no_spill, count_columns, from_exemplar, from_photo, prepare_exemplar, visible_boxes
+from facade_core.facade import _no_spill, count_columns, from_exemplar, from_photo, prepare_exemplar
 from facade_core.labels import SKY, WALL, WINDOW
 from facade_core.synth import facade as paint
 from facade_core.texture import Wall, on_wall, style_of
@@ -161,35 +161,6 @@ def test_labels_that_come_with_an_exemplar_are_believed() -> None:
     assert "parse" in prepare_exemplar(clean.image, hidden, storey=3.2, labels=clean.labels).seconds, (
         "what is hidden is made"
     )
-
-
-def test_visible_boxes_leave_out_the_holes() -> None:
-    hidden = np.zeros((40, 60), bool)
-    hidden[10:20, 30:50] = True
-    boxes = visible_boxes(hidden)
-    drawn = np.zeros_like(hidden)
-    for x0, y0, x1, y1 in boxes:
-        assert not drawn[int(y0) : int(y1), int(x0) : int(x1)].any()
-        drawn[int(y0) : int(y1), int(x0) : int(x1)] = True
-    np.testing.assert_array_equal(drawn, ~hidden)
-
-
-def test_inside_a_hidden_frame_is_visible_and_specks_cost_little() -> None:
-    hidden = np.ones((400, 300), bool)
-    hidden[6:-6, 6:-6] = False
-    (inside,) = visible_boxes(hidden)
-    assert inside == (6, 6, 294, 393)  # whole cells of three pixels
-    random = np.random.default_rng(0)
-    hidden = np.zeros((1200, 900), bool)
-    for y, x in random.integers(0, (1190, 890), (150, 2)):
-        hidden[y : y + 9, x : x + 9] = True
-    boxes = visible_boxes(hidden)
-    assert len(boxes) < 1000
-    drawn = np.zeros_like(hidden)
-    for x0, y0, x1, y1 in boxes:
-        drawn[int(y0) : int(y1), int(x0) : int(x1)] = True
-    assert not (drawn & hidden).any()
-    assert drawn.sum() > 0.9 * (~hidden).sum()
 
 
 def test_columns_are_counted_in_the_fullest_row() -> None:

@@ -1,8 +1,7 @@
 import numpy as np
 
-from facade_core.layout.completion import start_of
 from facade_core.layout.model import shipped
-from facade_core.layout.optimisation import random_policies, search
+from facade_core.layout.optimisation import random_policies, search, start_of
 from facade_core.layout.policy import LENGTH, roll_out
 from facade_core.types import Element
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections import Counter
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -14,15 +13,9 @@ from lxml import etree
 
 from catalogs.readers.citygml.buildings import read_citygml
 from tasks.export.formats import export
-from tasks.published.opened import Published, published
+from tasks.published.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
-
-
-@pytest.fixture(scope="module")
-def found(undisturbed: Run) -> Iterator[Published]:
-    with published(undisturbed[0]) as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,15 +14,9 @@ import rasterio
 from catalogs.features import file_stem
 from facade_core.export.facade_stages import chart_raster
 from tasks.export.formats import export
-from tasks.published.opened import Published, published
+from tasks.published.opened import Published
 
 Run = tuple[Path, dict[str, Any]]
-
-
-@pytest.fixture(scope="module")
-def found(undisturbed: Run) -> Iterator[Published]:
-    with published(undisturbed[0]) as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

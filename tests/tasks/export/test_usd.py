@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -11,16 +10,10 @@ import numpy as np
 import pytest
 
 from tasks.export.formats import export
-from tasks.published.opened import Published, published
+from tasks.published.opened import Published
 
 pxr = pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
 Run = tuple[Path, dict[str, Any]]
-
-
-@pytest.fixture(scope="module")
-def found(undisturbed: Run) -> Iterator[Published]:
-    with published(undisturbed[0]) as opened:
-        yield opened
 
 
 @pytest.fixture(scope="module")

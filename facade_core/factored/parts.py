@@ -1,0 +1,97 @@
+"""A factored model's parts: what was laid of facades, by texture, and pages of all that is none."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from facade_core.export.models import LocalFrame, Textured
+from facade_core.export.pages import scaled
+from facade_core.export.tile_pages import tile_pages
+from facade_core.factored.glb import Part
+from facade_core.factored.pictures import Shown
+from facade_core.factored.wall import Piece, Pieces
+from facade_core.geometry.charts import DOOR, GROUND, WINDOW
+from facade_core.grouping import grouped
+
+# What is no facade has at most so many texels a metre: ground, and all else (roofs, walls between houses).
+GROUND_DENSITY, REST_DENSITY = 8.0, 4.0
+
+
+def joined(every: Iterable[Pieces]) -> Pieces:
+    """What was laid of all buildings, by picture."""
+    whole = Pieces()
+    for pieces in every:
+        for key, own in pieces.by_picture.items():
+            whole.by_picture.setdefault(key, []).extend(own)
+        whole.elements.extend(pieces.elements)
+    return whole
+
+
+def parts_of(pieces: Pieces, pictures: Shown, frame: LocalFrame) -> dict[int, Part]:
+    """What was laid of a building, by texture."""
+    by_texture: dict[int, list[tuple[Piece, np.ndarray, np.ndarray]]] = {}
+    for key, own in sorted(pieces.by_picture.items()):
+        for piece in own:
+            texture, uv, colour = pictures.laid(key, piece)
+            by_texture.setdefault(texture, []).append((piece, uv, colour))
+    return {
+        texture: _part(
+            [(piece.position, piece.normal, uv, colour, piece.triangles, piece.chart) for piece, uv, colour in own],
+            frame,
+        )
+        for texture, own in by_texture.items()
+    }
+
+
+def _part(rows: Sequence[tuple[Any, ...]], frame: LocalFrame) -> Part:
+    """One part of rows of position, normal, texture coordinates, colour, triangles and charts."""
+    position, normal, uv, colour, triangles, chart = zip(*rows, strict=True)
+    first = np.concatenate([[0], np.cumsum([len(one) for one in position])])
+    return Part(
+        frame.points(np.concatenate(position)),
+        frame.directions(np.concatenate(normal)),
+        np.concatenate(uv),
+        np.concatenate(colour),
+        np.concatenate([one + start for one, start in zip(triangles, first[:-1], strict=True)]),
+        np.concatenate([np.full(len(p), c) for p, c in zip(position, chart, strict=True)]),
+    )
+
+
+def rest(
+    source: Textured, charts: np.ndarray, before: int, parts: dict[int, dict[int, Part]], frame: LocalFrame
+) -> list[np.ndarray]:
+    """The pages of all charts that are not factored, whose parts are added by building; pictures before theirs."""
+    kind = source.charts.kind
+    density = (source.texels / source.extent).max(axis=1)
+    most = np.where(kind == GROUND, GROUND_DENSITY, np.where(np.isin(kind, (WINDOW, DOOR)), np.inf, REST_DENSITY))
+    share = np.minimum(1.0, most / density)
+    texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
+
+    def raster(chart: int) -> np.ndarray:
+        width, height = texels[chart].tolist()
+        return scaled(source.raster(chart), (width, height))
+
+    pages = tile_pages(replace(source, texels=texels, raster=raster), charts)
+    drawn, mesh = pages.drawn, source.mesh
+    place = np.full(len(source.charts), -1, np.int64)
+    place[charts] = np.arange(len(charts))
+    mine = np.flatnonzero(place[mesh.chart] >= 0)
+    page = drawn.layout.page[place[mesh.chart[mine]]]
+    owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
+    count = len(drawn.layout.pages)
+    for code, here in sorted(grouped((owner + 1) * count + page).items()):
+        used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
+        chart = mesh.vertex_chart[used]
+        parts.setdefault(int(code // count - 1), {})[before + int(code % count)] = Part(
+            frame.points(mesh.vertices[used]),
+            frame.directions(source.normals[used]),
+            drawn.texture_coordinates(chart, source.coordinates[used]),
+            np.ones((len(used), 3)),
+            index.reshape(-1, 3),
+            chart,
+        )
+    return [pages.pictures(page).colour for page in range(count)]
