@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.export.substances import RELIEF
+from facade_core.labels import BALCONY, SHOP, WALL
 from facade_core.street.relief import depth_of
 
 # Bars and frames stand so far out of their panes, metres.
@@ -29,7 +30,8 @@ def heights(
     mean = np.maximum(cv2.blur(grey, (side, side), borderType=cv2.BORDER_REPLICATE), 1)
     out = np.clip((grey / mean - 1) / DARKEST, -1, 0.5) * RELIEF[substance]
     if labels is not None:
-        out += depth_of(labels, density)
+        # balconies and shops have ragged edges: their steps would glitter
+        out += depth_of(np.where(np.isin(labels, (BALCONY, SHOP)), WALL, labels), density)
         out[frames] += np.float32(FRAME_M)
     return out.astype(np.float32)
 
