@@ -33,20 +33,10 @@ from facade_core.street.field_kernels import (
 from facade_core.street.grain import Grains
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import Squares
-from facade_core.street.materials import (
-    BALLASTS,
-    BRICKS,
-    FELTS,
-    FITTINGS,
-    PLASTERS,
-    ROOFS,
-    SLATES,
-    SOFFIT,
-    TILES,
-    WOODS,
-)
+from facade_core.street.materials import BRICKS, FITTINGS, PLASTERS, SOFFIT, WOODS
 from facade_core.street.own_walls import WallMaterial
 from facade_core.street.render import shade
+from facade_core.street.roofs import BALLASTS, FELTS, ROOFS, SLATES, TILES
 from facade_core.street.sampling import Lights
 from facade_core.street.scene import Scene
 from facade_core.street.tiled import Material

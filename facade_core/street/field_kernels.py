@@ -20,23 +20,17 @@ from facade_core.street.materials import (
     FRAME,
     GLASS,
     MORTAR,
-    MOSS,
     SKY,
     add_weather,
-    ballast,
     brick,
-    felt,
     fitting,
     framed,
     glass,
-    moss,
     plaster,
-    roofing,
-    slates,
     soffit,
-    tiling,
     wood,
 )
+from facade_core.street.roofs import MOSS, ballast, felt, moss, roofing, slates, tiling
 from facade_core.street.sampling import Lights, lit
 from facade_core.street.tiled import Mips, laid_at
 
