@@ -139,7 +139,7 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         geoid_separation=keys.geoid_separation,
         failed_limit=keys.failed_limit,
         seed=keys.seed,
-        notes=geometry.notes + built.notes + far,
+        notes=geometry.notes + built.notes + far + _flat(built.items, terrain),
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
     )
@@ -187,6 +187,13 @@ def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
         **values,
     )
     return with_digest(part, file)
+
+
+def _flat(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str, ...]:
+    """A note where nothing tells how high the ground is: a hill looks like any other place then."""
+    if terrain is not None or any(building.base is not None or building.shell is not None for building in buildings):
+        return ()
+    return ("no source states heights of the ground, which is laid flat; where it is not, give terrain: {path: ...}",)
 
 
 def _terrain(files: Files, frame: CRS, extent: tuple[float, float, float, float], file: BlockFile) -> Elevation | None:

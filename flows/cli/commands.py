@@ -23,6 +23,7 @@ from flows.cli.usage import in_one_line
 
 if TYPE_CHECKING:
     from catalogs.published.places import Folder
+    from tasks.examples.new_block import Geometry
 
 
 class Commands(click.Group):
@@ -132,15 +133,33 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
 
 @main.command("new-block", cls=WithBox)
 @click.argument("block_file", metavar="BLOCK.yaml", type=NEW_FILE)
-@click.option("--osm", type=EXISTING_FILE, required=True, help="Map extract with buildings and streets (.osm.pbf).")
-@click.option("--bbox", nargs=4, type=float, required=True, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--osm", type=EXISTING_FILE, help="Map extract with buildings and streets (.osm.pbf).")
+@click.option("--buildings", type=EXISTING_FILE, help="Instead: buildings of any format that a block file names.")
+@click.option(
+    "--streets", type=EXISTING_FILE, help="Their streets.  [default: derived from the gaps between buildings]"
+)
+@click.option("--crs", metavar="CRS", help="What these count in, such as EPSG:28992, where they do not say it.")
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--around", nargs=2, type=float, metavar="LON LAT", help="Instead: the middle of a square.")
+@click.option(
+    "--size",
+    type=click.FloatRange(min=50.0, max=5000.0),
+    default=200.0,
+    show_default=True,
+    help="Its side in metres; without --bbox and --around, of the square that is built up most.",
+)
 @click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
 @click.option("--poses", type=EXISTING_FILE, help="Where panoramas were taken, if they do not say so themselves.")
 @click.option("--exemplars", type=EXISTING_FOLDER, help="Rectified facade pictures.  [default: painted ones]")
 def new_block(
     block_file: Path,
-    osm: Path,
-    bbox: tuple[float, ...],
+    osm: Path | None,
+    buildings: Path | None,
+    streets: Path | None,
+    crs: str | None,
+    bbox: tuple[float, ...] | None,
+    around: tuple[float, float] | None,
+    size: float,
     photos: Path | None,
     poses: Path | None,
     exemplars: Path | None,
@@ -148,17 +167,42 @@ def new_block(
     """Write a block file for a part of a map, and say what was found there.
 
     \b
-    Example:
+    Examples:
+      streetloom new-block mine.yaml --osm city.osm.pbf
+      streetloom new-block mine.yaml --osm city.osm.pbf --around 24.947 60.166 --size 300
       streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --photos photos/
+      streetloom new-block mine.yaml --buildings houses.gpkg --streets roads.gpkg --crs EPSG:3067
     """
+    from catalogs.buildings.densest import square_around
     from flows.cli.console import progress
     from tasks.examples.new_block import new_block as write
 
+    if bbox and around:
+        raise click.UsageError("give --bbox or --around, not both")
+    area = bbox or (square_around(*around, size) if around else size)
     with progress(quiet=not sys.stderr.isatty()):
-        found = write(block_file, osm, bbox, photos, exemplars, poses)
+        found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
     for line in found.lines():
         say(line)
     say(f"ready: streetloom run {block_file}")
+
+
+def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> Geometry:
+    """The files of new-block's options; click.UsageError where they are none, or say two things."""
+    from tasks.examples.new_block import Geometry
+
+    if osm is None and buildings is None:
+        raise click.UsageError("give a map as --osm FILE.osm.pbf, or buildings of another format as --buildings FILE")
+    if osm is not None and (buildings or streets):
+        raise click.UsageError("--osm holds buildings and streets; give it, or --buildings and --streets")
+    if osm is None:
+        assert buildings is not None
+        return Geometry(buildings, streets, crs)
+    if osm.suffix.lower() != ".pbf":
+        raise click.UsageError(
+            f"--osm: {osm} is no .osm.pbf; give it as --buildings {osm}, and its streets as --streets"
+        )
+    return Geometry(osm, osm, crs)
 
 
 @main.command()

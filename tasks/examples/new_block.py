@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import shutil
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +13,10 @@ import numpy as np
 import yaml
 
 from catalogs.block import Block, read_block
+from catalogs.buildings.densest import densest_square
+from catalogs.buildings.extents import Bounds
 from catalogs.features import file_stem
+from catalogs.readers.files import read_buildings
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.panoramas import read_panoramas
 from facade_core.errors import BlockFileError, InputError
@@ -24,10 +27,8 @@ from tasks.stages.planning import plan_of
 # What the keys of the block file are called on the command line.
 _OPTIONS = {
     "area": "--bbox",
-    "buildings": "--osm",
-    "buildings.path": "--osm",
-    "streets": "--osm",
-    "streets.path": "--osm",
+    "buildings.crs": "--crs",
+    "streets.crs": "--crs",
     "imagery.exemplars": "--exemplars",
     "imagery.exemplars.path": "--exemplars",
     "imagery.panoramas": "--photos",
@@ -36,6 +37,34 @@ _OPTIONS = {
     "imagery.photos": "--photos",
     "imagery.photos.path": "--photos",
 }
+
+
+AS_TAKEN = (
+    "photos as taken from the street, not straight on, want `rectified: false` beside their path in the block file"
+)
+
+
+@dataclass(frozen=True)
+class Geometry:
+    """The files that a city's geometry is in.
+
+    Args:
+        buildings: of any format that a block file names.
+        streets: of any such; None: derived from the gaps between the buildings.
+        crs: what the coordinates count in, where the files do not say it.
+    """
+
+    buildings: Path
+    streets: Path | None
+    crs: str | None = None
+
+    def options(self) -> dict[str, str]:
+        """What the block file's keys are called on the command line: one map has one option."""
+        one = self.buildings == self.streets
+        names = (
+            {"buildings": "--osm", "streets": "--osm"} if one else {"buildings": "--buildings", "streets": "--streets"}
+        )
+        return names | {f"{key}.path": option for key, option in names.items()}
 
 
 @dataclass(frozen=True)
@@ -76,6 +105,7 @@ class Found:
             f"pictures   {len(self.panoramas)} panoramas with a pose, {len(self.photos)} photos named after a facade, "
             f"{len(self.unused)} of no use yet",
             *(f"           {name}: {reason.removeprefix(f'{name} ')}" for name, reason in self.unused),
+            *([f"           {AS_TAKEN}"] if self.photos else []),
             *(
                 f"set aside  {fault.kind} {fault.id}: {fault.reason}"
                 for fault in self.block.faults
@@ -87,17 +117,18 @@ class Found:
 
 def new_block(
     path: Path,
-    osm: Path,
-    bbox: Sequence[float],
+    geometry: Geometry,
+    area: Sequence[float] | float,
     photos: Path | None,
     exemplars: Path | None,
     poses: Path | None = None,
     seed: int = 0,
     paint: Callable[[Path], None] = paint_exemplars,
 ) -> Found:
-    """Write the block file `path` for the part of the map file `osm` inside `bbox` (west, south, east, north in degrees).
+    """Write the block file `path` for a part of a city's geometry.
 
     Args:
+        area: (west, south, east, north) in degrees, or the side in metres of the square that is built up most.
         photos: a folder of pictures; panoramas are told by their shape and pose, photos of a facade by its id as their name.
         exemplars: the style library; without it one is painted beside the file.
         poses: a file of the panoramas' poses, where they have none in themselves.
@@ -113,7 +144,7 @@ def new_block(
     try:
         if library in made:
             paint(library)
-        return _written(path, osm, bbox, photos, library, poses, seed)
+        return _written(path, geometry, area, photos, library, poses, seed)
     except BaseException:
         for folder in made:  # the library first, then parents from the inside out
             shutil.rmtree(folder, ignore_errors=True)
@@ -121,20 +152,29 @@ def new_block(
 
 
 def _written(
-    path: Path, osm: Path, bbox: Sequence[float], photos: Path | None, library: Path, poses: Path | None, seed: int
+    path: Path,
+    geometry: Geometry,
+    area: Sequence[float] | float,
+    photos: Path | None,
+    library: Path,
+    poses: Path | None,
+    seed: int,
 ) -> Found:
+    bounds = _densest(geometry, area) if isinstance(area, float) else area
     imagery = {"exemplars": {"path": _beside(library, path)}}
+    frame = {} if geometry.crs is None else {"crs": geometry.crs}
     keys = {
         "name": path.stem,
-        "area": [float(value) for value in bbox],
-        "buildings": {"path": _beside(osm, path)},
-        "streets": {"path": _beside(osm, path)},
+        "area": [round(float(value), 6) for value in bounds],
+        "buildings": {"path": _beside(geometry.buildings, path)} | frame,
+        **({} if geometry.streets is None else {"streets": {"path": _beside(geometry.streets, path)} | frame}),
         "imagery": imagery,
         "seed": seed,
     }
     draft = path.with_name(f".{path.name}.draft")
+    options = _OPTIONS | geometry.options()
     try:
-        block = _drafted(draft, keys)
+        block = _drafted(draft, keys, options)
         plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == STREET).tolist())
@@ -145,20 +185,35 @@ def _written(
                 imagery["panoramas"]["poses"] = _beside(poses, path)
         elif photos and named:
             imagery["photos"] = {"path": _beside(photos, path)}
-        block = _drafted(draft, keys)
+        block = _drafted(draft, keys, options)
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
     return Found(path, block, panoramas, named, unused, fronts)
 
 
-def _drafted(draft: Path, keys: dict) -> Block:
+def _densest(geometry: Geometry, size: float) -> Bounds:
+    option = geometry.options()["buildings.path"]
+    try:
+        source = read_buildings(geometry.buildings)
+        crs = geometry.crs or source.crs
+        if crs is None:
+            raise InputError(f"{geometry.buildings} states no frame; give --crs EPSG:...")
+        found = densest_square([replace(source, crs=crs)], size)
+    except InputError as error:
+        raise InputError(f"{option}: {error}") from error
+    if found is None:
+        raise InputError(f"{option}: {geometry.buildings} holds no buildings; give a file that does")
+    return found
+
+
+def _drafted(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
     draft.write_text(yaml.safe_dump(keys, sort_keys=False, allow_unicode=True), encoding="utf-8")
     try:
         return read_block(draft)
     except BlockFileError as error:  # the draft is nobody's file, and its keys are what the command was given
         key, _, problem = str(error).removeprefix(f"{draft}: ").partition(": ")
-        raise InputError(f"{_OPTIONS.get(key, key)}: {problem}") from error
+        raise InputError(f"{options.get(key, key)}: {problem}") from error
 
 
 def _sorted_pictures(

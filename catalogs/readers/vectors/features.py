@@ -94,7 +94,8 @@ def read_centrelines(path: Path) -> Centrelines:
             drawn = geometry is not None and not geometry.is_empty
             if from_osm and "highway" not in tags:
                 continue
-            if "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
+            tunnel = tags.get("tunnel") == "yes" and "highway" not in tags
+            if tunnel or "railway" in tags or ("highway" in tags and drawn and not is_street(geometry, tags)):
                 continue
             yield id, geometry, listed(tags["name"])[0] if "name" in tags else None
 

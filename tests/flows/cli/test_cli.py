@@ -133,6 +133,28 @@ def test_a_variable_of_a_script_that_is_not_set_opens_nothing(
 
 
 @pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ((), "give a map as --osm"),
+        (("--osm", "MAP", "--streets", "MAP"), "--osm holds buildings and streets"),
+        (("--osm", "MAP"), "is no .osm.pbf; give it as --buildings"),
+        (("--buildings", "MAP", "--bbox", "1", "2", "3", "4", "--around", "1", "2"), "--bbox or --around"),
+        (("--buildings", "MAP", "--size", "5"), "--size"),
+    ],
+)
+def test_a_new_block_is_of_one_map_and_one_place(tmp_path: Path, options: tuple[str, ...], said: str) -> None:
+    from flows.cli.commands import main
+
+    (tmp_path / "city.gpkg").write_bytes(b"")
+    given = [str(tmp_path / "city.gpkg") if word == "MAP" else word for word in options]
+    shown = CliRunner().invoke(main, ["new-block", str(tmp_path / "new.yaml"), *given])
+    assert shown.exit_code == 2
+    assert said in shown.stderr
+    assert len(shown.stderr.splitlines()) == 1
+    assert not (tmp_path / "new.yaml").exists()
+
+
+@pytest.mark.parametrize(
     "arguments",
     [
         ("run", "BLOCK", "--out", "gs://bucket/out"),

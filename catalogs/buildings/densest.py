@@ -1,0 +1,50 @@
+"""Where a map is built up most: a place to begin with, for those who have a city and want a block."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from catalogs.buildings.extents import EARTH_RADIUS, LARGEST_M, Bounds, Source, places_of
+
+_STEPS = 4  # a square is moved by this share of its side
+
+
+def square_around(longitude: float, latitude: float, size: float) -> Bounds:
+    """(west, south, east, north) in degrees of a square of `size` metres with its middle there."""
+    up = math.degrees(size / 2 / EARTH_RADIUS)
+    right = up / math.cos(math.radians(latitude))
+    return longitude - right, latitude - up, longitude + right, latitude + up
+
+
+def densest_square(sources: Sequence[Source], size: float) -> Bounds | None:
+    """(west, south, east, north) in degrees of the square of `size` metres where buildings' boxes cover most; None where no
+    building of a possible size lies anywhere. Of equal ones the westernmost, then the southernmost.
+    """
+    found = [places_of(source.crs, source.boxes()) for source in sources if source.crs and source.items]
+    corners = np.concatenate([places.corners[places.size <= LARGEST_M] for places in found] or [np.empty((0, 4, 2))])
+    if not len(corners):
+        return None
+    middle = corners.mean(axis=1)
+    step = size / _STEPS
+    up = math.degrees(step / EARTH_RADIUS)
+    # many small boxes far apart are many cells: those that hold something are kept, by number
+    row = np.floor(middle[:, 1] / up).astype(np.int64)
+    right = up / np.cos(np.radians(np.median(middle[:, 1])))
+    column = np.floor(middle[:, 0] / right).astype(np.int64)
+    spans = np.ptp(corners, axis=1) / (right, up)
+    cells, cell = np.unique(np.column_stack([column, row]), axis=0, return_inverse=True)
+    covered = np.bincount(cell.ravel(), weights=spans.prod(axis=1))
+    # a square begins at any cell that some building's cell lies within
+    begins = cells[:, None] - np.stack(np.meshgrid(range(_STEPS), range(_STEPS), indexing="ij"), -1).reshape(-1, 2)
+    squares, square = np.unique(begins.reshape(-1, 2), axis=0, return_inverse=True)
+    within = np.bincount(square.ravel(), weights=np.repeat(covered, _STEPS * _STEPS))
+    west, south = squares[within.argmax()]
+    return (
+        float(west * right),
+        float(south * up),
+        float((west + _STEPS) * right),
+        float((south + _STEPS) * up),
+    )
