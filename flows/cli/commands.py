@@ -47,8 +47,20 @@ class Commands(click.Group):
             ctx.exit(code)
 
 
+def _version(ctx: click.Context, _: click.Parameter, wanted: bool) -> None:
+    """The version with a digest of the code and libraries that make results: the same digest, the same results."""
+    if wanted and not ctx.resilient_parsing:
+        from tasks.keys.stage_code import code_version
+        from tasks.kinds.order import CODED
+
+        say(f"streetloom {code_version(CODED)}")
+        ctx.exit()
+
+
 @click.group(cls=Commands, context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 110})
-@click.version_option(package_name="streetloom")
+@click.option(
+    "--version", is_flag=True, is_eager=True, expose_value=False, callback=_version, help="Show version and code."
+)
 def main() -> None:
     """Turns an untextured city block into a textured, searchable one.
 

@@ -172,8 +172,14 @@ def bench(name: str | None, options: tuple[str, ...]) -> None:
     import importlib
     import pkgutil
 
-    import benchmarks
+    from facade_core.errors import InputError
 
+    try:
+        import benchmarks
+    except ModuleNotFoundError:
+        raise InputError(
+            "bench: benchmarks come with a clone of the project, not with its package; run it there"
+        ) from None
     modules = sorted(module.name for module in pkgutil.iter_modules(benchmarks.__path__))
     told = {module: about for module in modules if (about := _about(module)) is not None}
     if name is None:
