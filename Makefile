@@ -40,10 +40,19 @@ ktx2-setup: setup  ## What encodes textures of 3D Tiles as KTX2, into the same .
 usd-setup: setup  ## What writes OpenUSD (220 MB), into the same .venv
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes --no-deps -r deploy/constraints/usd.txt
 
-clients: setup  ## Programs of others that tests open exports with (CesiumJS, three.js, a validator), where npm is there
-	@mkdir -p .venv/clients && cp tests/clients/package.json tests/clients/package-lock.json .venv/clients/
-	@{ command -v npm >/dev/null && npm ci --prefix .venv/clients --no-audit --no-fund --silent; } || \
-		echo "npm cannot install what tests/clients names: tests of other programs are skipped"
+clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/ready  ## Programs of others that tests open exports with (CesiumJS, three.js, a validator, Blender), 540 MB
+
+# What cannot be installed is told, and its tests are skipped with a reason.
+.venv/clients/node_modules/.package-lock.json: benchmarks/clients/package-lock.json | setup
+	@mkdir -p .venv/clients && cp benchmarks/clients/package.json benchmarks/clients/package-lock.json .venv/clients/
+	@{ command -v npm >/dev/null && npm ci --prefix .venv/clients --no-audit --no-fund --silent && touch $@; } || \
+		echo "npm cannot install what benchmarks/clients/package.json names: tests of these programs are skipped"
+
+.venv/clients/python/ready: deploy/constraints/clients.txt | setup
+	@mkdir -p .venv/clients
+	@{ $(BIN)/uv venv --quiet --clear --python $(BIN)/python .venv/clients/python && \
+		$(BIN)/uv pip install --quiet --python .venv/clients/python/bin/python --require-hashes -r $< && touch $@; } || \
+		echo "what $< names cannot be installed: tests of Blender are skipped"
 
 bench: setup  ## What the demo's block takes; README names the command of each other figure
 	$(BIN)/streetloom bench block --json
@@ -64,6 +73,8 @@ constraints: setup  ## Pin anew what pyproject.toml asks for
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/ktx2.txt
 	$(BIN)/uv pip compile --group usd --no-deps --universal --python-version 3.11 \
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/usd.txt
+	$(BIN)/uv pip compile --group clients --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/clients.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image, ImageDraw
 
-from benchmarks.programs import CHROMIUM, PACKAGES, SOFTWARE_GL, served
+from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.export.glb import header_of
 from facade_core.export.models import local_frame
 from tasks.export.formats import export
@@ -99,8 +99,7 @@ def rendered(folder: Path, views: Sequence[tuple[str, float, list[float], list[f
     if CHROMIUM is None or not (PACKAGES / "three").is_dir():
         raise SystemExit("--sheet: Chromium and three.js draw it; install chromium, and run `make clients`")
     places = {"pages": Path(__file__).resolve().parent, "three": PACKAGES / "three", "model": folder}
-    with served(**places) as address, sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *SOFTWARE_GL])
+    with served(**places) as address, sync_playwright() as playwright, chromium(playwright) as browser:
         tab = browser.new_page()
         tab.goto(f"{address}/pages/factored.html?size={SIZE[0]},{SIZE[1]}")
         tab.wait_for_function("window.ready || window.failed", timeout=300_000)
@@ -110,7 +109,6 @@ def rendered(folder: Path, views: Sequence[tuple[str, float, list[float], list[f
         for _, _, eye, target in views:
             url = tab.evaluate("([eye, target]) => window.draw(eye, target)", [eye, target])
             found.append(Image.open(io.BytesIO(base64.b64decode(url.partition(",")[2]))).convert("RGB"))
-        browser.close()
     return found
 
 

@@ -20,7 +20,7 @@ from typing import Any
 import numpy as np
 from PIL import Image
 
-from benchmarks.programs import CHROMIUM, PACKAGES, SOFTWARE_GL, served
+from benchmarks.programs import CHROMIUM, PACKAGES, chromium, served
 from facade_core.export.models import local_frame, y_up
 from facade_core.export.views import cameras, view_names
 from facade_core.street.sun import direction
@@ -57,8 +57,8 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as scratch:
         folder = asked.glb or Path(str(export(asked.out, "glb", Path(scratch) / "glb").path))
         told["glb_mb"] = round((folder / "block.glb").stat().st_size / 1e6, 1)
-        with served(pages=HERE, model=folder, three=PACKAGES / "three") as address, sync_playwright() as playwright:
-            browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox", *SOFTWARE_GL])
+        places = {"pages": HERE, "model": folder, "three": PACKAGES / "three"}
+        with served(**places) as address, sync_playwright() as playwright, chromium(playwright) as browser:
             for name in ("day", "night"):
                 page = browser.new_page(viewport={"width": SIZE[0], "height": SIZE[1]})
                 page.set_default_timeout(600_000)
@@ -73,7 +73,6 @@ def main() -> None:
                 image.save(asked.to / f"light-{name}.jpg", quality=86)
                 told[f"{name}_seconds"] = round(time.monotonic() - start, 1)
                 page.close()
-            browser.close()
     print(json.dumps(told, indent=1))
 
 

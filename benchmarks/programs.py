@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -11,12 +12,63 @@ from pathlib import Path
 from threading import Thread
 from typing import Any
 
-# Where `make clients` puts packages of npm.
-PACKAGES = Path(__file__).resolve().parents[1] / ".venv" / "clients" / "node_modules"
+# Where `make clients` puts them.
+INSTALLED = Path(__file__).resolve().parents[1] / ".venv" / "clients"
+PACKAGES = INSTALLED / "node_modules"
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser") or shutil.which("google-chrome")
+# Chromium draws without a graphics card, as machines of tests have none.
 SOFTWARE_GL = ["--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--ignore-gpu-blocklist"]
 
 NOWHERE = Path("/nothing")
+
+
+class Absent(Exception):
+    """A program that is not on this machine; in one line, with what installs it."""
+
+
+def package(name: str) -> Path:
+    """The folder of an npm package."""
+    folder = PACKAGES / name
+    if not folder.is_dir():
+        raise Absent(f"the npm package {name} is not installed; `make clients` does that")
+    return folder
+
+
+def node() -> str:
+    """Node.js."""
+    if (found := shutil.which("node")) is None:
+        raise Absent("no node on this machine")
+    return found
+
+
+def blender() -> Path:
+    """A Python that has Blender as the module bpy."""
+    python = INSTALLED / "python" / "bin" / "python"
+    if not python.is_file() or not any(INSTALLED.glob("python/lib/python*/site-packages/bpy")):
+        raise Absent("Blender (bpy, for Python 3.11) is not installed; `make clients` does that")
+    return python
+
+
+def cjio() -> Path:
+    """The program of that name, for CityJSON."""
+    program = INSTALLED / "python" / "bin" / "cjio"
+    if not program.is_file():
+        raise Absent("cjio is not installed beside Blender; `make clients` does that")
+    return program
+
+
+@contextmanager
+def chromium(playwright: Any) -> Iterator[Any]:
+    """Chromium, driven by Playwright."""
+    if CHROMIUM is None:
+        raise Absent("no Chromium on this machine")
+    # inside a container Chromium's own sandbox cannot start; it meets nothing here but pages of this project
+    arguments = [*SOFTWARE_GL, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
+    browser = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+    try:
+        yield browser
+    finally:
+        browser.close()
 
 
 class _Files(SimpleHTTPRequestHandler):

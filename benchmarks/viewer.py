@@ -24,7 +24,7 @@ from typing import TYPE_CHECKING, Any, cast
 
 import yaml
 
-from benchmarks.programs import CHROMIUM
+from benchmarks.programs import CHROMIUM, chromium
 
 if TYPE_CHECKING:
     from facade_core.atlas.journal import Record
@@ -104,8 +104,7 @@ def visit(address: str, visits: int) -> dict[str, Any]:
     pages = {"opens": ("", "tbody tr"), "facade": (f"#/facade/{facade}", "dl.facts"), "street": ("#/street", "#step")}
     seconds: dict[str, list[float]] = {name: [] for name in pages}
     weight = 0
-    with sync_playwright() as playwright:
-        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+    with sync_playwright() as playwright, chromium(playwright) as browser:
         for _ in range(visits):
             for name, (place, there) in pages.items():
                 page = browser.new_page(viewport={"width": 1280, "height": 860})
@@ -122,7 +121,6 @@ def visit(address: str, visits: int) -> dict[str, Any]:
                 if name == "opens":
                     weight = sum(sizes)
                 page.close()
-        browser.close()
     return {
         **{f"{name}_s": [round(f(of), 2) for f in (statistics.median, max)] for name, of in seconds.items()},
         "weight_kb": round(weight / 1000),

@@ -2,28 +2,26 @@
 
 from __future__ import annotations
 
-import os
 import time
 from collections.abc import Iterator
+from contextlib import ExitStack
 from typing import Any
 
 import pytest
 
-from benchmarks.programs import CHROMIUM, SOFTWARE_GL
+from benchmarks.programs import Absent, chromium
 
 
 @pytest.fixture(scope="session")
 def browser() -> Iterator[Any]:
-    if CHROMIUM is None:
-        pytest.skip("no Chromium on this machine")
     from playwright.sync_api import sync_playwright
 
-    # inside a container Chromium's own sandbox cannot start; it meets nothing here but the viewer's pages
-    arguments = [*SOFTWARE_GL, *(["--no-sandbox"] if os.geteuid() == 0 else [])]
-    with sync_playwright() as playwright:
-        started = playwright.chromium.launch(executable_path=CHROMIUM, args=arguments)
+    with ExitStack() as stack:
+        try:
+            started = stack.enter_context(chromium(stack.enter_context(sync_playwright())))
+        except Absent as absent:
+            pytest.skip(str(absent))
         yield started
-        started.close()
 
 
 def wait(page: Any, expression: str) -> None:

@@ -6,6 +6,7 @@ import fcntl
 import json
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,6 +14,7 @@ import pytest
 from hypothesis import settings
 
 from tasks.compute.workers import limit_threads
+from tasks.published.opened import Published, published
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages
 from tests.pipeline.runs import TYPED, run, write_block
@@ -108,3 +110,10 @@ def undisturbed(block: Path, common: Path) -> tuple[Path, dict[str, Any]]:
             out.parent.mkdir()
             told.write_text(json.dumps(run(block, out, workers=2, program=TYPED)))
     return out, json.loads(told.read_text())
+
+
+@pytest.fixture(scope="module")
+def found(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[Published]:
+    """What the run published that many tests look at."""
+    with published(undisturbed[0]) as opened:
+        yield opened

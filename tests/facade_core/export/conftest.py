@@ -2,17 +2,15 @@
 
 from __future__ import annotations
 
-import json
-import shutil
-import subprocess
 from collections.abc import Callable
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 import shapely
 
+from benchmarks.clients import validators
+from benchmarks.programs import Absent, node, package
 from facade_core.atlas import AtlasSpec
 from facade_core.export.models import Textured, textured_scene
 from facade_core.geometry import block_surfaces, pack, terrain_of
@@ -20,13 +18,6 @@ from facade_core.street import Scene
 from facade_core.types import Building, Street
 
 STREET = Street("s", None, shapely.LineString([(386000, 6671980), (386050, 6671980)]))
-# What checks GLB files, from the npm registry.
-VALIDATOR = "gltf-validator@2.0.0-dev.3.10"
-CHECK = """
-const {validateBytes} = require('gltf-validator'), fs = require('fs');
-Promise.all(process.argv.slice(1).map(f => validateBytes(new Uint8Array(fs.readFileSync(f)))))
-  .then(reports => console.log(JSON.stringify(reports.map(r => r.issues))));
-"""
 
 
 def colour_of(chart: int) -> np.ndarray:
@@ -58,23 +49,11 @@ def coloured(houses: Scene) -> Textured:
 
 
 @pytest.fixture(scope="session")
-def gltf_issues(tmp_path_factory: pytest.TempPathFactory) -> Callable[..., list[dict[str, Any]]]:
-    """What Khronos' validator says of GLB files; skips where npm cannot install it."""
-    if not shutil.which("npm") or not shutil.which("node"):
-        pytest.skip("no node and npm on this machine: GLB files are not validated")
-    folder = tmp_path_factory.mktemp("validator")
-    options = ["--no-audit", "--no-fund", "--no-package-lock"]
-    done = subprocess.run(
-        ["npm", "install", *options, VALIDATOR], cwd=folder, capture_output=True, text=True, timeout=300
-    )
-    if done.returncode:
-        pytest.skip(f"npm cannot install {VALIDATOR}: {done.stderr.strip().splitlines()[-1:]}")
-
-    def issues(*files: Path) -> list[dict[str, Any]]:
-        paths = [str(file.resolve()) for file in files]
-        found = subprocess.run(
-            ["node", "-e", CHECK, *paths], cwd=folder, capture_output=True, text=True, timeout=300, check=True
-        )
-        return json.loads(found.stdout)
-
-    return issues
+def gltf_issues() -> Callable[..., list[dict[str, Any]]]:
+    """What Khronos' validator says of GLB files; skips where it is absent."""
+    try:
+        package("gltf-validator")
+        node()
+    except Absent as absent:
+        pytest.skip(str(absent))
+    return validators.gltf_issues

@@ -16,7 +16,7 @@ from PIL import Image
 
 from facade_core.export.glb import header_of
 from tasks.export.formats import FORMATS, export
-from tasks.published.opened import published
+from tasks.published.opened import Published
 from tests.exports import EACH
 
 Run = tuple[Path, dict[str, Any]]
@@ -128,10 +128,9 @@ def test_each_format_is_asked() -> None:
 
 
 @pytest.mark.parametrize("style", EACH)
-def test_a_format_names_the_licence_of_the_map(undisturbed: Run, tmp_path: Path, style: str) -> None:
-    with published(undisturbed[0]) as found:
-        name = found.names[int(found.plan.facades.building[found.rectified(found.choose(()))[0]])]
-        line = found.attribution.line
+def test_a_format_names_the_licence_of_the_map(found: Published, undisturbed: Run, tmp_path: Path, style: str) -> None:
+    name = found.names[int(found.plan.facades.building[found.rectified(found.choose(()))[0]])]
+    line = found.attribution.line
     folder = export(undisturbed[0], style, tmp_path / style, [name]).path
     said = list(NAMED[style](Path(str(folder))))
     assert line.startswith(MAP)
@@ -139,10 +138,9 @@ def test_a_format_names_the_licence_of_the_map(undisturbed: Run, tmp_path: Path,
     assert set(said) == {line}
 
 
-def test_what_is_published_names_it_without_a_day(undisturbed: Run) -> None:
-    with published(undisturbed[0]) as found:
-        line = replace(found.attribution, made=None).line
-        folder = Path(str(found.snapshot.folder))
+def test_what_is_published_names_it_without_a_day(found: Published) -> None:
+    line = replace(found.attribution, made=None).line
+    folder = Path(str(found.snapshot.folder))
     assert line.startswith(MAP)
     models = [folder / "block.glb", folder / "overview.glb", *(folder / "tiles").glob("*.glb")]
     assert len(models) > 2

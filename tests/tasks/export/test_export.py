@@ -7,7 +7,6 @@ import shutil
 import subprocess
 import sys
 from collections import Counter
-from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
@@ -30,18 +29,12 @@ from facade_core.export.glb import header_of
 from flows.cli.commands import main
 from tasks.export.formats import FORMATS, _writers, export
 from tasks.export.models import write_3dtiles
-from tasks.published.opened import Published, published
+from tasks.published.opened import Published
 from tests.exports import HERE
 
 Run = tuple[Path, dict[str, Any]]
 # val3dity, where it lies beside the checkout.
 VALIDATOR = Path(__file__).parents[4] / "shared/tools/val3dity/run"
-
-
-@pytest.fixture(scope="module")
-def found(undisturbed: Run) -> Iterator[Published]:
-    with published(undisturbed[0]) as opened:
-        yield opened
 
 
 def test_the_command_line_offers_every_format() -> None:

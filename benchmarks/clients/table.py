@@ -1,0 +1,232 @@
+"""The rows of `benchmarks.clients`: a program and a format each."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import cached_property, partial
+from pathlib import Path
+from typing import Any
+
+from benchmarks.clients import blender
+from benchmarks.clients.browser import Opened, in_cesium, in_three
+from benchmarks.clients.validators import gltf_issues
+from benchmarks.programs import Absent, chromium
+from benchmarks.solid import validated
+from tasks.export.formats import export
+from tasks.published.opened import published
+
+COLUMNS = (
+    *("client", "version", "format", "opened", "pictures", "attributes", "seconds", "mb", "texture_mb"),
+    *("colour_difference", "edges_shared", "shown", "why"),
+)
+# The finest tiles are shown, from wherever one looks.
+ERROR_PX, SIDE = 0.01, 512
+PLACES = [(x, y) for x in range(32, SIDE, 32) for y in range(32, SIDE, 32)]
+Row = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Exports:
+    """Exports of a run, each made when it is first asked for, and what opens them; what is started ends with the stack."""
+
+    out: Path
+    folder: Path
+    val3dity: Path
+    stack: ExitStack
+
+    def __call__(self, style: str, **options: Any) -> Path:
+        """The folder of an export."""
+        place = self.folder / "-".join([style, *(str(value) for value in options.values())])
+        if not place.is_dir():
+            print(f"exporting {place.name}", file=sys.stderr)
+            export(self.out, style, place, **options)
+        return place
+
+    def main(self, style: str, **options: Any) -> Path:
+        """The file to open first."""
+        place = self(style, **options)
+        return place / json.loads((place / "export.json").read_text())["files"][0]
+
+    @cached_property
+    def browser(self) -> Any:
+        from playwright.sync_api import sync_playwright
+
+        return self.stack.enter_context(chromium(self.stack.enter_context(sync_playwright())))
+
+
+def _tiles_in_cesium(exports: Exports, **options: Any) -> Row:
+    folder = exports("3dtiles", **options)
+    with in_cesium(exports.browser, folder, error=ERROR_PX, side=SIDE) as opened:
+        told = opened("figures()")
+        whole = told["loaded"] == len(list((folder / "tiles").glob("*.glb"))) and not told["failed"] and not opened.said
+        return _of(opened, folder) | {
+            "version": told["version"],
+            "opened": whole,
+            "pictures": "all" if told["textures"] else "none",
+            "attributes": _columns(opened, "picked({x}, {y}, 'featureId_0')"),
+            "texture_mb": round(told["textures"] / 1e6, 1),
+        }
+
+
+def _tiles_in_three(exports: Exports, **options: Any) -> Row:
+    folder = exports("3dtiles", **options)
+    with in_three(exports.browser, folder, error=ERROR_PX, side=SIDE) as opened:
+        told = opened("figures()")
+        whole = told["models"] == len(list((folder / "tiles").glob("*.glb"))) and not told["failed"] and not opened.said
+        return (
+            _of(opened, folder) | _drawn(told) | {"opened": whole, "attributes": _columns(opened, "picked({x}, {y})")}
+        )
+
+
+def _model_in_three(exports: Exports, style: str, **options: Any) -> Row:
+    model = exports.main(style, **options)
+    with in_three(exports.browser, model, side=SIDE) as opened:
+        told = opened("figures()")
+        return (
+            _of(opened, model) | _drawn(told) | {"opened": told["models"] == 1 and not told["failed"], "attributes": 0}
+        )
+
+
+def _of(opened: Opened, shown: Path) -> Row:
+    return {"seconds": round(opened.seconds, 1), "mb": _mb(shown)}
+
+
+def _mb(shown: Path) -> float:
+    files = [shown] if shown.is_file() else [path for path in shown.rglob("*") if path.is_file()]
+    return round(sum(path.stat().st_size for path in files) / 1e6, 1)
+
+
+def _drawn(told: Row) -> Row:
+    return {
+        "version": told["version"],
+        "pictures": f"{told['pictures']}" + (f", {len(told['bare'])} parts bare" if told["bare"] else ""),
+        "texture_mb": round(told["textures"] / 1e6, 1),
+    }
+
+
+def _columns(opened: Opened, picked: str) -> int:
+    """Columns that a facade answers with, the most of those in view."""
+    found = [opened(picked.format(x=x, y=y)) for x, y in PLACES]
+    return max((len(one) for one in found if one and one.get("kind") == "facade"), default=0)
+
+
+def _in_blender(exports: Exports, style: str, **options: Any) -> Row:
+    """A format in Blender, CityJSON as cjio writes it."""
+    path = exports.main(style, **options)
+    city = path if style in ("cityjson", "lod3") else None
+    with published(exports.out) as found:
+        camera, origin = blender.of_street(found), blender.origin_of_models(found)
+        own, built = blender.own_picture(found, camera)
+    if city:
+        path, origin = blender.obj_by_cjio(city), blender.moved_by_cjio(city)
+    shown = exports.folder / f"blender-{path.parent.name}.png"
+    (told,) = blender.in_blender([{"open": str(path), "render": blender.shot(camera, origin, shown)}])
+    return {
+        "version": told["version"],
+        "opened": told["triangles"] > 0,
+        "pictures": f"{len(told['pictures'])}; {told['slots_with_picture']} of {told['slots']} parts",
+        "attributes": len(told["attributes"]),
+        "seconds": round(told["seconds"], 1),
+        "mb": _mb(path.parent if city else path),
+        "texture_mb": round(told["texture_bytes"] / 1e6, 1),
+        # the own picture has the light that lit materials leave out of their colours
+        **({} if options.get("lit") else blender.compared(own, shown, built)),
+    }
+
+
+def _by_khronos(exports: Exports, style: str, **options: Any) -> Row:
+    files = sorted(exports(style, **options).rglob("*.glb"))
+    start = time.monotonic()
+    issues = gltf_issues(*files)
+    return {
+        "opened": not any(one["numErrors"] for one in issues),
+        "seconds": round(time.monotonic() - start, 1),
+        "mb": round(sum(path.stat().st_size for path in files) / 1e6, 1),
+        "why": f"{len(files)} files, {sum(one['numErrors'] for one in issues)} errors,"
+        f" {sum(one['numWarnings'] for one in issues)} warnings",
+    }
+
+
+def _by_val3dity(exports: Exports, style: str) -> Row:
+    if not exports.val3dity.is_file():
+        raise Absent("val3dity is not there; name it with --val3dity")
+    path = exports.main(style)
+    start = time.monotonic()
+    valid, errors = validated(path, exports.val3dity)
+    return {
+        "opened": all(valid.values()),
+        "seconds": round(time.monotonic() - start, 1),
+        "mb": _mb(path),
+        "why": f"{sum(valid.values())} of {len(valid)} objects valid" + (f", errors {dict(errors)}" if errors else ""),
+    }
+
+
+def _by_gdal(exports: Exports) -> Row:
+    import pyogrio
+
+    path = exports.main("gpkg")
+    start = time.monotonic()
+    layers = [pyogrio.read_info(path, layer) for layer, _ in pyogrio.list_layers(path)]
+    read = [len(pyogrio.read_dataframe(path, layer=layer["layer_name"])) for layer in layers]
+    return {
+        "version": ".".join(map(str, pyogrio.__gdal_version__)),
+        "opened": all(found == layer["features"] for found, layer in zip(read, layers, strict=True)),
+        "attributes": max(len(layer["fields"]) for layer in layers),
+        "seconds": round(time.monotonic() - start, 1),
+        "mb": _mb(path),
+        "why": f"{len(layers)} layers, {sum(read)} features",
+    }
+
+
+def _checks() -> list[tuple[str, str, Callable[[Exports], Row]]]:
+    """(program, format with its options, what asks)."""
+    kinds: dict[str, dict[str, Any]] = {name: {"textures": name} for name in ("jpeg", "webp", "ktx2")}
+    kinds |= {f"{name}, 300 MB": {"textures": name, "max_texture_mb": 300.0} for name in ("jpeg",)}
+    found: list[tuple[str, str, Callable[[Exports], Row]]] = []
+    for name, options in kinds.items():
+        found += [
+            ("CesiumJS", f"3dtiles, {name}", partial(_tiles_in_cesium, **options)),
+            ("3d-tiles-renderer", f"3dtiles, {name}", partial(_tiles_in_three, **options)),
+            ("Khronos' validator", f"3dtiles, {name}", partial(_by_khronos, style="3dtiles", **options)),
+        ]
+    found += [
+        (client, f"glb, {'lit' if lit else 'unlit'}", partial(ask, style="glb", lit=lit))
+        for lit in (True, False)
+        for client, ask in (
+            ("three.js", _model_in_three),
+            ("Khronos' validator", _by_khronos),
+            ("Blender", _in_blender),
+        )
+    ]
+    for style in ("cityjson", "lod3"):
+        found += [
+            ("val3dity", style, partial(_by_val3dity, style=style)),
+            ("cjio, Blender", style, partial(_in_blender, style=style)),
+        ]
+    return [*found, ("GDAL", "gpkg", _by_gdal)]
+
+
+def rows(out: Path, folder: Path, val3dity: Path, only: frozenset[str]) -> list[Row]:
+    """Each program that is here and format; a program that is absent, or fails, has a row that says why."""
+    found: list[Row] = []
+    with ExitStack() as stack:
+        exports = Exports(out, folder, val3dity, stack)
+        for client, style, ask in _checks():
+            if only and not only & {client, style, style.partition(",")[0]}:
+                continue
+            row: Row = {"client": client, "format": style, "opened": False}
+            try:
+                row |= ask(exports)
+            except Absent as absent:
+                row["why"] = str(absent)
+            except (OSError, RuntimeError, subprocess.SubprocessError, TimeoutError) as error:
+                row["why"] = str(error).splitlines()[0] if str(error) else type(error).__name__
+            found.append(row)
+            print(json.dumps(row), file=sys.stderr)
+    return found
