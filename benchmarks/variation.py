@@ -199,6 +199,28 @@ def planted(seeds: int = 3) -> dict[str, object]:
     }
 
 
+def large() -> dict[str, object]:
+    """Processor seconds of 15 floors of 30 windows: of relaxing matrices of so many types, and of encoding a painted facade."""
+    from facade_core.synth import facade
+
+    rng = np.random.default_rng(1)
+    seconds = {}
+    for types in (2, 10, 40, 100):  # the first is small: what is compiled, is then
+        side = (3, 4) if types == 2 else (15, 30)
+        structure = np.unique(rng.integers(types, size=side), return_inverse=True)[1].reshape(side).astype(np.int32)
+        points = rng.random((types, 3))
+        cost = ((points[:, None] - points) ** 2).sum(axis=2) ** 3
+        start = time.process_time()
+        relax(structure, cost / cost.max())
+        seconds[f"relaxing 450 windows of {types} types, s"] = round(time.process_time() - start, 2)
+    painted = facade((90.0, 50.0), floors=15, columns=30, style="brick", metres_per_pixel=0.06, seed=3)
+    encode(painted.image, painted.elements[:2])
+    start = time.process_time()
+    encode(painted.image, painted.elements)
+    del seconds["relaxing 450 windows of 2 types, s"]
+    return seconds | {"encoding a painted facade, s": round(time.process_time() - start, 2)}
+
+
 def samples(folder: Path, *, every: int) -> dict[str, object]:
     """Whether 20 samples of a middle level differ, and whether each keeps how often every element's type is shown."""
     differ, kept = [], []
@@ -226,6 +248,7 @@ def main() -> None:
         if given.parsed:
             report[f"{name}, parsed"] = run(data / name, every=given.every, parsed=True, others=False)
     report["painted facades"] = planted()
+    report["450 windows"] = large()
     report["samples, ecp"] = samples(data / "ecp", every=8 * given.every)
     print(json.dumps(report, indent=1))
 

@@ -47,5 +47,5 @@ def principal_components(patches: np.ndarray) -> Basis:
 def relabelling_cost(representatives: np.ndarray) -> np.ndarray:
     """(T, T) cost C of relabelling one type as another: SSD of (T, h, w, 3) representatives, cubed, largest 1."""
     flat = representatives.reshape(len(representatives), -1).astype(np.float64)
-    ssd = ((flat[:, None] - flat[None]) ** 2).sum(axis=2)
+    ssd = np.array([((flat - one) ** 2).sum(axis=1) for one in flat]).reshape(len(flat), len(flat))
     return (ssd / max(ssd.max(), 1e-12)) ** 3
