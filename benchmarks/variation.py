@@ -204,7 +204,7 @@ def large() -> dict[str, object]:
     from facade_core.synth import facade
 
     rng = np.random.default_rng(1)
-    seconds = {}
+    seconds: dict[str, object] = {}
     for types in (2, 10, 40, 100):  # the first is small: what is compiled, is then
         side = (3, 4) if types == 2 else (15, 30)
         structure = np.unique(rng.integers(types, size=side), return_inverse=True)[1].reshape(side).astype(np.int32)

@@ -22,7 +22,7 @@ _LEAST = -1e-9
 class Moves(NamedTuple):
     """What is known of a labelling of T types, kept from move to move and from weight to weight.
 
-    x (R + 2, C + 2) int32: the types, -1 where there is no element and all around; count (T,): cells of each type; sums (T,):
+    x (R + 2, C + 2) int32: the types, -1 where there is no element and all around; number (T,): cells of each type; sums (T,):
     of their rectangles' reciprocal sizes; known (cells,) bool: whether the next two hold; left (cells,): what the sum of a
     cell's type changes by when the cell leaves it; joined (cells, 4): what that of the type above, below, left and right of
     it changes by when it joins; merges (T, T) bool, merged (T, T): what the sums of two types change by when they become one,
@@ -30,7 +30,7 @@ class Moves(NamedTuple):
     """
 
     x: np.ndarray
-    count: np.ndarray
+    number: np.ndarray
     sums: np.ndarray
     known: np.ndarray
     left: np.ndarray
@@ -157,7 +157,7 @@ def _forget(of: Moves, part: np.ndarray, label: int) -> None:
             of.known[cell] = False
             for k in range(4):
                 of.known[_beside(cell, k, part.shape[1])] = False
-    for t in range(len(of.count)):
+    for t in range(len(of.number)):
         of.merges[label, t] = of.merges[t, label] = False
 
 
@@ -166,7 +166,7 @@ def _move_cells(
     of: Moves, previous: np.ndarray, cost: np.ndarray, alpha: float, energies: np.ndarray, moves: int
 ) -> int:
     """One sweep: each cell to the type that lowers the energy most. Returns the number of moves so far."""
-    count = of.count
+    count = of.number
     types, before = of.x.reshape(-1), previous.reshape(-1)
     width = of.x.shape[1]
     part = np.empty(of.x.shape, np.bool_)
@@ -212,7 +212,7 @@ def _move_cells(
 @njit(cache=True)
 def _merge_types(of: Moves, previous: np.ndarray, cost: np.ndarray, alpha: float) -> float:
     """Makes one type of the two whose union lowers the energy most; returns what it changes, 0 where none does."""
-    count, number = of.count, len(of.count)
+    count, number = of.number, len(of.number)
     types, before = of.x.reshape(-1), previous.reshape(-1)
     width = of.x.shape[1]
     data = np.zeros((number, number))
@@ -270,11 +270,11 @@ def icm(of: Moves, cost: np.ndarray, alpha: float) -> np.ndarray:
     lowers the energy, so both loops end.
     """
     previous = of.x.copy()
-    types = len(of.count)
+    types = len(of.number)
     regular = 0.0
     for t in range(types):
-        if of.count[t]:
-            regular += 1 + 1 / of.count[t] + of.sums[t] / WHOLE
+        if of.number[t]:
+            regular += 1 + 1 / of.number[t] + of.sums[t] / WHOLE
     energies = np.empty(64 + 16 * previous.size)
     energies[0] = alpha * regular
     moves = 0
