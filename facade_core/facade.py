@@ -6,6 +6,7 @@ import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, field, replace
+from typing import NamedTuple
 
 import numpy as np
 import shapely
@@ -95,6 +96,19 @@ class Exemplar:
     seconds: dict[str, float] = field(compare=False)
 
 
+class _Made(NamedTuple):
+    """A photo parsed and completed, as `Facade` has it, with its lattice and variations to come."""
+
+    image: np.ndarray
+    labels: np.ndarray
+    occluded: np.ndarray
+    masked: tuple[Box, ...]
+    masked_share: float
+    elements: tuple[Element, ...]
+    completion: Completion | None
+    told: Told
+
+
 def from_photo(
     image: np.ndarray,
     hidden: np.ndarray,
@@ -111,8 +125,42 @@ def from_photo(
     number plate. A clean photo is known to show the facade alone. Raises ImageError where less than LEAST_SEEN of the facade is
     seen.
     """
-    _require_seen(hidden, "of it")
     seconds: dict[str, float] = {}
+    made = _completed(image, hidden, seconds, outside=outside, private=private, clean=clean, seed=seed)
+    with _timed(seconds, "lattice"):
+        split = lattice(made.labels)
+    with _timed(seconds, "encode"):
+        hierarchy = encode(made.image, made.elements)
+    return Facade(
+        evidence=image,
+        image=made.image,
+        labels=made.labels,
+        occluded=made.occluded,
+        provenance=np.where(made.occluded, INPAINTED, PHOTO).astype(np.uint8),
+        masked=made.masked,
+        masked_share=made.masked_share,
+        lattice=split,
+        elements=made.elements,
+        hierarchy=hierarchy,
+        completion=made.completion,
+        told=made.told,
+        floors=int(made.told.value.floors),
+        seconds=seconds,
+    )
+
+
+def _completed(
+    image: np.ndarray,
+    hidden: np.ndarray,
+    seconds: dict[str, float],
+    *,
+    outside: np.ndarray | None,
+    private: np.ndarray | None,
+    clean: bool,
+    seed: int,
+) -> _Made:
+    """What `from_photo` makes before the lattice and the variations; its stages' seconds go to `seconds`."""
+    _require_seen(hidden, "of it")
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]))
@@ -145,23 +193,7 @@ def from_photo(
             layout = elements(replace(made, occluded=np.zeros_like(hidden)))
     sure = certainty()
     layout, told = with_probabilities(layout, sure, hidden), sure.told(made, layout, hidden)
-    split, hierarchy = _split_and_coded(result, made.labels, layout, seconds, seed)
-    return Facade(
-        evidence=image,
-        image=result,
-        labels=made.labels,
-        occluded=hidden,
-        provenance=np.where(hidden, INPAINTED, PHOTO).astype(np.uint8),
-        masked=masked,
-        masked_share=masked_share,
-        lattice=split,
-        elements=tuple(layout),
-        hierarchy=hierarchy,
-        completion=completion,
-        told=told,
-        floors=int(told.value.floors),
-        seconds=seconds,
-    )
+    return _Made(result, made.labels, hidden, masked, masked_share, tuple(layout), completion, told)
 
 
 def _require_seen(hidden: np.ndarray, what: str) -> None:
@@ -227,10 +259,9 @@ def prepare_exemplar(
         found = cut.found
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
-        facade = from_photo(cut.image, cut.hidden, outside=cut.outside, private=private, seed=seed)
-        evidence, made, labels, occluded = facade.evidence, facade.image, facade.labels, facade.occluded
-        floors, layout, seen, classes = facade.floors, facade.elements, made, labels
-        seconds |= facade.seconds
+        whole = _completed(cut.image, cut.hidden, seconds, outside=cut.outside, private=private, clean=False, seed=seed)
+        evidence, made, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
+        floors, layout, seen, classes = int(whole.told.value.floors), whole.elements, made, labels
     if not floors:
         raise ImageError("no windows are found in it, of which walls could be made; replace or remove it")
     with _timed(seconds, "scale"):
@@ -339,15 +370,6 @@ def count_columns(layout: Sequence[Element]) -> int:
         row += 1
         best = max(best, row)
     return best
-
-
-def _split_and_coded(
-    image: np.ndarray, label_map: np.ndarray, layout: Sequence[Element], seconds: dict[str, float], seed: int
-) -> tuple[Lattice, Hierarchy]:
-    with _timed(seconds, "lattice"):
-        split = lattice(label_map)
-    with _timed(seconds, "encode"):
-        return split, encode(image, list(layout), seed=seed)
 
 
 @contextmanager

@@ -81,7 +81,9 @@ def _repeat(
     once = np.isin(labels, _ONCE)
     middles = spans.mean(axis=1)
     plain = [b for b in bands if not ((middles >= cuts[b]) & (middles < cuts[b + 1]) & once).any()]
-    extra = _choice(plain or bands, more, rng)
+    # A facade of one row has no inner band: the band of that row is repeated, with what lies between it and the edge.
+    own = np.unique(np.searchsorted(cuts, rows.mean(axis=1), "right") - 1).tolist()
+    extra = _choice(plain or bands or own, more, rng)
     order = np.sort(np.concatenate([np.arange(len(cuts) - 1), extra])).astype(int)
     starts = np.cumsum([0, *(cuts[b + 1] - cuts[b] for b in order)])
     source = np.concatenate([np.arange(cuts[b], cuts[b + 1]) for b in order])
@@ -124,7 +126,7 @@ def _cuts(rows: np.ndarray, spans: np.ndarray, length: int) -> list[int]:
 
 def _choice(bands: Sequence[int], number: int, rng: np.random.Generator) -> np.ndarray:
     """`number` of the bands, each about equally often."""
-    if number == 0 or not bands:
+    if number == 0:
         return np.zeros(0, int)
     return np.concatenate([rng.permutation(bands) for _ in range(-(-number // len(bands)))])[:number]
 

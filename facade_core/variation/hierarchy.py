@@ -13,7 +13,7 @@ from facade_core.variation.codec import decode
 from facade_core.variation.contents import Group, Level
 from facade_core.variation.enlargement import enlarge
 from facade_core.variation.rendering import element_boxes, element_types, paint_elements
-from facade_core.variation.sampling import deal, exchange
+from facade_core.variation.sampling import deal, exchange, generator
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -58,14 +58,14 @@ class Hierarchy:
         A permutation is a draw from the level's relabelling probabilities that keeps every type's count in the photo;
         seeds 0, 1 ... give different ones as long as there are any. With floors or columns, at least as many as the
         largest grid of windows has, floors and bays are repeated, every place showing an element of its type at the
-        level, as far as can be from where the same one is shown. Raises InputError for a level that there is not,
-        LayoutError for fewer floors or columns, or for more where there is no window.
+        level, as far as can be from where the same one is shown. Raises InputError for a level that there is not or a
+        negative seed, LayoutError for fewer floors or columns, or for more where there is no window.
         """
         now = self.types_at(level)
         boxes = element_boxes(self.groups)
         if floors is None and columns is None:
             return paint_elements(self.wall, self.groups, np.arange(len(now)), boxes, exchange(now, seed))
-        rng = np.random.default_rng(seed)
+        rng = generator(seed)
         larger = enlarge(self.wall, self.groups, self.cells, floors, columns, rng)
         return paint_elements(
             larger.wall, self.groups, larger.places, larger.boxes, deal(now, larger.places, larger.boxes, rng)

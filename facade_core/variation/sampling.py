@@ -6,16 +6,26 @@ from math import factorial, gcd
 
 import numpy as np
 
+from facade_core.errors import InputError
+
 # Fewer variations than this are numbered, so that seeds cannot meet by chance.
 _FEW = 10**12
+
+
+def generator(seed: int) -> np.random.Generator:
+    """What draws a sample; InputError for a seed that is no whole number from 0 on."""
+    if seed < 0 or seed != int(seed):
+        raise InputError(f"seed {seed}: samples are numbered from 0; pass a whole number that is not negative")
+    return np.random.default_rng(int(seed))
 
 
 def exchange(types: np.ndarray, seed: int) -> np.ndarray:
     """(N,) int: for every place the element shown there, a permutation within each of the (N,) types.
 
-    Where there are few permutations, consecutive seeds give different ones until all have been given.
+    Where there are few permutations, consecutive seeds give different ones until all have been given. Raises InputError as
+    `generator` does.
     """
-    rng = np.random.default_rng(seed)
+    rng = generator(seed)
     members = [np.flatnonzero(types == t) for t in np.unique(types)]
     shown = np.arange(len(types))
     total = 1

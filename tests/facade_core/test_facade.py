@@ -77,6 +77,16 @@ def test_an_exemplar_without_windows_is_refused() -> None:
         prepare_exemplar(wall, np.zeros(wall.shape[:2], bool), storey=3.2)
 
 
+def test_nothing_is_made_of_an_exemplar_that_nobody_keeps(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: Any, **__: Any) -> None:
+        raise AssertionError("neither its lattice nor its variations are kept")
+
+    monkeypatch.setattr("facade_core.facade.encode", never)
+    monkeypatch.setattr("facade_core.facade.lattice", never)
+    prepared = prepare_exemplar(PAINTED.image, PAINTED.occluded, storey=3.2)
+    assert set(prepared.seconds) >= {"parse", "elements", "complete", "inpaint", "scale"}
+
+
 def test_a_coarse_exemplar_is_enlarged_smoothly() -> None:
     clean = paint((13.0, 14.0), floors=4, columns=4, style="brick", metres_per_pixel=0.06, seed=2)
     made = from_exemplar(

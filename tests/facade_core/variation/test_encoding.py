@@ -158,6 +158,32 @@ def test_a_facade_is_not_made_smaller_nor_enlarged_without_windows(coded):
         encode(image, []).sample(0, 0, columns=3)
 
 
+@pytest.mark.parametrize(("rows", "columns"), [(1, 1), (1, 4), (2, 1), (2, 2)])
+def test_a_facade_of_few_rows_and_bays_grows_as_well(rows, columns):
+    image, elements, _ = facade(rows=rows, columns=columns)
+    hierarchy = encode(image, elements)
+    last = len(hierarchy.levels) - 1
+    taller = hierarchy.sample(last, 0, floors=rows + 2)
+    wider = hierarchy.sample(last, 0, columns=columns + 3)
+    assert taller.shape[0] >= image.shape[0] + 2 * 60
+    assert taller.shape[1] == image.shape[1]
+    assert wider.shape[1] >= image.shape[1] + 3 * 45
+    assert wider.shape[0] == image.shape[0]
+    assert hierarchy.sample(last, 0, floors=rows, columns=columns).shape == image.shape
+
+
+@pytest.mark.parametrize("seed", [-1, 0.5])
+def test_samples_are_numbered_from_zero(coded, seed):
+    image, *_, hierarchy = coded
+    for sample in (
+        lambda: hierarchy.sample(0, seed),
+        lambda: hierarchy.sample(0, seed, floors=9),
+        lambda: exchange_in_photo(image, hierarchy, 0, seed),
+    ):
+        with pytest.raises(InputError, match="numbered from 0"):
+            sample()
+
+
 def test_exchanged_in_the_photo_the_wall_stays_and_windows_are_other_windows(coded):
     image, elements, _, hierarchy = coded
     last = len(hierarchy.levels) - 1
