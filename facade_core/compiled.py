@@ -13,17 +13,19 @@ from shapely.geometry import LineString, box
 
 from facade_core.export import Camera, perspective
 from facade_core.facade import from_exemplar
+from facade_core.geometry.charts import WALL
 from facade_core.ingest import ingest
+from facade_core.labels import WALL as PLAIN
 from facade_core.layout import complete
+from facade_core.street.facade_light import in_its_light
 from facade_core.street.propagate import see
-from facade_core.street.relief import cast_shadows
 from facade_core.street.render import render
 from facade_core.street.surfaces import Known, paint, surface
 from facade_core.street.translate import Swatches
 from facade_core.street.window import Window
 from facade_core.synth import STYLES, facade
 from facade_core.texture import Wall, inpaint, style_of
-from facade_core.types import Building, Element, Street
+from facade_core.types import Building, Element, Street, Sun
 
 DENSITY = 10.0
 SIZE_M = (7.0, 9.0)
@@ -78,7 +80,10 @@ def streets() -> None:
 
     for chart in range(len(scene.charts)):
         surface(scene, swatches.materials, chart, Known(read, (), ()), network=False)
-    cast_shadows(np.zeros((8, 8, 3), np.uint8), np.ones((8, 8), np.uint8), DENSITY, np.array([0.0, -1.0, 1.0]), 0.5)
+    chart, sun = int(np.flatnonzero(scene.charts.kind == WALL)[0]), Sun(180.0, 45.0)
+    shape = (int(placement.height[chart]), int(placement.width[chart]))
+    wall = np.full((*shape, 3), 128, np.uint8), np.ones(shape, bool), np.full(shape, PLAIN, np.uint8)
+    in_its_light(scene, chart, sun, *wall, np.ones(shape, np.float32), 0)
     camera = Camera.towards(plan.viewpoints[0].position, heading=0, pitch=5, field_of_view=60, size=(6, 8))
     perspective(scene, camera, swatches.materials.raster)
 

@@ -63,12 +63,12 @@ class Daylight:
         points = charts.points(own, across, down) + LIFT_M * normal[own]
         frame = np.stack([charts.axis_u[own], charts.axis_v[own], normal[own]], axis=1)
         clear, behind = np.zeros(len(own)), np.zeros(len(own))
-        for direction in _hemisphere():
+        for direction in hemisphere():
             ray = np.einsum("i,nij->nj", direction, frame)
             depth, met = self._caster.cast(points, ray)
             clear += np.minimum(depth, REACH_M) / REACH_M / RAYS
             behind += (met != MISS) & (np.einsum("ij,ij->i", normal[met], ray) > 0)
-        _spread(clear, behind > INSIDE * RAYS, first, self.rows[new], self.columns[new])
+        spread(clear, behind > INSIDE * RAYS, first, self.rows[new], self.columns[new])
         end = self._used + len(own)
         if end > len(
             self.light
@@ -82,7 +82,7 @@ class Daylight:
 
 
 @njit(cache=True)
-def _spread(clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> None:
+def spread(clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.ndarray, columns: np.ndarray) -> None:
     """Places inside of something take the mean of those beside them that are not, ring by ring; grids begin at first (k,)."""
     for grid in range(len(first)):
         start, height, width = first[grid], rows[grid], columns[grid]
@@ -110,7 +110,7 @@ def _spread(clear: np.ndarray, inside: np.ndarray, first: np.ndarray, rows: np.n
             hidden = ring
 
 
-def _hemisphere() -> np.ndarray:
+def hemisphere() -> np.ndarray:
     """Unit directions (RAYS, 3) about +z, as dense as a matt surface weighs them: a spiral of equal steps."""
     share = (np.arange(RAYS) + 0.5) / RAYS
     turn = np.pi * (3 - np.sqrt(5)) * np.arange(RAYS)

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 
 from facade_core.geometry.charts import Charts
-from facade_core.street.field_kernels import SHADOW
 from facade_core.street.scene import Scene
 from facade_core.types import Sun
 
@@ -17,8 +16,6 @@ CELL_M, LIFT_M = 0.25, 0.04
 REACH_M = 150.0
 # Light of the sky alone and of the sun straight on, red, green and blue: what is in the shade is cooler.
 SKY_LIGHT, SUN_LIGHT = np.array([0.66, 0.68, 0.72]), np.array([0.92, 0.86, 0.76])
-# What an upright wall sees of the light where nothing else stands; losses smaller than 1 less this are none.
-OPEN, MOST = 0.5, 0.99
 # Rays that are cast together.
 AT_ONCE = 1 << 19
 
@@ -75,27 +72,9 @@ def on_chart(charts: Charts, chart: int, sun: Sun) -> tuple[np.ndarray, float]:
     return towards, float((SKY_LIGHT / (SKY_LIGHT + SUN_LIGHT * max(towards[2], 0.0))).mean())
 
 
-def skylight(scene: Scene, chart: int) -> np.ndarray | None:
-    """How much of the sky's light reaches the texels of a wall, (h, w) float32, of what it has where nothing else stands; None
-    where that is all: a court sees less of the sky."""
-    daylight = scene.daylight
-    daylight.reach([chart])
-    rows, columns, first = int(daylight.rows[chart]), int(daylight.columns[chart]), int(daylight.place[chart])
-    grid = daylight.light[first : first + rows * columns].reshape(rows, columns)
-    left = 1 - SHADOW * np.maximum(1 - grid / OPEN, 0).astype(np.float32)
-    if left.min() > MOST:
-        return None
-    for axis, texels in ((0, scene.placement.height[chart]), (1, scene.placement.width[chart])):
-        at = (np.arange(texels, dtype=np.float32) + np.float32(0.5)) / texels * (left.shape[axis] - 1)
-        below = np.minimum(at.astype(np.int64), left.shape[axis] - 2)
-        part = (at - below)[:, None] if axis == 0 else at - below
-        left = left.take(below, axis) * (1 - part) + left.take(below + 1, axis) * part
-    return left
-
-
-def lit(colour: np.ndarray, light: np.ndarray, sky: np.ndarray | float = 1.0) -> np.ndarray:
-    """A colour (h, w, 3) uint8 in so much of the sky's light and of the sun's (h, w): (h, w, 3) uint8."""
+def lit(colour: np.ndarray, light: np.ndarray) -> np.ndarray:
+    """A colour (h, w, 3) uint8 in the sky's light and so much of the sun's (h, w): (h, w, 3) uint8."""
     out = np.empty_like(colour)
     for band, (above, beside) in enumerate(zip(SKY_LIGHT.tolist(), SUN_LIGHT.tolist(), strict=True)):
-        out[..., band] = np.minimum(colour[..., band] * (above * sky + beside * light) + np.float32(0.5), 255)
+        out[..., band] = np.minimum(colour[..., band] * (above + beside * light) + np.float32(0.5), 255)
     return out

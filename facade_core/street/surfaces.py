@@ -14,11 +14,11 @@ from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import Placement
 from facade_core.street.contact import contact
 from facade_core.street.enclosed import enclosed
+from facade_core.street.facade_light import in_its_light
 from facade_core.street.field import Materials
 from facade_core.street.overhead import Aerial, from_above
-from facade_core.street.relief import cast_shadows
 from facade_core.street.scene import Scene
-from facade_core.street.sun import lit, on_chart, skylight, sunlight
+from facade_core.street.sun import lit, sunlight
 from facade_core.street.translate import footprint
 from facade_core.street.window import Window
 from facade_core.types import Sun
@@ -89,23 +89,12 @@ def surface(
         darker = (provenance <= TRANSLATED) & (left < 1)
         colour[darker] = (colour[darker] * left[darker][:, None] + 0.5).astype(np.uint8)
     if sun is not None:
-        colour = _in_sun(scene, chart, sun, colour, provenance == SYNTHESISED, labels)
+        light, made = sunlight(scene, chart, sun), provenance == SYNTHESISED
+        if labels is not None and made.any():
+            colour = in_its_light(scene, chart, sun, colour, made, labels, light, materials.field.seed)
+        else:
+            colour = lit(colour, light)
     return colour, provenance
-
-
-def _in_sun(
-    scene: Scene, chart: int, sun: Sun, colour: np.ndarray, made: np.ndarray, labels: np.ndarray | None
-) -> np.ndarray:
-    """A colour in the light of the sun; where a facade was `made` (h, w) of an exemplar also in the light that a court leaves,
-    and in the shadows of its relief: materials have that of the sky, pictures have both."""
-    light, sky = sunlight(scene, chart, sun), None
-    if labels is not None and made.any():
-        sky = skylight(scene, chart)
-        if light.any():
-            density = float(scene.placement.texels_per_metre[chart])
-            shadow = cast_shadows(colour, labels, density, *on_chart(scene.charts, chart, sun))
-            light *= 1 - made * shadow
-    return lit(colour, light, 1.0 if sky is None else np.where(made, sky, np.float32(1)))
 
 
 def _levelled_surface(

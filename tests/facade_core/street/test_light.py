@@ -13,7 +13,7 @@ from facade_core.labels import WALL as PLAIN
 from facade_core.street import Materials, Scene
 from facade_core.street.contact import contact
 from facade_core.street.relief import cast_shadows
-from facade_core.street.sun import lit, skylight, sunlight
+from facade_core.street.sun import lit, sunlight
 from facade_core.street.surfaces import Known, surface
 from facade_core.types import Building, Street, Sun
 
@@ -151,12 +151,3 @@ def test_relief_casts_shadows_away_from_the_sun_and_none_where_a_picture_has_the
     assert not shadow[:10].any()
     colour[62:66, 55:75] = 92  # as the shade is already
     assert cast_shadows(colour, labels, 20.0, towards, 0.6)[62:66, 55:75].max() < 0.15
-
-
-def test_a_wall_in_the_open_loses_nothing_of_the_sky(scene: Scene) -> None:
-    walls = np.flatnonzero((scene.charts.kind == WALL) & (scene.charts.building == 0))
-    east = walls[scene.charts.normal()[walls, 0] > 0.9][0]
-    assert skylight(scene, int(east)) is None
-    west = walls[scene.charts.normal()[walls, 0] < -0.9][0]
-    left = skylight(scene, int(west))  # before it is the other house, 25 m away
-    assert left is None or left.min() > 0.9

@@ -1,0 +1,182 @@
+"""Light and stains of facades that were made of exemplars, against plain numpy."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import shapely
+
+from benchmarks.materials.plain import noise
+from facade_core.atlas import SYNTHESISED, AtlasSpec
+from facade_core.geometry import WALL, block_surfaces, pack, terrain_of
+from facade_core.geometry.charts import GROUND
+from facade_core.labels import WALL as PLAIN
+from facade_core.labels import WINDOW
+from facade_core.street import Materials, Scene
+from facade_core.street import ambient as around
+from facade_core.street.ambient import ambient
+from facade_core.street.daylight import hemisphere
+from facade_core.street.facade_light import laid_over
+from facade_core.street.stains import CELLS_M, DENSITY, GIVES, PHOTOGRAPHED, deviations, stains, weights
+from facade_core.street.sun import SKY_LIGHT, SUN_LIGHT, direction, lit, sunlight
+from facade_core.street.surfaces import Known, surface
+from facade_core.types import Building, Street, Sun
+
+STREET = Street("s", None, shapely.LineString([(-20, -6), (60, -6)]))
+NOON = Sun(180.0, 45.0)
+
+
+@pytest.fixture(scope="module")
+def scene() -> Scene:
+    """A house north of a street, another one south of it, of which the north side is in the shade, and one by itself."""
+    houses = [
+        Building("north", shapely.box(0, 0, 40, 10), 15.0, "height"),
+        Building("south", shapely.box(0, -22, 40, -12), 15.0, "height"),
+        Building("alone", shapely.box(140, 0, 180, 10), 15.0, "height"),
+    ]
+    charts, mesh, _ = block_surfaces(houses, [STREET], terrain=terrain_of([], None), ground_margin=60, largest=200)
+    placement = pack(charts.size, 16.0, charts.building, page=2048, chunk=128, gutter=2)
+    return Scene(
+        mesh, charts, placement, AtlasSpec(placement.pages, 16.0, page=2048), names=("north", "south", "alone")
+    )
+
+
+def side(scene: Scene, building: int, north: float) -> int:
+    charts = scene.charts
+    (found,) = np.flatnonzero(
+        (charts.kind == WALL) & (charts.building == building) & (charts.normal()[:, 1] * north > 0.9)
+    )
+    return int(found)
+
+
+def total(scene: Scene, chart: int) -> np.ndarray:
+    above, back = ambient(scene, chart, NOON)
+    return above + back * (SUN_LIGHT.mean() / SKY_LIGHT.mean())
+
+
+def test_light_is_that_of_single_rays(scene: Scene) -> None:
+    """Each place and ray by itself, in the order in which one would say it."""
+    chart = side(scene, 1, 1)
+    above, back = ambient(scene, chart, NOON)
+    charts, normals, towards = scene.charts, scene.charts.normal(), direction(NOON)
+    row, column = 2, 4
+    share = np.array([[column / (above.shape[1] - 1), row / (above.shape[0] - 1)]])
+    place = charts.at_shares(np.array([chart]), share)[0, 0] + around.LIFT_M * normals[chart]
+    place += around.ASIDE_M * (charts.axis_u[chart] + charts.axis_v[chart])
+    sky, thrown = [], []
+    for x, y, z in hemisphere():
+        ray = x * charts.axis_u[chart] + y * charts.axis_v[chart] + z * normals[chart]
+        (depth,), (met,) = scene.caster.cast(place, ray[None])
+        if depth > around.AROUND_M and ray[2] >= 0:
+            sky.append(1.0)
+            thrown.append(0.0)
+            continue
+        far = depth > around.AROUND_M
+        normal = np.array([0.0, 0.0, 1.0]) if far else normals[met]
+        share_back = around.GROUND_BACK if far or charts.kind[met] == GROUND else around.BACK
+        sky.append(around.SEES * share_back * (0.5 + 0.5 * normal[2]))
+        sun = max(float(normal @ towards), 0.0)
+        if not far and sun > 0:
+            ahead, _ = scene.caster.cast(place + depth * ray + 0.04 * normal, towards[None])
+            sun *= float(ahead[0] > 110)
+        thrown.append(share_back * sun)
+    whole = (np.mean(sky) + np.mean(thrown) * SUN_LIGHT.mean() / SKY_LIGHT.mean()) / around.USUAL
+    shown = around.MOST / (whole + around.MOST - 1)
+    assert above[row, column] == pytest.approx(np.mean(sky) / around.USUAL * shown, rel=1e-4)
+    assert back[row, column] == pytest.approx(np.mean(thrown) / around.USUAL * shown, rel=1e-4)
+    assert np.mean(thrown) > 0.02, "the sunlit house across the street throws some back"
+
+
+def test_walls_in_the_shade_are_not_even(scene: Scene) -> None:
+    shaded, alone = total(scene, side(scene, 1, 1)), total(scene, side(scene, 2, 1))
+    middle = shaded[:, shaded.shape[1] // 2]
+    assert middle[0] > 1.15 * middle[-1], "lighter above, where more of the sky is seen"
+    assert (alone.mean(axis=1) > shaded.mean(axis=1)).all()
+    assert shaded.max() < around.MOST
+    again = ambient(scene, side(scene, 1, 1), NOON)
+    assert all((a == b).all() for a, b in zip(again, ambient(scene, side(scene, 1, 1), NOON), strict=True))
+
+
+def test_a_sunlit_house_across_the_street_lights_more_than_a_shaded_one(scene: Scene) -> None:
+    chart = side(scene, 1, 1)
+    assert ambient(scene, chart, NOON)[1].sum() > 2 * ambient(scene, chart, Sun(0.0, 5.0))[1].sum()
+
+
+def test_stains_give_an_even_wall_what_photographs_have_and_one_that_has_it_nothing() -> None:
+    even = np.full((240, 400, 3), 150, np.uint8)
+    labels = np.full((240, 400), PLAIN, np.uint8)
+    tones = stains(even, labels, 16.0, (30.0, -12.0), seed=4)
+    step = 1 / DENSITY
+    x = 30 + step * (np.arange(tones.shape[1]) + 0.5)
+    y = -12 + step * (np.arange(tones.shape[0]) + 0.5)
+    found = deviations((150 * tones).round().astype(np.uint8), np.ones(tones.shape, bool), DENSITY)
+    assert found == pytest.approx(PHOTOGRAPHED, rel=0.3)
+    # cells of .35 m are meant over an eighth of a metre: nearly as at its middle
+    points = 1 + sum(
+        weight * noise(x[None, :] / cell + 0 * y[:, None], y[:, None] / cell + 0 * x[None, :], 4 + 121 + number)
+        for number, (cell, weight) in enumerate(zip(CELLS_M, weights(None), strict=True))
+    )
+    assert np.abs(points - tones).max() < 0.05 * np.abs(tones - 1).max() + 0.01
+    stained = (even * np.kron(tones, np.ones((2, 2)))[..., None]).astype(np.uint8)
+    assert np.abs(stains(stained, labels, 16.0, (30.0, -12.0), seed=5) - 1).max() < 0.5 * np.abs(tones - 1).max()
+    assert deviations(even[..., 0], np.zeros(labels.shape, bool), 16.0) is None
+
+
+def test_noise_of_a_weight_gives_the_deviations_that_are_said() -> None:
+    for number, gives in enumerate(GIVES):
+        found = []
+        for seed in range(4):
+            y, x = (np.mgrid[:320, :320] + 0.5) / DENSITY
+            tone = 1 + 0.2 * noise(x / CELLS_M[number], y / CELLS_M[number], seed)
+            found.append(deviations((120 * tone).round().astype(np.uint8), np.ones(tone.shape, bool), DENSITY))
+        assert np.mean(found, axis=0) / 0.2 == pytest.approx(gives, rel=0.2)
+
+
+def test_stains_go_on_where_the_next_wall_begins() -> None:
+    even, labels = np.full((160, 320, 3), 150, np.uint8), np.full((160, 320), PLAIN, np.uint8)
+    whole = stains(even, labels, 16.0, (0.0, 0.0), seed=4)
+    right = stains(even[:, 160:], labels[:, 160:], 16.0, (10.0, 0.0), seed=4)
+    np.testing.assert_array_equal(whole[:, 80:], right)
+
+
+def test_light_is_laid_over_as_numpy_does() -> None:
+    rng = np.random.default_rng(3)
+    colour = rng.integers(0, 256, (12, 17, 3)).astype(np.uint8)
+    made, wall = rng.random((2, 12, 17)) < 0.7
+    light = rng.random((12, 17)).astype(np.float32)
+    above, back = rng.uniform(0.2, 1, (2, 3, 4)).astype(np.float32)
+    tones = rng.uniform(0.8, 1.2, (6, 9)).astype(np.float32)
+    out = np.empty_like(colour)
+    laid_over(colour, made, wall, light, above, back, tones, out)
+
+    def between(grid: np.ndarray, y: np.ndarray, x: np.ndarray) -> np.ndarray:
+        across = np.array([np.interp(x, np.arange(grid.shape[1]), row) for row in grid])
+        return np.array([np.interp(y, np.arange(grid.shape[0]), column) for column in across.T]).T
+
+    y, x = ((np.arange(n) + 0.5) / n for n in made.shape)
+    sky = np.where(made, between(above, y * 2, x * 3), 1)
+    sun = light + np.where(made, between(back, y * 2, x * 3), 0)
+    tone = np.where(made & wall, between(tones, y * 6 - 0.5, x * 9 - 0.5), 1)
+    wanted = colour * tone[..., None] * (SKY_LIGHT * sky[..., None] + SUN_LIGHT * sun[..., None])
+    assert np.abs(np.minimum(wanted, 255) - out).max() <= 0.5 + 1e-3
+
+
+def test_what_is_a_picture_has_its_own_light_and_windows_have_no_stains(scene: Scene) -> None:
+    materials, chart = Materials(scene, [STREET], seed=1), side(scene, 1, 1)
+    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    labels = np.full(size, PLAIN, np.uint8)
+    labels[40:80, 100:140] = WINDOW
+    colour = np.full((*size, 3), 150, np.uint8)
+
+    def finished(rank: int) -> np.ndarray:
+        def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+            return colour[rows, columns], np.full(size, rank, np.uint8)[rows, columns]
+
+        known = Known(read, (), ())
+        return surface(scene, materials, chart, known, network=False, sun=NOON, labels=labels)[0]
+
+    np.testing.assert_array_equal(finished(SYNTHESISED + 1), lit(colour, sunlight(scene, chart, NOON)))
+    made = finished(SYNTHESISED).astype(float)
+    window, wall = made[45:75, 105:135, 0], made[45:75, 145:175, 0]
+    assert wall.std() > 3 * window.std()
+    np.testing.assert_array_equal(finished(SYNTHESISED), finished(SYNTHESISED))
