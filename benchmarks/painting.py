@@ -5,7 +5,9 @@ artdeco; for evaluation only, as here). brightness and saturation: of a wall's m
 facades; panes: grey of windows, by share of their pixels, median over facades; contrast: deviation of walls' and windows' grey
 over its mean. detail: squared gradients of brightness over its squared mean above 2.5 m as a camera of `streetloom bench look`
 would show them at 45 degrees, as a share of the same of walls in held-out panoramas, at densities of texels a metre.
-seconds: of the processor, to paint one facade (median) and the library.
+stains: deviations of plain wall in bands of .7 and 2.6 m at a quarter, half and three fourths of the facades; the median window
+of a photograph is held for 1.2 m wide, as nothing tells its scale. seconds: of the processor, to paint one facade (median) and
+the library.
 """
 
 from __future__ import annotations
@@ -25,12 +27,15 @@ from benchmarks.look.likeness import DISTANCES, FREE_M, gradient_energy, real_en
 from benchmarks.look.photos import read_picture
 from benchmarks.look.views import FIELD_OF_VIEW, SIZE
 from facade_core.labels import WALL, WINDOW
+from facade_core.street.stains import BANDS_M, deviations
 from facade_core.synth import NORDIC, PaintedFacade, exemplar
 from tasks.examples.demo import EXEMPLAR_PIXELS_PER_METRE, EXEMPLARS, SEED
 
 DENSITIES = (64, 32, 16)
 # Of the sets in DATA/facades: ids of wall and window.
 REAL = {"ecp": (0, 1), "cmp": (2, 3), "artdeco": (0, 1)}
+# How wide the median window of a photograph is held to be, and how many windows tell that, at least.
+WINDOW_M, LEAST_WINDOWS = 1.2, 5
 _FOCAL = SIZE[1] / 2 / np.tan(np.radians(FIELD_OF_VIEW / 2))
 _GREY = np.array([0.299, 0.587, 0.114])
 
@@ -56,6 +61,9 @@ def main() -> None:
         "painted": _tones((f.image, f.labels == WALL, f.labels == WINDOW) for f in facades),
     }
     figures |= {name: _tones(_real(options.data / "facades" / name, *ids)) for name, ids in REAL.items()}
+    figures["stains"] = {
+        "painted": _stains((f.image, f.labels == WALL, EXEMPLAR_PIXELS_PER_METRE) for f in facades)
+    } | {name: _stains(_scaled(_real(options.data / "facades" / name, *ids))) for name, ids in REAL.items()}
     figures["detail"] = _detail(facades, options.data)
     figures["seconds"] = {"one": round(float(np.median(seconds)), 3), "all": round(sum(seconds), 1)}
     print(json.dumps(figures, indent=1))
@@ -89,6 +97,23 @@ def _tones(facades: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]]) -> dict
         "panes_10_25_50_75": np.median(table[:, 2:6], axis=0).round().tolist(),
         "contrast": round(float(np.median(table[:, 6])), 2),
     }
+
+
+def _scaled(
+    facades: Iterable[tuple[np.ndarray, np.ndarray, np.ndarray]],
+) -> Iterator[tuple[np.ndarray, np.ndarray, float]]:
+    """Pictures and walls, with pixels to the metre by the width of their windows."""
+    for image, wall, window in facades:
+        _, _, boxes, _ = cv2.connectedComponentsWithStats(window.astype(np.uint8))
+        if len(boxes) > LEAST_WINDOWS:
+            yield image, wall, float(np.median(boxes[1:, cv2.CC_STAT_WIDTH])) / WINDOW_M
+
+
+def _stains(facades: Iterable[tuple[np.ndarray, np.ndarray, float]]) -> dict[str, list[float]]:
+    """By wavelength, at a quarter, half and three fourths of the facades that have enough plain wall."""
+    every = [deviations((image @ _GREY).astype(np.uint8), wall, density) for image, wall, density in facades]
+    found = np.array([one for one in every if one is not None])
+    return {f"{band:g} m": np.percentile(found[:, k], (25, 50, 75)).round(4).tolist() for k, band in enumerate(BANDS_M)}
 
 
 def _detail(facades: list[PaintedFacade], data: Path) -> dict[str, dict[str, float]]:

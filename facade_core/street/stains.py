@@ -9,8 +9,9 @@ from facade_core.street.patterns import add_noise
 
 # Wavelengths, metres; a band of one is what a Gaussian of the first share of it keeps and one of the second takes away.
 BANDS_M, KEEPS, TAKES = (0.7, 2.6), 0.16, 0.32
-# Deviation of plain wall in these bands, of its brightness, that photographs have: the median of the set of rectified ones that
-# has least (`python -m benchmarks.painting`, stains, cmp).
+# Deviation of plain wall in these bands, of its brightness, that a wall is brought to: between what a quarter and what half of
+# the rectified photographs that vary least have (`python -m benchmarks.painting`, stains of cmp); at their median the eye sees
+# clouds, as photographs also have stucco and shadows there.
 PHOTOGRAPHED = (0.0186, 0.0189)
 # Cells of noise, metres, and the deviation that a weight of 1 of each gives in each band.
 CELLS_M, GIVES = (0.35, 1.3), ((0.146, 0.083), (0.035, 0.15))
