@@ -113,6 +113,7 @@ def from_photo(
     image: np.ndarray,
     hidden: np.ndarray,
     *,
+    kept: np.ndarray | None = None,
     outside: np.ndarray | None = None,
     private: np.ndarray | None = None,
     clean: bool = False,
@@ -122,8 +123,8 @@ def from_photo(
     `outside` (h, w) bool, sky or street, which the parser may look at, nor what is `private` (h, w) bool, faces and plates.
 
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
-    number plate. A clean photo is known to show the facade alone. Raises ImageError where less than LEAST_SEEN of the facade is
-    seen.
+    number plate; but for what is `kept` (h, w) bool, known to be of the facade. A clean photo is known to show the facade
+    alone. Raises ImageError where less than LEAST_SEEN of the facade is seen.
     """
     seconds: dict[str, float] = {}
     made = _completed(image, hidden, seconds, outside=outside, private=private, clean=clean, seed=seed)
@@ -165,6 +166,8 @@ def _completed(
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]))
         found = np.zeros_like(hidden) if clean else _no_spill(parsing.occluded, hidden)
+        if kept is not None:
+            found &= ~kept
         in_front, masked = things_in_front(found)
         if private is not None:
             in_front |= private

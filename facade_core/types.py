@@ -171,6 +171,30 @@ class Building:
         return self.part_of or self.id
 
 
+# (left, top, right, bottom) as shares of a wall's width and height, y down.
+Shares = tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Corrected:
+    """What is said of one facade, in shares of its wall's width and height, y down.
+
+    Args:
+        elements: its windows, doors, balconies and shops as (class, left, top, right, bottom), all of them; None: as found.
+        hide: what a picture of it shows that is not of it, such as a poster or a van.
+        keep: what is of it although the parser takes it for something in front.
+        facade: whether it is one; else a wall of its material.
+    """
+
+    elements: tuple[tuple[str, float, float, float, float], ...] | None = None
+    hide: tuple[Shares, ...] = ()
+    keep: tuple[Shares, ...] = ()
+    facade: bool = True
+
+
+AS_FOUND = Corrected()
+
+
 @dataclass(frozen=True, slots=True, eq=False)
 class Elevation:
     """A raster of ground heights in the block's metric frame.

@@ -42,6 +42,9 @@ def block_digest(block: Block) -> str:
     }
     if block.part is None:  # a block by itself is the one that it was before there were parts
         del values["part"]
+    del values["corrections"]  # likewise one that nobody corrected
+    if block.corrections:
+        values["corrections"] = block.corrections.digested()
     digest = hashlib.sha256()
     _say(values, digest.update)
     return digest.hexdigest()

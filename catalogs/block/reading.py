@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
+from catalogs.block.corrections import NONE, Corrections, read_corrections
 from catalogs.block.digest import block_digest
 from catalogs.block.file import BlockFile
 from catalogs.block.geometry import Files, extent_of, read_geometry
@@ -45,8 +46,9 @@ class Block:
     unless photos_rectified; privacy: what is kept of things in front; textures: the pictures that the buildings' own texture
     indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres per pixel;
     materials: pictures whose grain takes the place of what is shipped. notes says what was left out or assumed, one line each;
-    faults are the units that are broken. part: what is its own where it is a part of a city. digest is the sha256 of all of
-    that: of what was read, not of files, their names or dates.
+    faults are the units that are broken. corrections: what people corrected, of the file beside the block file. part: what is
+    its own where it is a part of a city. digest is the sha256 of all of that: of what was read, not of files, their names or
+    dates.
     """
 
     name: str
@@ -73,6 +75,7 @@ class Block:
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
     digest: str
+    corrections: Corrections = NONE
     part: Part | None = None
 
 
@@ -87,10 +90,10 @@ def read_block(path: Path | str) -> Block:
         keys = check_keys(read_yaml(file.path))
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
-    return block_of(keys, file)
+    return block_of(keys, file, file.read("corrections", read_corrections, file.path))
 
 
-def block_of(keys: BlockKeys, file: BlockFile) -> Block:
+def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) -> Block:
     """The block of keys that were read of a file. Raises as `read_block`."""
     try:
         files = named_paths(keys, file.path)
@@ -102,9 +105,9 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         )
 
     if keys.part is not None:
-        return _part_of(keys, files, file)
+        return _part_of(keys, files, file, corrections)
     exemplars, photos, broken_pictures = _pictures(keys, files, file)
-    geometry = read_geometry(keys, files, file)
+    geometry = read_geometry(keys, files, file, corrections)
     frame, built, extent = geometry.crs, geometry.built, geometry.extent
     terrain = _terrain(files, frame, extent, file)
     panoramas: tuple[PosedPanorama, ...] = ()
@@ -142,6 +145,7 @@ def block_of(keys: BlockKeys, file: BlockFile) -> Block:
         notes=geometry.notes + built.notes + far + _flat(built.items, terrain),
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
+        corrections=corrections,
     )
     return with_digest(block, file)
 
@@ -161,7 +165,7 @@ def extract_of(part: Block, whole: Block) -> dict[str, Any]:
     }
 
 
-def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
+def _part_of(keys: BlockKeys, files: Files, file: BlockFile, corrections: Corrections) -> Block:
     """The part of a city that a block file names, with the settings of that."""
     from catalogs.block.extract import read_extract
 
@@ -184,6 +188,7 @@ def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
         seed=keys.seed,
         notes=(),
         digest="",
+        corrections=corrections,
         **values,
     )
     return with_digest(part, file)

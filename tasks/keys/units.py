@@ -19,7 +19,7 @@ from facade_core.entries import has_back_door, turns_corner
 from facade_core.geometry.charts import CORNERS
 from facade_core.geometry.walls import JOINT_M
 from facade_core.plan import Plan
-from facade_core.types import Pose
+from facade_core.types import AS_FOUND, Pose
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 from tasks.units.imagery import Imagery
@@ -114,6 +114,9 @@ def facade_keys(
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],
     }
+    if imagery.corrected != AS_FOUND:
+        said = imagery.corrected
+        parts["corrected"] = [said.elements, said.hide, said.keep, said.facade]
     keys = []
     for source in imagery.sources():
         if source in ("photo", "panoramas"):

@@ -17,6 +17,7 @@ from facade_core.plan import Plan
 from facade_core.style import Library, Walls, choose_exemplars
 from facade_core.types import Pose, Street
 from tasks.keys.units import facade_keys
+from tasks.kinds.corrected import corrected_of
 from tasks.kinds.kind import Change, Kind, Records
 from tasks.kinds.poses import refined
 from tasks.run import Run
@@ -64,8 +65,29 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         if run.texture.walls == "exemplar"
         else {}
     )
+    chosen |= _chosen_by_people(plan, block, read_journal(group, "exemplars")) if chosen else {}
     own = plan.textured[plan.facades.chart].tolist()
-    return imagery_of(plan.facades.id, block.photos, block.photos_rectified, panoramas, own, chosen, shops.tolist())
+    return imagery_of(
+        plan.facades.id,
+        block.photos,
+        block.photos_rectified,
+        panoramas,
+        own,
+        chosen,
+        shops.tolist(),
+        corrected_of(plan, block)[0],
+    )
+
+
+def _chosen_by_people(plan: Plan, block: Block, records: Records) -> dict[int, tuple[int, str]]:
+    """The exemplar that somebody chose for the building of a facade, where it could be prepared."""
+    usable = {record["unit"]: index for index, record in enumerate(records) if record and record["status"] == "done"}
+    found = {}
+    for facade, building in enumerate(plan.facades.building.tolist()):
+        name = block.corrections.value(plan.scene.names[building], "exemplar")
+        if name in usable:
+            found[facade] = usable[name], name
+    return found
 
 
 def panoramas_of(plan: Plan) -> list[list[tuple[int, Pose]]]:

@@ -30,6 +30,7 @@ from tasks.units.unit import Piece, Unit
 SEEN, READ, FOLLOW = "what is in sight changed", "what they see is done again", "texels of other streets changed"
 # Why a unit is due, by the kind of input that changed; the first that applies is told.
 REASONS = {
+    "corrected": "corrected",
     "photo": "photo changed",
     "picture": "picture changed",
     "panoramas": "panoramas or their poses changed",

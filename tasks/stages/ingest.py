@@ -13,6 +13,7 @@ import numpy as np
 from prefect import task
 from prefect.cache_policies import NO_CACHE
 
+from catalogs.block.corrections import OF_BUILDINGS
 from catalogs.features import file_stem
 from facade_core.atlas.arrays import FORMAT, create_arrays
 from facade_core.atlas.plan_tables import read_plan, write_plan
@@ -25,6 +26,7 @@ from facade_core.geometry.walls import STREET
 from facade_core.identity import Each, here
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
+from tasks.kinds.corrected import corrected_of
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
 from tasks.stages.planning import plan_again, plan_key, plan_of
@@ -143,7 +145,24 @@ def _notes(block: Block, plan: Plan) -> list[str]:
     if not block.streets:
         length = sum(street.line.length for street in plan.streets)
         notes.append(f"no streets given: {len(plan.streets)} of {length:.0f} m derived from the gaps between buildings")
+    if block.corrections:
+        notes += _lost(block, plan)
     return notes
+
+
+def _lost(block: Block, plan: Plan) -> list[str]:
+    """A note of corrections that are of no facade, building or exemplar of the block as it is: they are kept, and wait."""
+    lost = corrected_of(plan, block)[1]
+    buildings, exemplars = set(plan.scene.names), {path.stem for path in block.exemplars}
+    for id, said in block.corrections.of_kind(OF_BUILDINGS).items():
+        unknown = "exemplar" in said and said["exemplar"].value not in exemplars
+        if id not in buildings or unknown:
+            lost.append(id)
+    if not lost:
+        return []
+    return [
+        f"corrections of what is not in the block as it is, kept and not used: {len(lost)} ({', '.join(sorted(lost)[:3])})"
+    ]
 
 
 def _outline(plan: Plan, root: StoreGroup, skipped: bool) -> Outline:

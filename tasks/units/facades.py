@@ -16,6 +16,7 @@ from facade_core.atlas.provenance import PHOTO, PROVENANCE
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.correction import texels_of, with_elements
 from facade_core.detect import looked_for, shop_names
 from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
@@ -24,6 +25,7 @@ from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
 from facade_core.privacy import shielded
 from facade_core.texture import Style, style_of, without_shops
+from facade_core.types import AS_FOUND
 from facade_core.variation import Hierarchy
 from facade_core.walls import wall_of
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
@@ -86,6 +88,8 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             continue
         result = made.facade
         about |= {"source": made.source, "capture_date": made.captured}
+        if imagery.corrected != AS_FOUND:
+            about |= {"corrected": True}
         about |= refusal(refused, _told(imagery, made.depth, made.source))
         stages = result.seconds if result is not None else {}
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
@@ -142,6 +146,8 @@ def _make(
         float(placement.texels_per_metre[chart]),
     )
     seed = unit_seed(run, facades.id[facade], "facade")
+    said = imagery.corrected
+    kept = texels_of(said.keep, size)
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
         with refusing(refused):
@@ -150,7 +156,8 @@ def _make(
                 try:
                     result = from_photo(
                         evidence.image,
-                        evidence.hidden,
+                        (evidence.hidden | texels_of(said.hide, size)) & ~kept,
+                        kept=kept,
                         outside=evidence.outside,
                         private=evidence.seen.hidden(size),
                         clean=evidence.clean,
@@ -164,10 +171,11 @@ def _make(
                     masked=evidence.masked + result.masked,
                     masked_share=evidence.masked_share + result.masked_share,
                 )
+                result = _corrected(result, imagery, seed)
                 names = _names_on(result, evidence, source, density)
                 return _Made(depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit)
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
-    if run.texture.walls == "translate":
+    if run.texture.walls == "translate" or not said.facade:
         return _Made(depth, None, "translator", nothing)
     if imagery.exemplar is None:
         raise FacadeError(
@@ -187,7 +195,13 @@ def _make(
         house=unit_seed(run, str(facades.house[facade]), "house"),
         seed=unit_seed(run, first, "facade"),
     )
-    return _Made(depth, result, name, nothing)
+    return _Made(depth, _corrected(result, imagery, seed), name, nothing)
+
+
+def _corrected(facade: Facade, imagery: Imagery, seed: int) -> Facade:
+    """A facade with the elements that somebody gave it."""
+    elements = imagery.corrected.elements
+    return facade if elements is None else with_elements(facade, elements, seed=seed)
 
 
 def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[Style, float]:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from catalogs.features import file_stem
-from facade_core.types import Pose
+from facade_core.types import AS_FOUND, Corrected, Pose
 
 
 @dataclass(frozen=True)
@@ -21,6 +21,7 @@ class Imagery:
         textured: whether its wall carries a texture of the source's own.
         exemplar: (index, name) of the one chosen for it.
         shops: whether a wall that is made of that keeps its shops: no where the map has none.
+        corrected: what somebody said of it.
     """
 
     photo: Path | None = None
@@ -29,9 +30,13 @@ class Imagery:
     textured: bool = False
     exemplar: tuple[int, str] | None = None
     shops: bool = True
+    corrected: Corrected = AS_FOUND
 
     def sources(self) -> tuple[str, ...]:
-        """What the facade can be made from, in the order of trying: where one fails or shows too little, the next."""
+        """What the facade can be made from, in the order of trying: where one fails or shows too little, the next.
+        A wall that is said to be no facade is made from none."""
+        if not self.corrected.facade:
+            return ("none",)
         there = {"photo": self.photo is not None, "panoramas": bool(self.panoramas), "own": self.textured}
         return (*(source for source, given in there.items() if given), "none")
 
@@ -44,6 +49,7 @@ def imagery_of(
     textured: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
     shops: Sequence[int],
+    corrected: Mapping[int, Corrected],
 ) -> list[Imagery]:
     """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, the rest by facade."""
     return [
@@ -54,6 +60,7 @@ def imagery_of(
             textured=bool(textured[i]),
             exemplar=exemplars.get(i),
             shops=shops[i] != 0,
+            corrected=corrected.get(i, AS_FOUND),
         )
         for i, name in enumerate(names)
     ]
