@@ -7,17 +7,21 @@ from dataclasses import replace
 
 import numpy as np
 
+from facade_core.atlas.levelling import spread
 from facade_core.atlas.provenance import PHOTO
 from facade_core.facade import Facade
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, WALL
 from facade_core.parse import lattice
-from facade_core.texture import inpaint
 from facade_core.texture.structure import storeys
 from facade_core.types import Element, Shares
 from facade_core.variation import encode
 
-# A box that moved by less than so many texels is the same; what is drawn anew reaches so far beyond a box.
-SAME, RIM = 1.0, 2
+# A box that moved by less than so many texels is the same.
+SAME = 1.0
+# What becomes wall reaches so many texels beyond a box, or this share of its height: sills do.
+RIM, SILL = 2, 0.15
+# Around what becomes wall, so many texels are compared with those around the wall that is laid there.
+AROUND = 10
 
 
 def texels_of(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarray:
@@ -29,15 +33,25 @@ def texels_of(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarray:
 
 
 def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, float, float]], *, seed: int = 0) -> Facade:
-    """A facade with these elements in place of its own, which are sure. A photo stays what it shows: where the texture was made
-    up and they are others than it has, it is made anew by them.
+    """A facade with these elements in place of its own, which are sure. A photo stays what it shows; where the texture was made
+    up, its own wall is laid over elements that are gone, and its own elements are drawn where there are new ones.
+
+    A class of which it shows none is not drawn: its labels have it, its texture does not.
     """
     height, width = facade.labels.shape
     layout = tuple(Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares)
-    mask = _changed(facade.elements, layout, (height, width)) & (facade.provenance != PHOTO)
-    image = facade.image
-    if mask.any() and not mask.all():
-        image = inpaint(image, mask, labels=facade.labels, elements=list(layout), method="floors", seed=seed)
+    made_up = facade.provenance != PHOTO
+    gone = [e for e in facade.elements if not any(_same(e, other) for other in layout)]
+    new = [e for e in layout if not any(_same(e, other) for other in facade.elements)]
+    image = facade.image.copy()
+    stays = np.zeros((height, width), bool)  # a railing stays before a window that goes
+    for e in facade.elements:
+        if e not in gone:
+            stays[_within(e, 0, (height, width))] = True
+    for e in gone:
+        _lay_wall(image, facade.labels, e, made_up & ~stays)
+    for e in new:
+        _lay_element(image, facade, e, made_up)
     labels = _labels(facade.labels, layout)
     hierarchy = None if facade.hierarchy is None else encode(image, list(layout), seed=seed)
     return replace(
@@ -52,14 +66,58 @@ def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, floa
     )
 
 
-def _changed(before: Sequence[Element], after: Sequence[Element], size: tuple[int, int]) -> np.ndarray:
-    """The texels (h, w) bool of elements that only one of two layouts has."""
-    mask = np.zeros(size, bool)
-    for these, others in ((before, after), (after, before)):
-        for e in these:
-            if not any(_same(e, other) for other in others):
-                mask[_pixels(e.y0 - RIM, e.y1 + RIM), _pixels(e.x0 - RIM, e.x1 + RIM)] = True
-    return mask
+def _lay_wall(image: np.ndarray, labels: np.ndarray, e: Element, made_up: np.ndarray) -> None:
+    """Lay the facade's own wall over what was an element: the piece, clear of elements, round which it looks most like here. By
+    diffusion where no piece is clear."""
+    import cv2
+
+    height, width = labels.shape
+    rows, columns = _within(e, max(RIM, round(SILL * e.height)), (height, width))
+    mask = np.zeros((height, width), bool)
+    mask[rows, columns] = made_up[rows, columns]
+    if not mask.any():
+        return
+    outer = tuple(
+        slice(max(one.start - AROUND, 0), min(one.stop + AROUND, end))
+        for one, end in ((rows, height), (columns, width))
+    )
+    ring = np.ones((outer[0].stop - outer[0].start, outer[1].stop - outer[1].start), np.uint8)
+    ring[mask[outer]] = 0
+    busy = cv2.integral((labels != WALL).astype(np.uint8))
+    h, w = ring.shape
+    clear = busy[h:, w:] - busy[:-h, w:] - busy[h:, :-w] + busy[:-h, :-w] == 0
+    if clear.any() and ring.any():
+        likeness = cv2.matchTemplate(image, np.ascontiguousarray(image[outer]), cv2.TM_SQDIFF, mask=ring)
+        y, x = np.unravel_index(np.where(clear, likeness, np.inf).argmin(), clear.shape)
+        piece = image[y : y + h, x : x + w].copy()
+    else:
+        piece = np.rint(spread(image, ~mask)).astype(np.uint8)[outer]
+    image[outer] = np.where(mask[outer][..., None], piece, image[outer])
+
+
+def _lay_element(image: np.ndarray, facade: Facade, e: Element, made_up: np.ndarray) -> None:
+    """Draw the element of the facade that is of this class and most of this size; nothing where it has none."""
+    import cv2
+
+    like = [other for other in facade.elements if other.label == e.label and min(other.width, other.height) >= 1]
+    if not like:
+        return
+    other = min(like, key=lambda o: (abs(np.log(o.width / e.width)) + abs(np.log(o.height / e.height)), o.y0, o.x0))
+    size = facade.labels.shape
+    rows, columns = _within(e, 0, size)
+    if rows.stop <= rows.start or columns.stop <= columns.start:
+        return
+    shown = facade.image[_within(other, 0, size)]
+    shape = (columns.stop - columns.start, rows.stop - rows.start)
+    drawn = cv2.resize(shown, shape, interpolation=cv2.INTER_AREA if shape[0] < shown.shape[1] else cv2.INTER_LINEAR)
+    image[rows, columns] = np.where(made_up[rows, columns][..., None], drawn, image[rows, columns])
+
+
+def _within(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice, slice]:
+    """The texels, in a raster of size (h, w), of an element and a rim around it."""
+    y0, y1 = (min(max(round(y), 0), size[0]) for y in (e.y0 - rim, e.y1 + rim))
+    x0, x1 = (min(max(round(x), 0), size[1]) for x in (e.x0 - rim, e.x1 + rim))
+    return slice(y0, y1), slice(x0, x1)
 
 
 def _same(a: Element, b: Element) -> bool:

@@ -160,9 +160,7 @@ def corrected_sources(
 
 def _corrected(item: Footprint, said: Mapping[str, Correction]) -> Footprint:
     height, levels = (said[what].value if what in said else None for what in ("height", "levels"))
-    if height is None:  # what was stated is of other storeys
-        return replace(item, levels=levels, height=None)
-    return replace(item, height=height, levels=item.levels if levels is None else levels)
+    return replace(item, height=height or item.height, levels=levels or item.levels)
 
 
 def _pair(value: Any) -> tuple[float, float] | None:

@@ -136,6 +136,7 @@ COLUMNS = (
         "",
         'what is written over the shops of a photo, joined by "; "; none where no photo was read',
     ),
+    Column("corrected", "int32", "", "1 where somebody corrected the facade, or its building, else 0"),
     Column("photo", "double", "0 to 1", "share of texels that pictures show: what of the facade is evidence"),
     Column("inpainted", "double", "0 to 1", "share of texels inpainted"),
     Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),

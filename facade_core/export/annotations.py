@@ -79,7 +79,8 @@ def coco(facades: Sequence[Annotated], description: str, attribution: Attributio
 
 
 def labelme(facade: Annotated, attribution: Attribution) -> dict[str, Any]:
-    """The LabelMe file of one facade, beside its picture; LabelMe keeps what else it finds there, such as whom to name."""
+    """The LabelMe file of one facade, beside its picture; LabelMe keeps what else it finds there: whom to name, and which
+    facade it is."""
     return {
         "version": "5.5.0",
         "flags": {},
@@ -98,5 +99,6 @@ def labelme(facade: Annotated, attribution: Attribution) -> dict[str, Any]:
         "imageData": None,
         "imageHeight": facade.height,
         "imageWidth": facade.width,
+        "facade": facade.facade,
         "attribution": attribution.value(),
     }

@@ -12,6 +12,7 @@ import click
 
 from flows.cli.box import WithBox
 from flows.cli.city import city, plan
+from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
 from flows.cli.metrics import metrics
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE, OUT
@@ -328,7 +329,7 @@ def _redo(run: Any, street: str, only: bool) -> None:
     note(f"doing street {', '.join(streets)} again; {others}{fate}")
 
 
-for command in (city, plan, query, export, catalog, view, doctor, metrics, prune, train, bench):
+for command in (city, plan, query, export, import_, catalog, view, doctor, metrics, prune, train, bench):
     main.add_command(command)
 
 

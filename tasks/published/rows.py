@@ -110,6 +110,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 **_roof(buildings, building),
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
                 **facts(facades, index, record, buildings["height_source"][building]),
+                "corrected": int(bool(record.get("corrected")) or buildings["id"][building] in block.corrected),
                 "parents": _parents(run.block, buildings["id"][building], street.id, record),
                 "updated": made_at(record) or block.ingested,
                 "status": record["status"],

@@ -33,6 +33,11 @@ class StoredBlock:
         return {stage: self.records if stage == "facades" else read_journal(self.group, stage) for stage in STAGES}
 
     @cached_property
+    def corrected(self) -> frozenset[str]:
+        """The buildings that somebody corrected."""
+        return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
+
+    @cached_property
     def records(self) -> list[Record | None]:
         """Those of the facades."""
         return read_journal(self.group, "facades")

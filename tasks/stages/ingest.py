@@ -105,6 +105,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
             geoid_separation=block.geoid_separation,
             notes=_notes(block, plan),
             set_aside=set_aside,
+            corrected=sorted(block.corrections.of_kind(OF_BUILDINGS)),
             ingested=time.time(),
         )
         write_plan(session, plan, block.buildings, run.crs)

@@ -1,0 +1,101 @@
+"""Corrections as programs write them: COCO, LabelMe, a GeoPackage's table of buildings, or Streetloom's own JSON."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+from catalogs.features import file_stem
+from catalogs.readers.json_text import load_json
+from facade_core.errors import InputError
+
+# (id of a facade or building, what is corrected, value): see `catalogs.block.corrections`.
+Said = tuple[str, str, Any]
+
+
+def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
+    """What a file, or a folder of LabelMe's, says. facades: name of a picture -> id of the facade it is of.
+
+    Boxes become shares of the picture. Raises InputError: one line with the file and the remedy.
+    """
+    if path.is_dir():
+        files = sorted(file for file in path.glob("*.json") if file.name != "export.json")
+        if not files:
+            raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
+        return [said for file in files for said in read_annotations(file, facades)]
+    if path.suffix.lower() == ".gpkg":
+        return _buildings(path)
+    try:
+        if path.suffix.lower() == ".jsonl":
+            return [(one["id"], one["what"], one["value"]) for one in map(json.loads, path.read_text().splitlines())]
+        document = load_json(path)
+        if isinstance(document, dict) and {"images", "annotations"} <= document.keys():
+            return _coco(document, facades)
+        if isinstance(document, dict) and "shapes" in document:
+            return [_labelme(document, facades)]
+        if isinstance(document, dict) and isinstance(document.get("corrections"), list):
+            return [said for one in document["corrections"] for said in _own(one)]
+    except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError) as error:
+        raise InputError(f"{path} cannot be understood ({type(error).__name__}: {error}); export it again") from error
+    raise InputError(f'{path} is neither COCO nor LabelMe, nor {{"corrections": [...]}}; catalogs/README.md shows each')
+
+
+def _coco(document: dict[str, Any], facades: dict[str, str]) -> list[Said]:
+    names = {one["id"]: one["name"] for one in document["categories"]}
+    found: dict[int, list[Any]] = {image["id"]: [] for image in document["images"]}
+    sizes = {image["id"]: (float(image["width"]), float(image["height"])) for image in document["images"]}
+    for one in document["annotations"]:
+        width, height = sizes[one["image_id"]]
+        x, y, w, h = map(float, one["bbox"])
+        found[one["image_id"]].append(
+            (names[one["category_id"]], x / width, y / height, (x + w) / width, (y + h) / height)
+        )
+    of = {image["id"]: image.get("facade") or _facade(image["file_name"], facades) for image in document["images"]}
+    return [(of[image], "elements", elements) for image, elements in found.items()]
+
+
+def _labelme(document: dict[str, Any], facades: dict[str, str]) -> Said:
+    width, height = float(document["imageWidth"]), float(document["imageHeight"])
+    elements = []
+    for shape in document["shapes"]:
+        xs, ys = zip(*((float(x), float(y)) for x, y in shape["points"]), strict=True)
+        elements.append((shape["label"], min(xs) / width, min(ys) / height, max(xs) / width, max(ys) / height))
+    return document.get("facade") or _facade(document["imagePath"], facades), "elements", elements
+
+
+def _facade(file: str, facades: dict[str, str]) -> str:
+    """The facade that a picture is of, by its name."""
+    stem = Path(file.replace("\\", "/")).stem
+    return facades.get(stem, stem)
+
+
+def _own(one: dict[str, Any]) -> Iterator[Said]:
+    id = one.get("facade_id") or one.get("building_id")
+    if not isinstance(id, str):
+        raise ValueError("a correction names its facade_id or building_id")
+    for what, value in one.items():
+        if what not in ("facade_id", "building_id"):
+            yield id, what, value
+
+
+def _buildings(path: Path) -> list[Said]:
+    """Heights and storeys of the table `buildings` that an export of `gpkg` writes."""
+    import geopandas
+
+    try:
+        table = geopandas.read_file(path, layer="buildings", ignore_geometry=True)
+        columns = {"height": table.set_index("id")["height_m"], "levels": table.set_index("id")["levels"]}
+        # a cell that is empty says nothing
+        return [(id, what, float(value)) for what, column in columns.items() for id, value in column.dropna().items()]
+    except Exception as error:
+        raise InputError(
+            f"{path} has no table buildings with id, height_m and levels ({' '.join(str(error).split())[:80]}); give one that "
+            "`export --format gpkg` wrote"
+        ) from error
+
+
+def pictures_of(ids: list[str]) -> dict[str, str]:
+    """Name of the picture that an export writes of each facade, without suffix -> its id."""
+    return {file_stem(id): id for id in ids}

@@ -1,0 +1,43 @@
+"""The command that takes corrections back."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from flows.cli.paths import EXISTING_OUT
+from flows.cli.say import note, say
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
+
+
+@click.command("import")
+@click.argument("folder", metavar="OUT", type=EXISTING_OUT)
+@click.argument("path", metavar="FILE", type=click.Path(exists=True, path_type=Path))
+@click.option("--who", metavar="NAME", help="Who corrected it.  [default: this user]")
+@click.option("--why", metavar="TEXT", default="", help="A remark that is kept with it.")
+def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:
+    """Take back what was corrected in an export of OUT; the next run does again what depends on it, and nothing else.
+
+    FILE is a .json of COCO, a .json of LabelMe or a folder of them, a .gpkg (height_m and levels of its buildings), or
+    {"corrections": [...]} as catalogs/README.md shows it. What differs from what was published is kept beside the block file,
+    in NAME.corrections.jsonl: a line for each correction with who, when and why; the newest counts, a value of null withdraws.
+
+    \b
+    Examples:
+      streetloom export out/demo --format labelme --to facades/    # correct boxes in LabelMe, then
+      streetloom import out/demo facades/ --who anna --why "doors of the north side"
+      streetloom import out/demo heights.gpkg
+    """
+    import getpass
+
+    from tasks.corrections import import_corrections
+
+    done = import_corrections(folder, path, who=who or getpass.getuser(), why=why)
+    for line in done.notes:
+        note(line)
+    for line in done.lines():
+        say(line)

@@ -1,0 +1,196 @@
+"""What people corrected: taken back from exports, done again alone, kept whatever else changes."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from pathlib import Path
+from typing import Any
+
+import geopandas
+import numpy as np
+import pytest
+
+from catalogs.block import read_block
+from catalogs.block.corrections import corrections_file, read_corrections
+from catalogs.query import query
+from facade_core.errors import InputError
+from tasks.corrections import import_corrections
+from tasks.export.formats import export
+from tasks.stages.publish import publish_block
+from tasks.store.commits import journal
+from tasks.store.standing import record_source
+from tests.pipeline.stages import Textured, digests_of, redone, started, texture, write_block, write_photo
+
+# Those of the small block that stand about one street, and one of the others.
+HOUSES = {"a": (4, 5, 12, 2.8, 7.0), "b": (24, -8, 12, 2.8, 9.0)}
+STREET = {"1": [(0, 0), (45, 0)]}
+
+
+def made(folder: Path) -> Textured:
+    """The block textured and published."""
+    block, out = folder / "in" / "block.yaml", folder / "out"
+    done = texture(block, out)
+    record_source(out, block)
+    publish_block.fn(done.run, block)
+    return done
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("corrected")
+    write_photo(folder / "in", "a-0", 1)
+    write_block(folder / "in", buildings=HOUSES, streets=STREET)
+    made(folder)
+    return folder
+
+
+@pytest.fixture
+def folder(once: Path, tmp_path: Path) -> Path:
+    shutil.copytree(once, tmp_path / "block")
+    record_source(tmp_path / "block" / "out", tmp_path / "block" / "in" / "block.yaml")
+    return tmp_path / "block"
+
+
+def record(folder: Path, facade: str) -> dict[str, Any]:
+    return next(dict(r) for r in journal(folder / "out" / "store", "facades") if r and r["unit"] == facade)
+
+
+def facades_since(before: dict[tuple[str, str], float], folder: Path) -> set[str]:
+    return {unit for stage, unit in redone(before, folder / "out") if stage == "facades"}
+
+
+def own(folder: Path, *corrections: dict[str, Any]) -> Path:
+    path = folder / "said.json"
+    path.write_text(json.dumps({"corrections": corrections}))
+    return path
+
+
+@pytest.mark.parametrize("format", ["coco", "labelme", "gpkg"])
+def test_an_export_that_nobody_changed_corrects_nothing(folder: Path, format: str) -> None:
+    written = export(folder / "out", format, folder / "exported").path
+    given = written / "annotations.json" if format == "coco" else next(written.glob("*.gpkg"), written)
+    done = import_corrections(folder / "out", given, who="anna")
+    assert (done.facades, done.buildings) == (0, 0)
+    assert not corrections_file(folder / "in" / "block.yaml").exists()
+
+
+def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: Path, tmp_path: Path) -> None:
+    written = export(folder / "out", "coco", folder / "exported").path / "annotations.json"
+    document = json.loads(written.read_text())
+    image = next(one for one in document["images"] if one["facade"] == "b-2")
+    ours = [one for one in document["annotations"] if one["image_id"] == image["id"]]
+    assert len(ours) > 1
+    gone, moved = ours[0], ours[1]
+    document["annotations"].remove(gone)
+    moved["bbox"] = [moved["bbox"][0], 1.0, 3.0, 4.0]
+    written.write_text(json.dumps(document))
+    done = import_corrections(folder / "out", written, who="anna", why="seen from the street")
+    assert (done.facades, done.buildings) == (1, 0)
+    kept = read_corrections(folder / "in" / "block.yaml").of["b-2"]["elements"]
+    assert (kept.who, kept.why) == ("anna", "seen from the street")
+    before = started(folder / "out")
+    again = made(folder)
+    assert again.said is not None
+    assert "1 of" in again.said
+    assert "(corrected)" in again.said
+    assert facades_since(before, folder) == {"b-2"}
+    found = record(folder, "b-2")
+    names = {one["id"]: one["name"] for one in document["categories"]}
+    given = [names[one["category_id"]] for one in ours[1:]]
+    assert sorted(element[0] for element in found["elements"]) == sorted(given)
+    assert any(
+        np.allclose(e[1:5], [moved["bbox"][0], 1, moved["bbox"][0] + 3, 5], atol=0.06) for e in found["elements"]
+    )
+    assert set(query(folder / "out", where="corrected = 1")["id"]) == {"b-2"}
+    assert import_corrections(folder / "out", written, who="anna").facades == 0, "it stands as it was said"
+    newly = export(folder / "out", "coco", folder / "anew").path / "annotations.json"
+    assert import_corrections(folder / "out", newly, who="anna").facades == 0, "and is exported so"
+    assert texture(folder / "in" / "block.yaml", tmp_path / "fresh").said is None
+    assert digests_of(tmp_path / "fresh") == digests_of(folder / "out")
+    withdrawn = own(folder, {"facade_id": "b-2", "elements": None})
+    assert import_corrections(folder / "out", withdrawn, who="anna").facades == 1
+    made(folder)
+    assert len(record(folder, "b-2")["elements"]) == len(ours)
+
+
+def test_walls_that_are_none_exemplars_heights_and_what_is_in_front(folder: Path) -> None:
+    before, plain = started(folder / "out"), record(folder, "a-0")
+    source = record(folder, "b-2")["source"]
+    other = "1" if source == "0" else "0"
+    done = import_corrections(
+        folder / "out",
+        own(
+            folder,
+            {"facade_id": "a-0", "hide": [[0.0, 0.6, 0.4, 1.0]]},
+            {"building_id": "b", "exemplar": other},
+        ),
+        who="anna",
+    )
+    assert (done.facades, done.buildings) == (1, 1)
+    made(folder)
+    assert record(folder, "b-2")["source"] == other
+    assert record(folder, "a-0")["occluded"] > plain["occluded"] + 0.1
+    assert {"a-0", "b-2"} <= facades_since(before, folder)
+    assert set(query(folder / "out", where="corrected = 1 and role = 'street'")["id"]) >= {"a-0", "b-2"}
+    import_corrections(folder / "out", own(folder, {"facade_id": "a-0", "facade": False}), who="anna")
+    import_corrections(folder / "out", own(folder, {"building_id": "b", "height": 12.0}), who="anna")
+    made(folder)
+    assert record(folder, "a-0")["source"] == "translator"
+    assert query(folder / "out", where="id = 'b-2'")["height_m"].tolist() == [12.0]
+
+
+def test_a_table_of_buildings_corrects_heights(folder: Path) -> None:
+    file = next(export(folder / "out", "gpkg", folder / "exported").path.glob("*.gpkg"))
+    table = geopandas.read_file(file, layer="buildings")
+    table.loc[table["id"] == "a", "height_m"] = 8.5
+    table.to_file(file, layer="buildings")
+    assert import_corrections(folder / "out", file, who="anna").buildings == 1
+    assert {building.id: building.height for building in read_block(folder / "in" / "block.yaml").buildings} == {
+        "a": 8.5,
+        "b": 9.0,
+    }
+
+
+def test_corrections_follow_a_wall_to_another_id_and_wait_where_it_is_gone(folder: Path) -> None:
+    elements = [["window", 0.2, 0.2, 0.5, 0.5]]
+    import_corrections(folder / "out", own(folder, {"facade_id": "b-2", "elements": elements}), who="anna")
+    renamed = {"a": HOUSES["a"], "x": HOUSES["b"]}
+    block = write_block(folder / "in", buildings=renamed, streets=STREET)
+    done = made(folder)
+    assert [element[0] for element in record(folder, "x-2")["elements"]] == ["window"]
+    write_block(folder / "in", buildings={"a": HOUSES["a"]}, streets=STREET)
+    made(folder)
+    from facade_core.atlas.store import BRANCH, open_repository, open_root
+
+    notes = open_root(open_repository(done.run.store).readonly_session(BRANCH)).attrs["notes"]
+    assert any("not in the block as it is, kept and not used: 1 (b-2)" in str(note) for note in notes)
+    assert "b-2" in read_corrections(block).of
+
+
+def test_two_people_and_what_cannot_be(folder: Path) -> None:
+    out = folder / "out"
+    import_corrections(out, own(folder, {"facade_id": "a-0", "hide": [[0, 0, 0.1, 0.1]]}), who="anna")
+    done = import_corrections(out, own(folder, {"facade_id": "a-0", "hide": [[0, 0, 0.2, 0.1]]}), who="ben")
+    assert "anna corrected it on" in done.notes[0]
+    lines = corrections_file(folder / "in" / "block.yaml").read_text().splitlines()
+    assert len(lines) == 2
+    for said, why in (
+        ({"facade_id": "q-9", "facade": False}, "has no facade q-9"),
+        ({"facade_id": "a-0", "elements": [["spire", 0, 0, 1, 1]]}, "'spire' is no element"),
+        ({"facade_id": "a-0", "hide": [[0.5, 0, 0.5, 1]]}, "is no box"),
+        ({"facade_id": "a-0", "colour": "red"}, "nothing that can be corrected"),
+        ({"building_id": "a", "height": 1e9}, "is not within"),
+        ({"building_id": "a", "exemplar": "villa"}, "there is no exemplar villa"),
+        ({"elements": []}, "names its facade_id or building_id"),
+    ):
+        good = {"facade_id": "a-0", "facade": False}
+        with pytest.raises(InputError, match=why):
+            import_corrections(out, own(folder, good, said), who="anna")
+    (folder / "said.json").write_text('{"what": 1}')
+    with pytest.raises(InputError, match="neither COCO nor LabelMe"):
+        import_corrections(out, folder / "said.json", who="anna")
+    assert corrections_file(folder / "in" / "block.yaml").read_text().splitlines() == lines, "all or none"
+    corrections_file(folder / "in" / "block.yaml").write_text("{broken\n")
+    with pytest.raises(InputError, match="line 1 is no correction"):
+        read_block(folder / "in" / "block.yaml")
