@@ -19,6 +19,7 @@ import yaml
 from PIL import Image
 
 from catalogs.block import Block, read_block
+from catalogs.block.corrections import Correction, Corrections
 from catalogs.block.digest import block_digest
 from catalogs.block.part import Part
 from catalogs.readers.pictures.materials import MaterialPicture
@@ -209,6 +210,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "seed": block.seed + 1,
         "notes": (*block.notes, "one"),
         "faults": (*block.faults, "one"),
+        "corrections": Corrections({"a-0": {"facade": Correction("a-0", "facade", False)}}),
         "part": Part(("a",), (), (), ("street",), (-1,)),
     }
     assert changes.keys() | {"digest", "failed_limit"} == {field.name for field in fields(Block)}
