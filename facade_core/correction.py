@@ -32,7 +32,7 @@ def texels_of(boxes: Sequence[Shares], size: tuple[int, int]) -> np.ndarray:
     return mask
 
 
-def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, float, float]], *, seed: int = 0) -> Facade:
+def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, float, float]]) -> Facade:
     """A facade with these elements in place of its own, which are sure. A photo stays what it shows; where the texture was made
     up, its own wall is laid over elements that are gone, and its own elements are drawn where there are new ones.
 
@@ -53,7 +53,7 @@ def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, floa
     for e in new:
         _lay_element(image, facade, e, made_up)
     labels = _labels(facade.labels, layout)
-    hierarchy = None if facade.hierarchy is None else encode(image, list(layout), seed=seed)
+    hierarchy = None if facade.hierarchy is None else encode(image, list(layout))
     return replace(
         facade,
         image=image,

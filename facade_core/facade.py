@@ -127,7 +127,7 @@ def from_photo(
     alone. Raises ImageError where less than LEAST_SEEN of the facade is seen.
     """
     seconds: dict[str, float] = {}
-    made = _completed(image, hidden, seconds, outside=outside, private=private, clean=clean, seed=seed)
+    made = _completed(image, hidden, seconds, kept=kept, outside=outside, private=private, clean=clean, seed=seed)
     with _timed(seconds, "lattice"):
         split = lattice(made.labels)
     with _timed(seconds, "encode"):
@@ -155,6 +155,7 @@ def _completed(
     hidden: np.ndarray,
     seconds: dict[str, float],
     *,
+    kept: np.ndarray | None = None,
     outside: np.ndarray | None,
     private: np.ndarray | None,
     clean: bool,

@@ -171,7 +171,7 @@ def _make(
                     masked=evidence.masked + result.masked,
                     masked_share=evidence.masked_share + result.masked_share,
                 )
-                result = _corrected(result, imagery, seed)
+                result = _corrected(result, imagery)
                 names = _names_on(result, evidence, source, density)
                 return _Made(depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit)
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
@@ -195,13 +195,13 @@ def _make(
         house=unit_seed(run, str(facades.house[facade]), "house"),
         seed=unit_seed(run, first, "facade"),
     )
-    return _Made(depth, _corrected(result, imagery, seed), name, nothing)
+    return _Made(depth, _corrected(result, imagery), name, nothing)
 
 
-def _corrected(facade: Facade, imagery: Imagery, seed: int) -> Facade:
+def _corrected(facade: Facade, imagery: Imagery) -> Facade:
     """A facade with the elements that somebody gave it."""
     elements = imagery.corrected.elements
-    return facade if elements is None else with_elements(facade, elements, seed=seed)
+    return facade if elements is None else with_elements(facade, elements)
 
 
 def _style(group: StoreGroup, index: int, shops: bool, styles: Styles) -> tuple[Style, float]:
