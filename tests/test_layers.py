@@ -38,7 +38,7 @@ STOREYS = {
         ("store", "compute"),
         ("published",),
         ("stages",),
-        ("city", "doctor", "examples", "export", "history", "metrics", "otlp", "training", "viewing"),
+        ("city", "corrections", "doctor", "examples", "export", "history", "metrics", "otlp", "training", "viewing"),
     ),
     "catalogs": (
         ("broken", "features", "file_digest", "frames", "visible"),
