@@ -5,7 +5,7 @@ DEMO_FLAGS ?=
 # A run starts some interpreters, a test many more: without bytecode each of them compiles all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients check bench constraints clean
+.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients docs check bench constraints clean
 
 demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -54,6 +54,10 @@ clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/read
 		$(BIN)/uv pip install --quiet --python .venv/clients/python/bin/python --require-hashes -r $< && touch $@; } || \
 		echo "what $< names cannot be installed: tests of Blender are skipped"
 
+docs: setup  ## The documentation as a site in out/site, without a network; open out/site/index.html
+	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/docs.txt
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --site-dir out/site
+
 bench: setup  ## What the demo's block takes; README names the command of each other figure
 	$(BIN)/streetloom bench block --json
 
@@ -75,6 +79,9 @@ constraints: setup  ## Pin anew what pyproject.toml asks for
 		--generate-hashes --no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/usd.txt
 	$(BIN)/uv pip compile --group clients --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/clients.txt
+	$(BIN)/uv pip compile --group docs --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-annotate --no-header --upgrade \
+		-c deploy/constraints/constraints.txt -o deploy/constraints/docs.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
 
