@@ -18,11 +18,10 @@ from facade_core.geometry.surfaces import block_surfaces
 from facade_core.geometry.terrain import Terrain, terrain_of
 from facade_core.geometry.walls import STREET, free_share
 from facade_core.geometry.ways import fitted
-from facade_core.grouping import Grouped
 from facade_core.identity import Each, chart_ids, here, look_around, things_of
 from facade_core.ownership import Own, own_facades, own_streets, owned_charts, watching
 from facade_core.plan import Plan, Sightings
-from facade_core.rectify import REACH_M, sightings
+from facade_core.rectify import panoramas_near, sightings
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Elevation, Ground, Pose, Street
 
@@ -170,16 +169,10 @@ def with_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int,
 
 
 def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Sightings:
-    charts = scene.charts
-    middle = charts.at_shares(facades.chart, np.array([[0.5, 0.5]]))[:, 0, :2]
-    # the points that are looked for lie on the chart: as far from its middle as its diagonal is long, at most
-    reach = REACH_M + 2 * np.hypot(*charts.size[facades.chart].T)
-    places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
-    facade, pose = places.query(shapely.points(middle), predicate="dwithin", distance=reach)
-    near = Grouped(facade)
+    rows = np.flatnonzero(facades.role == STREET)
     found = []
-    for index in np.flatnonzero(facades.role == STREET).tolist():
-        chart, of = int(facades.chart[index]), np.sort(pose[near.of(index)]).tolist()
+    for index, near in zip(rows.tolist(), panoramas_near(scene, facades.chart[rows], poses), strict=True):
+        chart, of = int(facades.chart[index]), near.tolist()
         for sighting in sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of]):
             found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]

@@ -34,7 +34,10 @@ def block_digest(block: Block) -> str:
         "texture": replace(block.texture, roof_material=None, materials=None),
         "exemplars": [(path.stem, *map(file_digest, with_labels(path))) for path in block.exemplars],
         "photos": [(facade, path.name, file_digest(path)) for facade, path in sorted(block.photos.items())],
-        "panoramas": [(one.id, one.path.name, one.pose, file_digest(one.path)) for one in block.panoramas],
+        "panoramas": [
+            (one.id, one.path.name, one.pose, file_digest(one.path), *([one.captured] if one.captured else ()))
+            for one in block.panoramas
+        ],
         "textures": list(map(file_digest, block.textures)),
         "aerial": aerial and (aerial.content, aerial.crs, aerial.frame),
         "roof_material": material and (file_digest(material[0]), material[1]),

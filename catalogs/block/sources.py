@@ -3,28 +3,35 @@
 from __future__ import annotations
 
 import hashlib
+from collections import Counter
 from pathlib import Path
 
 from catalogs.block.keys import check_keys
 from catalogs.block.paths import FOLDERS, named_paths
 from catalogs.block.yaml_files import read_yaml
 from catalogs.examples.sources import SOURCES
+from catalogs.imagery.account import is_fetched, read_account
 from catalogs.stac.facts import SourceFact
+from facade_core.errors import InputError
 
+# Who took pictures of one licence are named, so many of them; poses.json beside the pictures names all.
+NAMED = 8
 OPENSTREETMAP = "OpenStreetMap contributors, ODbL 1.0"
 
 
 def sources_of(block_file: Path) -> tuple[SourceFact, ...]:
     """The files and folders that a block file names. The licence of a file is known where it is one that `streetloom fetch`
-    brings, by its checksum, or an extract of OpenStreetMap. None of them where the block file cannot be read any more."""
+    brings, by its checksum, or an extract of OpenStreetMap; of a folder of fetched pictures each of theirs is one.
+    None of them where the block file cannot be read any more."""
     try:
         paths = named_paths(check_keys(read_yaml(block_file)), block_file)
         return tuple(
-            SourceFact(key, path.name, None if key in FOLDERS else _licence(path))
+            SourceFact(key, path.name, licence)
             for key, found in paths.items()
             for path in found
+            for licence in (_of_pictures(path) if key in FOLDERS else (_licence(path),))
         )
-    except (ValueError, OSError):  # it was read when the run began, and may be gone by its end
+    except (ValueError, OSError, InputError):  # it was read when the run began, and may be gone by its end
         return ()
 
 
@@ -34,3 +41,21 @@ def _licence(path: Path) -> str | None:
     with path.open("rb") as file:
         digest = hashlib.file_digest(file, "sha256").hexdigest()
     return next((s.licence for s in SOURCES.values() if any(f.sha256 == digest for f in s.files)), None)
+
+
+def _of_pictures(folder: Path) -> tuple[str | None, ...]:
+    """Who took the fetched pictures of a folder, and their licence, for each licence; of another folder nothing is known."""
+    if not is_fetched(folder):
+        return (None,)
+    authors: dict[str, list[str]] = {}
+    for one in read_account(folder).kept.values():
+        if not one.refused:
+            authors.setdefault(one.licence or "licence not stated", []).append(one.author or "author not stated")
+    return tuple(f"{_some(names)}, {licence}" for licence, names in sorted(authors.items())) or (None,)
+
+
+def _some(names: list[str]) -> str:
+    """The names that stand there most often, no more than NAMED."""
+    counted = [name.replace(",", " ").replace(":", " ") for name, _ in Counter(sorted(names)).most_common()]
+    more = f" and {len(counted) - NAMED} others" if len(counted) > NAMED else ""
+    return "; ".join(counted[:NAMED]) + more

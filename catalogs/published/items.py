@@ -142,7 +142,12 @@ COLUMNS = (
     Column("synthesised", "double", "0 to 1", "share of texels synthesised from an exemplar"),
     Column("translated", "double", "0 to 1", "share of texels written by the translator"),
     Column("source", "string", "", "photo or exemplar that the texture comes from"),
-    Column("capture_date", "string", "", "day of the photo, or of the newest of the panoramas, by their EXIF"),
+    Column(
+        "capture_date",
+        "string",
+        "",
+        "day of the photo, or of the newest panorama, by the poses file or their EXIF",
+    ),
     Column("variation_types", "int32", "", "element types of the variation hierarchy"),
     Column("variation_levels", "int32", "", "levels of the variation hierarchy"),
     Column("variation_bytes", "int64", "bytes", "size of the encoded hierarchy"),

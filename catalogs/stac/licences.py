@@ -16,6 +16,8 @@ SPDX = {
     "ODbL 1.0": ("ODbL-1.0", "https://opendatacommons.org/licenses/odbl/1-0/"),
     "CC BY 4.0": ("CC-BY-4.0", "https://creativecommons.org/licenses/by/4.0/"),
     "CC0 1.0": ("CC0-1.0", "https://creativecommons.org/publicdomain/zero/1.0/"),
+    "CC-BY-SA-4.0": ("CC-BY-SA-4.0", "https://creativecommons.org/licenses/by-sa/4.0/"),
+    "etalab-2.0": ("etalab-2.0", "https://spdx.org/licenses/etalab-2.0.html"),
 }
 # STAC's word for a licence that has no identifier, or for several.
 OTHER = "other"

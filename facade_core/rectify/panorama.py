@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
+import shapely
 
 from facade_core.errors import ImageError
+from facade_core.grouping import Grouped
 from facade_core.rectify.camera import camera_from_world, in_view, position, shares
 from facade_core.rectify.fusion import View
 from facade_core.rectify.resampling import Lens, Raster, footprints_of, resample
@@ -56,16 +59,64 @@ def sightings(
     it. The score is the share seen, less for pictures coarser than the atlas and for oblique ones, in which what stands out
     of the wall is displaced. Raises GeometryError for a pose without height.
     """
+    found = []
+    for view in _views(scene, chart, poses, image_sizes, reach):
+        seen = float(view.usable.mean())
+        if seen < LEAST_SEEN:
+            continue
+        resolution, facing = float(view.resolution.mean()), float(view.sine.mean())
+        score = seen * min(1.0, resolution / scene.placement.texels_per_metre[chart]) * facing
+        found.append(Sighting(view.panorama, seen, resolution, float(np.degrees(np.arcsin(facing))), score))
+    return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
+
+
+def panoramas_near(scene: Scene, charts: np.ndarray, poses: Sequence[Pose]) -> list[np.ndarray]:
+    """Which panoramas may show each of some charts (n,), by where they are: indices (k,) in ascending order."""
+    middle = scene.charts.at_shares(charts, np.array([[0.5, 0.5]]))[:, 0, :2]
+    # the points that are looked for lie on the chart: as far from its middle as its diagonal is long, at most
+    reach = REACH_M + 2 * np.hypot(*scene.charts.size[charts].T)
+    places = shapely.STRtree(shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2)))
+    place, panorama = places.query(shapely.points(middle), predicate="dwithin", distance=reach)
+    near = Grouped(place)
+    return [np.sort(panorama[near.of(chart)]) for chart in range(len(charts))]
+
+
+def points_shown(
+    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]], *, reach: float = REACH_M
+) -> np.ndarray:
+    """How well panoramas show the points of a chart that `sightings` looks at, (panoramas, points): 0 where one does not
+    see a point, else its resolution there over the atlas', at most 1, times the sine of the angle of sight."""
+    points = _grid(scene, chart)
+    shown = np.zeros((len(poses), len(points)))
+    for view in _views(scene, chart, poses, image_sizes, reach):
+        sharp = np.minimum(1.0, view.resolution / scene.placement.texels_per_metre[chart])
+        shown[view.panorama, view.usable] = sharp * view.sine
+    return shown
+
+
+class _OfPoints(NamedTuple):
+    """What a panorama sees of the points of a chart: its index; usable (points,) bool; of these the pixels per metre and the
+    sine of the angle between line of sight and surface, (usable,)."""
+
+    panorama: int
+    usable: np.ndarray
+    resolution: np.ndarray
+    sine: np.ndarray
+
+
+def _views(
+    scene: Scene, chart: int, poses: Sequence[Pose], image_sizes: Sequence[tuple[int, int]], reach: float
+) -> Iterator[_OfPoints]:
+    """The panoramas on a chart's side within reach that see one of its points."""
     points = _grid(scene, chart)
     if len(points) == 0 or len(poses) == 0:
-        return []
+        return
     normal = scene.charts.normal()[chart]
     places = np.array([position(pose) for pose in poses])
     middle = points.mean(axis=0)
     radius = np.linalg.norm(points - middle, axis=1).max()
     offset = places - middle
     near = (offset @ normal > 0) & (np.linalg.norm(offset, axis=1) <= reach + radius)
-    found = []
     for index in np.flatnonzero(near).tolist():
         pose, (_, width) = poses[index], image_sizes[index]
         rays = points - places[index]
@@ -73,15 +124,10 @@ def sightings(
         sine = -(rays @ normal) / np.maximum(distance, 1e-9)
         usable = (distance <= reach) & (sine >= np.sin(np.radians(GRAZING_DEG))) & in_view(shares(rays, pose), pose)
         usable[usable] = _visible(scene, chart, places[index], rays[usable])
-        seen = float(usable.mean())
-        if seen < LEAST_SEEN:
-            continue
-        pixels_per_radian = width / pose.view[2] / (2 * np.pi)
-        resolution = float((pixels_per_radian / distance[usable] * np.sqrt(sine[usable])).mean())
-        facing = float(sine[usable].mean())
-        score = seen * min(1.0, resolution / scene.placement.texels_per_metre[chart]) * facing
-        found.append(Sighting(index, seen, resolution, float(np.degrees(np.arcsin(facing))), score))
-    return sorted(found, key=lambda sighting: (-sighting.score, sighting.panorama))
+        if usable.any():
+            pixels_per_radian = width / pose.view[2] / (2 * np.pi)
+            resolution = pixels_per_radian / distance[usable] * np.sqrt(sine[usable])
+            yield _OfPoints(index, usable, resolution, sine[usable])
 
 
 def rectify_view(

@@ -14,6 +14,7 @@ from flows.cli.box import WithBox
 from flows.cli.city import city, plan
 from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
+from flows.cli.imagery import ended, fetch_imagery, fetched_for_block
 from flows.cli.metrics import metrics
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE, OUT
 from flows.cli.prune import prune
@@ -164,6 +165,7 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
 @click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
 @click.option("--poses", type=EXISTING_FILE, help="Where panoramas were taken, if they do not say so themselves.")
 @click.option("--exemplars", type=EXISTING_FOLDER, help="Rectified facade pictures.  [default: painted ones]")
+@click.option("--imagery", metavar="SOURCE", help="Then fetch panoramas, as `streetloom fetch-imagery --from SOURCE`.")
 def new_block(
     block_file: Path,
     osm: Path | None,
@@ -176,6 +178,7 @@ def new_block(
     photos: Path | None,
     poses: Path | None,
     exemplars: Path | None,
+    imagery: str | None,
 ) -> None:
     """Write a block file for a part of a map, and say what was found there.
 
@@ -185,6 +188,7 @@ def new_block(
       streetloom new-block mine.yaml --osm city.osm.pbf --around 24.947 60.166 --size 300
       streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --photos photos/
       streetloom new-block mine.yaml --buildings houses.gpkg --streets roads.gpkg --crs EPSG:3067
+      streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --imagery panoramax
     """
     from catalogs.buildings.densest import square_around
     from flows.cli.console import progress
@@ -197,6 +201,8 @@ def new_block(
         found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
     for line in found.lines():
         say(line)
+    if imagery is not None:
+        ended(fetched_for_block(block_file, imagery))
     say(f"ready: streetloom run {block_file}")
 
 
@@ -329,7 +335,7 @@ def _redo(run: Any, street: str, only: bool) -> None:
     note(f"doing street {', '.join(streets)} again; {others}{fate}")
 
 
-for command in (city, plan, query, export, import_, catalog, view, doctor, metrics, prune, train, bench):
+for command in (city, plan, fetch_imagery, query, export, import_, catalog, view, doctor, metrics, prune, train, bench):
     main.add_command(command)
 
 

@@ -8,10 +8,11 @@ import traceback
 from datetime import UTC, datetime
 from pathlib import Path
 
+from catalogs.imagery.web import Away
 from facade_core.errors import FacadeError, MachineError
 
-# Of sysexits.h: an error of our own or of the machine; a cluster that is gone for now.
-UNUSABLE, CRASHED, CLUSTER_LOST = 2, 70, 75
+# Of sysexits.h: an error of our own or of the machine; a cluster, or a service of pictures, that is gone for now.
+UNUSABLE, CRASHED, GONE = 2, 70, 75
 # What a path raises that the user named and may not be written or read.
 DENIED = {
     errno.EACCES,
@@ -39,11 +40,13 @@ def ending(error: Exception) -> tuple[int, str]:
 
 
 def _code(error: FacadeError) -> int:
+    if isinstance(error, Away):
+        return GONE
     if not isinstance(error, MachineError):
         return UNUSABLE
     from tasks.compute.cluster import ClusterGone
 
-    return CLUSTER_LOST if isinstance(error, ClusterGone) else CRASHED
+    return GONE if isinstance(error, ClusterGone) else CRASHED
 
 
 def _kept(error: Exception) -> str:

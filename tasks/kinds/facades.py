@@ -56,9 +56,9 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
     """The pictures that there are of every facade, with the exemplar chosen for it."""
     poses = read_journal(group, "poses")
-    panoramas = [
-        [(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in shown] for shown in panoramas_of(plan)
-    ]
+    shown = panoramas_of(plan)
+    panoramas = [[(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in of_one] for of_one in shown]
+    captured = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
     shops = shops_of(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     chosen = (
         exemplars_of(plan, read_journal(group, "exemplars"), walls_of(plan, block, shops), seed=run.seed)
@@ -72,6 +72,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         block.photos,
         block.photos_rectified,
         panoramas,
+        captured,
         own,
         chosen,
         shops.tolist(),

@@ -130,7 +130,8 @@ def _of_panoramas(
     views, names, days = [], [], []
     for path, pose in imagery.panoramas:
         with refusing(refused):
-            view, day = _view(plan, chart, path, pose, size), capture_date(path)
+            view = _view(plan, chart, path, pose, size)
+            day = imagery.captured.get(path) or capture_date(path)
             views.append(view)
             names.append(path.name)
             days.append(day)

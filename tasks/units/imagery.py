@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from catalogs.features import file_stem
@@ -18,6 +18,7 @@ class Imagery:
         photo: a photo of it.
         rectified: whether that shows the wall alone, upright; else it is as taken from the street.
         panoramas: those that show it and their poses, best first.
+        captured: the days of these by their path, where the poses file tells them.
         textured: whether its wall carries a texture of the source's own.
         exemplar: (index, name) of the one chosen for it.
         shops: whether a wall that is made of that keeps its shops: no where the map has none.
@@ -27,6 +28,7 @@ class Imagery:
     photo: Path | None = None
     rectified: bool = True
     panoramas: tuple[tuple[Path, Pose], ...] = ()
+    captured: Mapping[Path, str] = field(default_factory=dict)
     textured: bool = False
     exemplar: tuple[int, str] | None = None
     shops: bool = True
@@ -46,17 +48,20 @@ def imagery_of(
     photos: Mapping[str, Path],
     rectified: bool,
     panoramas: Sequence[Sequence[tuple[Path, Pose]]],
+    captured: Mapping[Path, str],
     textured: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
     shops: Sequence[int],
     corrected: Mapping[int, Corrected],
 ) -> list[Imagery]:
-    """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, the rest by facade."""
+    """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, `captured` by
+    panorama, the rest by facade."""
     return [
         Imagery(
             photo=photos.get(name, photos.get(file_stem(name))),
             rectified=rectified,
             panoramas=tuple(panoramas[i]),
+            captured={path: captured[path] for path, _ in panoramas[i] if path in captured},
             textured=bool(textured[i]),
             exemplar=exemplars.get(i),
             shops=shops[i] != 0,

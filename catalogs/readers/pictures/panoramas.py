@@ -32,11 +32,13 @@ _FULL = (0.0, 0.0, 1.0, 1.0)
 
 @dataclass(frozen=True, slots=True)
 class PosedPanorama:
-    """An equirectangular picture and its pose in the block's frame; id is the file's name without suffix."""
+    """An equirectangular picture and its pose in the block's frame; id is the file's name without suffix. captured: the day,
+    where its entry in the poses file tells it."""
 
     id: str
     path: Path
     pose: Pose
+    captured: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,7 +78,7 @@ def read_panoramas(
             source = _named(sources, path) or source
             if source is None or source.heading is None:
                 raise ValueError(_unposed(source, poses))
-            pose = _in_frame(source, view, crs, frames)
+            pose = in_frame(source, view, crs, frames)
         except ValueError as error:
             faults.append(Fault(path.name, "panorama", one_line(str(error))))
             continue
@@ -89,7 +91,7 @@ def read_panoramas(
             continue
         if magnetic and _named(sources, path) is None:
             remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
-        items.append(PosedPanorama(path.stem, path, pose))
+        items.append(PosedPanorama(path.stem, path, pose, source.captured))
     if not posed:
         remedy = "; ".join(f"{fault.id}: {fault.reason}" for fault in faults[:3])
         raise InputError(f"{folder} holds no panorama that can be used: {remedy}")
@@ -122,7 +124,7 @@ def _outside(pose: Pose, bounds: Sequence[float]) -> float:
     return math.hypot(max(xmin - pose.x, 0.0, pose.x - xmax), max(ymin - pose.y, 0.0, pose.y - ymax))
 
 
-def _in_frame(
+def in_frame(
     source: SourcePose, view: tuple[float, float, float, float], crs: CRS, frames: dict[str | None, Transformer]
 ) -> Pose:
     """A pose in the block's frame: its north, true or of its grid, turns with the frame."""
@@ -141,9 +143,17 @@ def _in_frame(
         step = 100.0
     x, y = transformer.transform(source.x, source.y)
     x_off, y_off = transformer.transform(source.x, source.y + step)
-    north = math.degrees(math.atan2((x_off - x) * step, (y_off - y) * step)) if math.isfinite(x_off + y_off) else 0.0
+    across = math.cos(math.radians(y)) if crs.is_geographic else 1.0  # a degree of longitude over one of latitude
+    east, up = (x_off - x) * across, y_off - y
+    north = math.degrees(math.atan2(east * step, up * step)) if math.isfinite(x_off + y_off) else 0.0
     heading = (float(source.heading or 0.0) + north) % 360.0
     return Pose(float(x), float(y), source.z, heading, source.pitch, source.roll, view)
+
+
+def check_equirectangular(path: Path) -> None:
+    """ValueError, or ImageError, where a picture is no equirectangular panorama by what it says and by its shape, with
+    the remedy."""
+    _metadata(path)
 
 
 def _metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose | None, bool]:

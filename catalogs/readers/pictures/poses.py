@@ -7,6 +7,7 @@ import json
 import math
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from datetime import date
 from itertools import chain
 from pathlib import Path
 from typing import Any
@@ -50,6 +51,7 @@ class SourcePose:
             the place is known.
         pitch: degrees up.
         roll: degrees clockwise.
+        captured: the day, as "2024-05-17", where that is told.
     """
 
     crs: str | None
@@ -59,6 +61,7 @@ class SourcePose:
     heading: float | None = None
     pitch: float = 0.0
     roll: float = 0.0
+    captured: str | None = None
 
 
 def read_poses(path: Path) -> dict[str, SourcePose | str]:
@@ -66,8 +69,8 @@ def read_poses(path: Path) -> dict[str, SourcePose | str]:
 
     Understood are
     - CSV with a header: file, x, y or lon, lat; heading; optional z, pitch, roll. Separated by comma, semicolon or tab.
-    - JSON {"crs": "EPSG:...", "poses": {"file or stem": {x, y or lon, lat; heading; optional z, pitch, roll}}}. Without crs,
-      x and y are in the block's frame; lon and lat are WGS 84.
+    - JSON {"crs": "EPSG:...", "poses": {"file or stem": {x, y or lon, lat; heading; optional z, pitch, roll, captured}}}.
+      Without crs, x and y are in the block's frame; lon and lat are WGS 84.
     - JSON {"crs": ..., "camera_positions": {"stem": [x, y, z]}}: pictures whose centre looks to grid north.
     - a JSON list of {file, lat, lon, heading_deg, exif_gps: {GPSLatitude, GPSLatitudeRef, ..., GPSImgDirection}}, where the
       GPS tags stand in for what is null.
@@ -170,7 +173,7 @@ def _flat(record: dict[str, Any]) -> dict[str, Any]:
     if place:
         flat |= dict(zip(("lon", "lat"), place["coordinates"], strict=False))
     if flat.get("computed_rotation"):
-        flat |= dict(zip(("heading", "pitch", "roll"), _angles(_rotation(flat["computed_rotation"])), strict=True))
+        flat |= dict(zip(("heading", "pitch", "roll"), turned(flat["computed_rotation"]), strict=True))
     return flat
 
 
@@ -191,7 +194,17 @@ def _pose(record: Mapping[str, Any], crs: str | None) -> SourcePose:
         x, y, crs = lon, lat, LONLAT
     if x is None or y is None:
         raise ValueError("neither x and y nor lon and lat are given")
-    return SourcePose(crs, x, y, value["z"], heading, value["pitch"] or 0.0, value["roll"] or 0.0)
+    return SourcePose(
+        crs, x, y, value["z"], heading, value["pitch"] or 0.0, value["roll"] or 0.0, day_of(record.get("captured"))
+    )
+
+
+def day_of(time: Any) -> str | None:
+    """The day of a time as "2024-05-17T10:15:00Z" states it; None where it states none."""
+    try:
+        return date.fromisoformat(time[:10]).isoformat() if isinstance(time, str) and time[4:5] == "-" else None
+    except ValueError:
+        return None
 
 
 def _number(value: Any, key: str) -> float | None:
@@ -252,6 +265,12 @@ def _three(values: Iterable[float]) -> np.ndarray:
     if found.shape != (3,) or not (np.abs(found) <= MOST["x"]).all():
         raise ValueError(f"{shown(found.tolist())} is no rotation or translation; three numbers are")
     return found
+
+
+def turned(axis_angle: Iterable[float]) -> tuple[float, float, float]:
+    """Heading, pitch and roll in degrees of a camera by its rotation in a world of east, north, up: an axis-angle vector in
+    radians, camera from world. ValueError where it is none."""
+    return _angles(_rotation(axis_angle))
 
 
 def _rotation(axis_angle: Iterable[float]) -> np.ndarray:

@@ -1,0 +1,151 @@
+"""A folder of fetched pictures: the account of each, a line as it arrives, and the poses file that block files name."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from dataclasses import asdict, dataclass, field, fields
+from pathlib import Path
+from threading import Lock
+from typing import Any
+
+from catalogs.features import file_stem
+from catalogs.imagery.offer import Offer
+from catalogs.readers.pictures.poses import LONLAT
+from facade_core.errors import InputError
+
+ACCOUNT, POSES = "fetched.jsonl", "poses.json"
+# Where pictures lie until they are whole and looked at.
+ARRIVING = ".arriving"
+
+
+@dataclass(frozen=True, slots=True)
+class Kept:
+    """A picture that was fetched. file: its name; of one that cannot be used, or is there already under another name, empty,
+    and `refused` says why. The rest is what its service says of it, and the sha256 and number of its bytes."""
+
+    source: str
+    id: str
+    file: str
+    sha256: str
+    bytes: int
+    lon: float
+    lat: float
+    heading: float
+    z: float | None = None
+    pitch: float = 0.0
+    roll: float = 0.0
+    captured: str | None = None
+    author: str | None = None
+    licence: str | None = None
+    licence_url: str | None = None
+    refused: str | None = None
+
+
+_KEYS = {one.name for one in fields(Kept)}
+# Of a picture, in the poses file: what the block reads, and whom to name for it.
+_TOLD = (
+    "lon",
+    "lat",
+    "z",
+    "heading",
+    "pitch",
+    "roll",
+    "captured",
+    "author",
+    "licence",
+    "licence_url",
+    "source",
+    "id",
+    "sha256",
+)
+
+
+@dataclass
+class Account:
+    """What was fetched into a folder, by source and id; of two lines of one picture the later counts."""
+
+    folder: Path
+    kept: dict[tuple[str, str], Kept]
+    _lock: Lock = field(default_factory=Lock)
+
+    def holds(self, source: str, identifier: str) -> Kept | None:
+        """A picture that is there, as long as its file is of the size that arrived; or one that was refused."""
+        found = self.kept.get((source, identifier))
+        if found is None or found.refused:
+            return found
+        try:
+            return found if (self.folder / found.file).stat().st_size == found.bytes else None
+        except OSError:
+            return None
+
+    def add(self, kept: Kept) -> None:
+        """A line more, on the disk when this returns."""
+        line = json.dumps(
+            {name: value for name, value in asdict(kept).items() if value is not None}, ensure_ascii=False
+        )
+        with self._lock:
+            with (self.folder / ACCOUNT).open("a", encoding="utf-8") as file:
+                file.write(f"{line}\n")
+                file.flush()
+                os.fsync(file.fileno())
+            self.kept[kept.source, kept.id] = kept
+
+    def stem(self, source: str, offer: Offer) -> str:
+        """The name of a picture's file without suffix: its id, where that is one on every system and no other source's."""
+        others = {Path(one.file).stem for one in self.kept.values() if one.source != source}
+        stem = file_stem(offer.id)
+        return stem if stem not in others else file_stem(f"{source} {offer.id}")
+
+    def write_poses(self) -> Path:
+        """The poses file of what is there, in one step."""
+        there = sorted((one for one in self.kept.values() if not one.refused), key=lambda one: one.file)
+        poses = {
+            one.file: {name: value for name in _TOLD if (value := getattr(one, name)) is not None}
+            for one in there
+            if (self.folder / one.file).is_file()
+        }
+        path = self.folder / POSES
+        text = json.dumps({"crs": LONLAT, "poses": poses}, ensure_ascii=False, indent=1)
+        temporary = path.with_name(f".{POSES}.tmp")
+        temporary.write_text(f"{text}\n", encoding="utf-8")
+        os.replace(temporary, path)
+        return path
+
+
+def is_fetched(folder: Path) -> bool:
+    """Whether pictures were fetched into a folder."""
+    return (folder / ACCOUNT).is_file()
+
+
+def read_account(folder: Path) -> Account:
+    """The account of a folder, which is made where there is none; a last line that a kill cut off is dropped.
+
+    Raises InputError for a folder with pictures of another's, and where a line is none of an account.
+    """
+    path = folder / ACCOUNT
+    folder.mkdir(parents=True, exist_ok=True)
+    if not path.is_file():
+        if any(folder.iterdir()):
+            raise InputError(
+                f"{folder} holds files that were not fetched; name a new folder with --to, or fetch from it"
+            )
+        path.touch()
+    text = path.read_bytes()
+    whole = text[: text.rfind(b"\n") + 1]
+    if len(whole) < len(text):
+        os.truncate(path, len(whole))
+    return Account(folder, {(one.source, one.id): one for one in _lines(path, whole)})
+
+
+def _lines(path: Path, text: bytes) -> Iterator[Kept]:
+    for number, line in enumerate(text.splitlines(), 1):
+        try:
+            values: dict[str, Any] = json.loads(line)
+            kept = Kept(**{name: value for name, value in values.items() if name in _KEYS})
+        except (ValueError, TypeError, AttributeError) as error:
+            raise InputError(f"{path}: line {number} is no account of a picture; remove that line") from error
+        if kept.file != Path(kept.file).name:
+            raise InputError(f"{path}: line {number} names {kept.file[:60]!r}, which lies elsewhere; remove that line")
+        yield kept

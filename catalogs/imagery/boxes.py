@@ -1,0 +1,55 @@
+"""Searches of boxes: what answers are cut off at a number of pictures is asked by quarters."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from itertools import chain
+from typing import Any
+
+from catalogs.features import Fault
+from catalogs.imagery.offer import Box, fault
+
+# An answer of a round number of pictures, whatever limit was asked for, may be cut off at the service's own.
+ROUND = 100
+# A box is quartered so often at most: 1 / 256 of a side, some metres of a block.
+DEEPEST = 8
+
+
+def quartered(
+    boxes: Iterable[Box], search: Callable[[Box], Iterator[Mapping[str, Any] | Fault]]
+) -> Iterator[Mapping[str, Any] | Fault]:
+    """All that a search finds in boxes (west, south, east, north in degrees), each once by its id: where an answer has a
+    round number of records there may be more, and the quarters of its box are searched too."""
+    known: set[str] = set()
+    for one in chain.from_iterable(_searched(box, search, 0) for box in boxes):
+        identifier = one.id if isinstance(one, Fault) else str(one.get("id") or "")
+        if identifier in known and identifier:
+            continue
+        known.add(identifier)
+        yield one
+
+
+def _searched(
+    box: Box, search: Callable[[Box], Iterator[Mapping[str, Any] | Fault]], deep: int
+) -> Iterator[Mapping[str, Any] | Fault]:
+    count, faulty = 0, False
+    for one in search(box):
+        count += not isinstance(one, Fault)
+        faulty |= isinstance(one, Fault)
+        yield one
+    if faulty or not count or count % ROUND:
+        return
+    if deep == DEEPEST:
+        yield fault(
+            " ".join(f"{value:g}" for value in box), f"has over {count} pictures; fetch the others with --dates"
+        )
+        return
+    west, south, east, north = box
+    across, up = (west + east) / 2, (south + north) / 2
+    for quarter in (
+        (west, south, across, up),
+        (across, south, east, up),
+        (west, up, across, north),
+        (across, up, east, north),
+    ):
+        yield from _searched(quarter, search, deep + 1)

@@ -1,0 +1,132 @@
+"""Panoramas of Mapillary's Graph API (version 4): a token of the user, and pictures of one licence for all."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from typing import Any
+
+from catalogs.features import Fault
+from catalogs.imagery.boxes import quartered
+from catalogs.imagery.offer import Box, Offer, Wanted, fault, licensed, number, placed
+from catalogs.imagery.web import Refused, Web, shown_url
+from catalogs.readers.pictures.poses import turned
+from facade_core.errors import InputError
+
+API = "https://graph.mapillary.com"
+# What all its pictures are under, by its terms of use; answers do not say so.
+LICENCE, LICENCE_URL = "CC-BY-SA-4.0", "https://creativecommons.org/licenses/by-sa/4.0/"
+FIELDS = (
+    "id", "camera_type", "is_pano", "captured_at", "computed_geometry", "geometry", "computed_compass_angle", "compass_angle",
+    "computed_rotation", "creator", "width", "height", "thumb_original_url",
+)  # fmt: skip
+# Pictures of an answer at most, pages of a search at most, and the side of a box, degrees: it takes up to 0.01 square degrees.
+LIMIT, PAGES, SIDE = 2000, 100, 0.05
+_ALL_AROUND = ("spherical", "equirectangular")
+
+
+def mapillary_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
+    """What Mapillary has of what is wanted: panoramas, and a fault for each that cannot be used; flat pictures are left out.
+
+    Raises InputError without a token, or where the API does not answer as it should.
+    """
+    if web.token is None:
+        raise InputError("Mapillary wants a token: set STREETLOOM_IMAGERY_TOKEN to one of your own account's (MLY|...)")
+    for record in quartered(_small(wanted.box), lambda box: _pages(web, api, box, wanted.dates)):
+        found = record if isinstance(record, Fault) else _offer(record)
+        if found is not None:
+            yield found
+
+
+def _small(box: Box) -> Iterator[Box]:
+    """Boxes of SIDE at most."""
+    west, south, east, north = box
+    across, up = max(1, -int(-(east - west) // SIDE)), max(1, -int(-(north - south) // SIDE))
+    for row in range(up):
+        for column in range(across):
+            yield (
+                west + (east - west) * column / across,
+                south + (north - south) * row / up,
+                west + (east - west) * (column + 1) / across,
+                south + (north - south) * (row + 1) / up,
+            )
+
+
+def _pages(web: Web, api: str, box: Box, dates: str | None) -> Iterator[Mapping[str, Any] | Fault]:
+    first, last = _ends(dates)
+    asked = {
+        "bbox": ",".join(f"{value:.7f}" for value in box),
+        "is_pano": "true",
+        "fields": ",".join(FIELDS),
+        "limit": str(LIMIT),
+        **({"start_captured_at": first} if first else {}),
+        **({"end_captured_at": last} if last else {}),
+    }
+    url, known, page = f"{api.rstrip('/')}/images", set[str](), 0
+    params: Mapping[str, str] | None = asked
+    while url:
+        page += 1
+        content = _read(web.text(url, params=params), api)
+        records = [one for one in content["data"] if isinstance(one, Mapping)]
+        fresh = [one for one in records if str(one.get("id")) not in known]
+        if page > PAGES or (records and not fresh):
+            yield fault(shown_url(api), f"pages without end (page {page} brings nothing new); what came before is used")
+            return
+        known |= {str(one.get("id")) for one in fresh}
+        yield from fresh
+        paging = content.get("paging")
+        following = paging.get("next") if isinstance(paging, Mapping) and records else None
+        url, params = following if isinstance(following, str) else "", None
+
+
+def _read(text: str, api: str) -> dict[str, Any]:
+    try:
+        content = json.loads(text)
+    except ValueError:
+        content = None
+    if not isinstance(content, dict) or not isinstance(content.get("data"), list):
+        raise Refused(f"{shown_url(api)} answers with no list of pictures; check the address")
+    return content
+
+
+def _ends(dates: str | None) -> tuple[str | None, str | None]:
+    if not dates:
+        return None, None
+    first, _, last = dates.partition("/")
+    return (None if first in ("", "..") else first), (None if last in ("", "..") else last)
+
+
+def _offer(record: Mapping[str, Any]) -> Offer | Fault | None:
+    identifier = str(record.get("id") or "")
+    kind = str(record.get("camera_type") or "")
+    if record.get("is_pano") is False or kind in ("perspective", "brown"):
+        return None
+    try:
+        if kind and kind not in _ALL_AROUND:
+            raise ValueError(f"is a {kind} picture said to be a panorama; leave it out")
+        url = record.get("thumb_original_url")
+        if not identifier or not isinstance(url, str):
+            raise ValueError("names no picture; tell its service")
+        # as worked out from the pictures around where it was, else as the camera's own sensors had it
+        angles = [record.get("computed_compass_angle", record.get("compass_angle"))]
+        if record.get("computed_rotation"):
+            angles = [*turned(record["computed_rotation"])]
+        pose = placed(record.get("computed_geometry") or record.get("geometry"), *angles)
+        rights = licensed(LICENCE, LICENCE_URL, None)
+    except (ValueError, TypeError) as error:
+        return fault(identifier, str(error))
+    creator, taken = record.get("creator"), number(record.get("captured_at"))
+    down, across = number(record.get("height")), number(record.get("width"))
+    return Offer(
+        identifier,
+        url,
+        pose,
+        captured=datetime.fromtimestamp(taken / 1000, UTC).date().isoformat() if taken and 0 < taken < 1e14 else None,
+        author=str(creator.get("username") or creator.get("id") or "") or None
+        if isinstance(creator, Mapping)
+        else None,
+        licence=rights,
+        licence_url=LICENCE_URL,
+        size=(int(down), int(across)) if down and across else None,
+    )

@@ -1,0 +1,119 @@
+"""Where pictures are fetched from, by the word on the command line: a known service, the address of a STAC API, a folder."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from urllib.parse import urlsplit
+
+from catalogs.features import Fault
+from catalogs.file_digest import file_digest
+from catalogs.imagery.fetching import Get
+from catalogs.imagery.mapillary import API as MAPILLARY
+from catalogs.imagery.mapillary import mapillary_offers
+from catalogs.imagery.offer import Offer, Wanted
+from catalogs.imagery.stac import stac_offers
+from catalogs.imagery.web import Refused, Token, Web, shown_url
+from catalogs.readers.pictures.panoramas import in_frame, read_panoramas
+from catalogs.readers.pictures.poses import LONLAT, SourcePose
+from facade_core.errors import InputError
+
+# The federated search over Panoramax's instances.
+PANORAMAX = "https://api.panoramax.xyz/api"
+TOKEN = "STREETLOOM_IMAGERY_TOKEN"
+Search = Callable[[Wanted], Iterator[Offer | Fault]]
+
+
+@dataclass(frozen=True)
+class Service:
+    """Whom to ask: name, as accounts and messages have it; search and get."""
+
+    name: str
+    search: Search
+    get: Get
+
+
+def service_of(source: str, poses: Path | None = None) -> Service:
+    """The service that a word names. poses: of the pictures of a folder.
+
+    The token is read from the environment; raises InputError where the word names nothing that is known.
+    """
+    if source == "mapillary" or "://" in source or source == "panoramax":
+        if poses is not None:
+            raise InputError(f"--poses: {source} tells where its pictures were taken; leave it out")
+        if source == "mapillary":
+            return mapillary(MAPILLARY)
+        return stac(PANORAMAX if source == "panoramax" else source)
+    folder = Path(source)
+    if not folder.is_dir():
+        raise InputError(
+            f"--from {source}: is no folder here; give one, panoramax, mapillary, or a STAC API's https://..."
+        )
+    return _folder(folder, poses)
+
+
+def stac(api: str) -> Service:
+    """A STAC API at an address."""
+    web = Web(_token(api, "Bearer"))
+    return Service(shown_url(api), partial(stac_offers, web, api), lambda offer, path: web.save(offer.url, path))
+
+
+def mapillary(api: str) -> Service:
+    """Mapillary's Graph API at an address."""
+    web = Web(_token(api, "OAuth"))
+    return Service(shown_url(api), partial(mapillary_offers, web, api), lambda offer, path: web.save(offer.url, path))
+
+
+def _token(api: str, kind: str) -> Token | None:
+    """The token of the environment, for the host of an API. Raises InputError where others could read it on its way."""
+    secret = os.environ.get(TOKEN, "").strip()
+    if not secret:
+        return None
+    parts = urlsplit(api)
+    if parts.scheme != "https" and parts.hostname not in ("127.0.0.1", "localhost", "::1"):
+        raise InputError(
+            f"{shown_url(api)} is no https, and {TOKEN} would be read by others on its way; name https://..."
+        )
+    if not secret.isprintable() or " " in secret:
+        raise InputError(f"{TOKEN} holds what no token has; set it again")
+    return Token(parts.netloc.rpartition("@")[2].lower(), f"{kind} {secret}")
+
+
+def _folder(folder: Path, poses: Path | None) -> Service:
+    def search(wanted: Wanted) -> Iterator[Offer | Fault]:
+        from pyproj import CRS
+
+        if wanted.dates is not None:
+            raise InputError("--dates: folders are taken as they are; leave it out, or put what is to be used into one")
+        frame, lonlat = CRS.from_user_input(wanted.frame), CRS.from_user_input(LONLAT)
+        found = read_panoramas(folder, poses or _beside(folder), frame)
+        yield from found.faults
+        west, south, east, north = wanted.box
+        for one in found.items:
+            pose = one.pose
+            stated = SourcePose(frame.to_wkt(), pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll)
+            place = in_frame(stated, pose.view, lonlat, {})
+            if west <= place.x <= east and south <= place.y <= north:
+                told = SourcePose(LONLAT, place.x, place.y, pose.z, place.heading, pose.pitch, pose.roll)
+                yield Offer(one.id, str(one.path), told, captured=one.captured, licence=wanted.licence)
+
+    return Service(folder.name, search, _copied)
+
+
+def _beside(folder: Path) -> Path | None:
+    """The poses file that lies with the pictures, as this writes one."""
+    from catalogs.imagery.account import POSES
+
+    return folder / POSES if (folder / POSES).is_file() else None
+
+
+def _copied(offer: Offer, path: Path) -> str:
+    try:
+        shutil.copyfile(offer.url, path)
+    except OSError as error:
+        raise Refused(f"cannot be copied ({error.strerror}); check its permissions") from error
+    return file_digest(path)

@@ -1,0 +1,172 @@
+"""Panoramas of a STAC API, such as Panoramax's: items with a point, view:azimuth and a field of view of perspective imagery."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Mapping
+from fractions import Fraction
+from typing import Any
+
+from catalogs.broken import is_machines, said
+from catalogs.features import Fault
+from catalogs.imagery.boxes import quartered
+from catalogs.imagery.offer import ALL_AROUND, Box, Offer, Wanted, fault, licensed, number, placed
+from catalogs.imagery.web import Refused, Web, shown_url
+from catalogs.readers.pictures.poses import day_of
+from facade_core.errors import InputError
+
+# Items of a page, and pages of a search at most: more belong to a smaller box.
+PAGE, PAGES = 1000, 100
+# What services call the picture at its full size.
+_FULL_SIZE = ("hd", "data", "visual", "image")
+
+
+def stac_offers(web: Web, api: str, wanted: Wanted) -> Iterator[Offer | Fault]:
+    """What a STAC API has of what is wanted: panoramas, and a fault for each that cannot be used; flat pictures are left out.
+
+    A search that may have been cut off is asked again by quarters of its box. Raises InputError where the API cannot be
+    searched.
+    """
+    import pystac_client
+
+    try:
+        client = pystac_client.Client.open(api, stac_io=_io(web))
+        search = _searching(client, wanted.dates)
+        for item in quartered([wanted.box], search):
+            found = _offer(item, wanted.licence)
+            if found is not None:
+                yield found
+    except InputError:
+        raise
+    except Exception as error:  # what an answer can hold in a place, pystac meets with errors of every kind
+        if is_machines(error):
+            raise
+        raise InputError(
+            f"{shown_url(api)} is no STAC API that can be searched ({said(error)}); check the address"
+        ) from error
+
+
+def _searching(client: Any, dates: str | None) -> Any:
+    """A search of a box: its items, by pages; endless paging ends with a fault."""
+
+    def search(box: Box) -> Iterator[Mapping[str, Any] | Fault]:
+        known: set[str] = set()
+        # by GET: what services answer to POST differs
+        pages = client.search(method="GET", bbox=list(box), datetime=dates, limit=PAGE).pages_as_dicts()
+        for number_of_page, page in enumerate(pages, 1):
+            items = [item for item in page.get("features") or () if isinstance(item, Mapping)]
+            fresh = [item for item in items if str(item.get("id")) not in known]
+            if number_of_page > PAGES or (items and not fresh):
+                reason = f"page {number_of_page} brings nothing new" if not fresh else f"there are over {PAGES} pages"
+                yield fault(shown_url(client.get_self_href() or ""), f"pages without end ({reason}); what came before "
+                            "is used: fetch smaller boxes, and tell its service")  # fmt: skip
+                return
+            known |= {str(item.get("id")) for item in fresh}
+            yield from fresh
+
+    return search
+
+
+def _offer(item: Mapping[str, Any] | Fault, licence: str | None) -> Offer | Fault | None:
+    """An item as an offer; a fault where it is a panorama that cannot be used, None where it is none."""
+    if isinstance(item, Fault):
+        return item
+    properties = item.get("properties")
+    properties = properties if isinstance(properties, Mapping) else {}
+    inner = properties.get("pers:interior_orientation")
+    inner = inner if isinstance(inner, Mapping) else {}
+    if (number(inner.get("field_of_view")) or 0.0) < ALL_AROUND:
+        return None
+    identifier = str(item.get("id") or "")
+    try:
+        asset = _picture(item.get("assets"))
+        pose = placed(
+            item.get("geometry"), _heading(properties), *(properties.get(f"pers:{a}") for a in ("pitch", "roll"))
+        )
+        links = [link for link in item.get("links") or () if isinstance(link, Mapping) and link.get("rel") == "license"]
+        text = str(links[0].get("href")) if links else None
+        rights = licensed(properties.get("license"), text, licence)
+        if not identifier:
+            raise ValueError("has no id; tell its service")
+    except ValueError as error:
+        return fault(identifier, str(error))
+    return Offer(
+        identifier,
+        str(asset["href"]),
+        pose,
+        captured=day_of(properties.get("datetime")),
+        author=_author(item, properties),
+        licence=rights,
+        licence_url=text,
+        size=_size(inner.get("sensor_array_dimensions")),
+        sha256=_sha256(asset.get("file:checksum")),
+    )
+
+
+def _heading(properties: Mapping[str, Any]) -> Any:
+    """view:azimuth, which GeoVisio rounds to whole degrees; the EXIF tag that it gives beside, where that is the one."""
+    heading, exif = properties.get("view:azimuth"), properties.get("exif")
+    tag = exif.get("Exif.GPSInfo.GPSImgDirection") if isinstance(exif, Mapping) else None
+    told = number(heading)
+    try:
+        exact = float(Fraction(tag)) if isinstance(tag, str) else None
+    except (ValueError, ZeroDivisionError, OverflowError):
+        return heading
+    if told is None or exact is None:
+        return heading
+    return exact if abs((exact - told + 180.0) % 360.0 - 180.0) <= 0.5 else heading
+
+
+def _size(dimensions: Any) -> tuple[int, int] | None:
+    """Rows and columns of [columns, rows]."""
+    found = [number(value) for value in dimensions] if isinstance(dimensions, list) else []
+    if len(found) != 2 or not found[0] or not found[1]:
+        return None
+    return int(found[1]), int(found[0])
+
+
+def _picture(assets: Any) -> Mapping[str, Any]:
+    """The asset with the picture at its full size; ValueError where there is none."""
+    all_of = assets.items() if isinstance(assets, Mapping) else ()
+    named = [(name, asset) for name, asset in all_of if isinstance(asset, Mapping) and asset.get("href")]
+    pictures = [(n, a) for n, a in named if str(a.get("type", "image/")).startswith("image/")]
+    of_data = [(n, a) for n, a in pictures if "data" in (a.get("roles") or ())] or pictures
+    jpeg = [(n, a) for n, a in of_data if a.get("type") == "image/jpeg"] or of_data
+    if not jpeg:
+        raise ValueError("names no picture; tell its service")
+    return min(jpeg, key=lambda one: _rank(one[0]))[1]
+
+
+def _rank(name: str) -> tuple[int, str]:
+    return (_FULL_SIZE.index(name) if name in _FULL_SIZE else len(_FULL_SIZE), name)
+
+
+def _author(item: Mapping[str, Any], properties: Mapping[str, Any]) -> str | None:
+    providers = item.get("providers") or properties.get("providers") or ()
+    names = [str(one["name"]) for one in providers if isinstance(one, Mapping) and one.get("name")]
+    return "; ".join(dict.fromkeys(names))[:200] or None
+
+
+def _sha256(checksum: Any) -> str | None:
+    """Of a multihash in hexadecimal digits that is sha2-256; None of another."""
+    found = re.fullmatch(r"1220([0-9a-f]{64})", checksum) if isinstance(checksum, str) else None
+    return found[1] if found else None
+
+
+def _io(web: Web) -> Any:
+    from pystac_client.stac_api_io import StacApiIO
+
+    class Io(StacApiIO):
+        """Requests as `Web` makes them: pystac-client's own log the token, read files that links name, and know no bounds."""
+
+        def read_text(self, source: Any, *args: Any, **kwargs: Any) -> str:
+            if isinstance(source, str) and "://" not in source:
+                raise Refused(f"{source[:80]} is no address; tell its service")
+            return super().read_text(source, *args, **kwargs)
+
+        def request(self, href: str, method: str | None = None, headers: Any = None, parameters: Any = None) -> str:
+            if (method or "GET").upper() == "POST":
+                return web.text(href, body=parameters or {})
+            return web.text(href, params=parameters or None)
+
+    return Io()

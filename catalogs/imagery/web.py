@@ -1,0 +1,207 @@
+"""What is asked of services over HTTP: bounded in time and size, asked again where they say so, a token for its host alone."""
+
+from __future__ import annotations
+
+import email.utils
+import hashlib
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from threading import Lock
+from typing import TYPE_CHECKING, Any
+from urllib.parse import urlsplit
+
+from facade_core.errors import InputError
+
+if TYPE_CHECKING:
+    from requests import PreparedRequest, Response, Session
+
+# Seconds until a connection stands, and between two pieces of an answer; of a whole answer.
+CONNECT_S, READ_S, WHOLE_S = 10.0, 60.0, 600.0
+# Bytes of a picture (160 megapixels as JPEG have about as many), and of a page of a search.
+LARGEST, LARGEST_PAGE = 150_000_000, 40_000_000
+# How often a request is made, and the seconds to wait before the second; each further wait is twice as long.
+ATTEMPTS, FIRST_WAIT_S = 5, 1.0
+# A service that wants a longer pause, seconds, is left: another run goes on from there.
+LONGEST_WAIT_S = 300.0
+REDIRECTS = 5
+_AGAIN = frozenset((408, 425, 429, 500, 502, 503, 504))
+_PIECE = 1 << 16
+
+
+class Refused(InputError):
+    """An answer that another try would not change: a picture that is gone, too large, or not to be had without a token."""
+
+
+class Away(InputError):
+    """A service that did not answer, whatever was tried: a later run may find it."""
+
+
+@dataclass(frozen=True)
+class Token:
+    """What a service knows its user by: sent in a header to `host` (with its port) alone, and never shown."""
+
+    host: str
+    header: str = field(repr=False)
+
+    def __call__(self, request: PreparedRequest) -> PreparedRequest:
+        if urlsplit(str(request.url)).netloc.lower() == self.host:
+            request.headers["Authorization"] = self.header  # which requests takes off where it is sent to another host
+        return request
+
+
+@dataclass
+class Web:
+    """Requests of one service, from any thread. sleep: how a pause is made."""
+
+    token: Token | None = None
+    sleep: Callable[[float], None] = time.sleep
+    _session: Session | None = None
+    _not_before: float = 0.0
+    _lock: Lock = field(default_factory=Lock)
+
+    def text(self, url: str, *, params: Mapping[str, Any] | None = None, body: Any = None) -> str:
+        """An answer as text: of GET, or of POST where there is a body, as JSON. Raises Refused, Away."""
+
+        def read(response: Response) -> str:
+            return b"".join(_pieces(response, LARGEST_PAGE, url)).decode("utf-8", "replace")
+
+        return self._asked(url, read, params=params, json=body)
+
+    def save(self, url: str, path: Path) -> str:
+        """Write a picture to `path`, which is there whole or not at all; its sha256. Raises Refused, Away."""
+        part = path.with_name(f".{path.name}.part")
+
+        def write(response: Response) -> str:
+            digest = hashlib.sha256()
+            with part.open("wb") as file:
+                for piece in _pieces(response, LARGEST, url):
+                    digest.update(piece)
+                    file.write(piece)
+            return digest.hexdigest()
+
+        try:
+            digest = self._asked(url, write)
+            os.replace(part, path)
+            return digest
+        finally:
+            part.unlink(missing_ok=True)
+
+    def _asked(self, url: str, use: Callable[[Response], Any], **options: Any) -> Any:
+        import requests
+
+        where = shown_url(url)
+        if urlsplit(url).scheme not in ("http", "https"):
+            raise Refused(f"{where} is no address of http or https; tell its service")
+        problem = ""
+        for attempt in range(ATTEMPTS):
+            self._pause()
+            try:
+                with self._response(url, options) as response:
+                    if response.ok:
+                        return use(response)
+                    problem = f"answers {response.status_code}"
+                    if response.status_code not in _AGAIN:
+                        raise Refused(f"{where} {problem}; {_remedy(response.status_code, self.token is not None)}")
+                    wait = _asked_pause(response.headers.get("Retry-After"))
+            except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
+                problem, wait = f"cannot be read ({_kind(error)})", None
+            except requests.TooManyRedirects:
+                raise Refused(f"{where} leads to another address {REDIRECTS} times over; tell its service") from None
+            except requests.RequestException as error:
+                raise Refused(f"{where} cannot be asked ({_kind(error)}); check the address") from None
+            if wait is not None and wait > LONGEST_WAIT_S:
+                raise Away(f"{where} {problem} and wants a pause of {wait:.0f} s; run again after that")
+            self._postpone(FIRST_WAIT_S * 2**attempt if wait is None else wait)
+        raise Away(f"{where} {problem}, {ATTEMPTS} times; run again later, what is here stays")
+
+    @contextmanager
+    def _response(self, url: str, options: Mapping[str, Any]) -> Iterator[Response]:
+        method = "GET" if options.get("json") is None else "POST"
+        response = self._opened().request(
+            method, url, auth=self.token, timeout=(CONNECT_S, READ_S), stream=True, **options
+        )
+        try:
+            yield response
+        finally:
+            response.close()
+
+    def _opened(self) -> Session:
+        import requests
+
+        from catalogs.imagery import NAME
+
+        with self._lock:
+            if self._session is None:
+                self._session = requests.Session()
+                self._session.max_redirects = REDIRECTS
+                self._session.headers["User-Agent"] = NAME
+                self._session.headers["Accept-Encoding"] = "identity"  # so that lengths are those of what is kept
+            return self._session
+
+    def _postpone(self, seconds: float) -> None:
+        with self._lock:
+            self._not_before = max(self._not_before, time.monotonic() + seconds)
+
+    def _pause(self) -> None:
+        """Whoever asks too much waits with all its threads."""
+        left = self._not_before - time.monotonic()
+        if left > 0:
+            self.sleep(left)
+
+
+def shown_url(url: str) -> str:
+    """An address as messages have it: without the query, which may hold a signature, and without a user's name."""
+    parts = urlsplit(url)
+    return f"{parts.scheme}://{parts.netloc.rpartition('@')[2]}{parts.path}"[:120]
+
+
+def _pieces(response: Response, largest: int, url: str) -> Iterator[bytes]:
+    """The bytes of an answer, no more than `largest` and for no longer than WHOLE_S."""
+    import requests
+
+    ends, total = time.monotonic() + WHOLE_S, 0
+    stated = response.headers.get("Content-Length", "")
+    length = int(stated) if stated.isdecimal() else None
+    if length is not None and length > largest:
+        raise Refused(
+            f"{shown_url(url)} has {length / 1e6:.0f} MB, over {largest / 1e6:.0f}; take a smaller one by hand"
+        )
+    for piece in response.iter_content(_PIECE):
+        total += len(piece)
+        if total > largest:
+            raise Refused(f"{shown_url(url)} has over {largest / 1e6:.0f} MB; take a smaller one by hand")
+        if time.monotonic() > ends:
+            raise requests.Timeout("too slow")
+        yield piece
+    if length is not None and total < length:
+        raise requests.ConnectionError(f"{total} of {length} bytes")
+
+
+def _asked_pause(header: str | None) -> float | None:
+    """The seconds of a Retry-After, which are a number or a date; None where there is none."""
+    if header is None:
+        return None
+    if header.strip().isdecimal():
+        return float(header)
+    try:
+        return max(0.0, email.utils.parsedate_to_datetime(header).timestamp() - time.time())
+    except ValueError:
+        return None
+
+
+def _remedy(status: int, known: bool) -> str:
+    if status in (401, 403):
+        return "its token is refused; renew it" if known else "it wants a token; set STREETLOOM_IMAGERY_TOKEN"
+    return "it is gone, or never was there" if status in (404, 410) else "check the address"
+
+
+def _kind(error: Exception) -> str:
+    """What an error of a request is, without its address."""
+    text = str(error)
+    known = (("refused", "connection refused"), ("resolve", "unknown host"), ("timed out", "timed out"),
+             ("too slow", "too slow"), ("bytes", "cut off"), ("IncompleteRead", "cut off"))  # fmt: skip
+    return next((words for sign, words in known if sign in text), type(error).__name__)

@@ -1,0 +1,113 @@
+"""The command that fetches street pictures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from flows.cli.box import WithBox
+from flows.cli.paths import EXISTING_FILE, FOLDER
+from flows.cli.say import note, say
+
+if TYPE_CHECKING:
+    from tasks.fetching import Fetched
+
+# Pictures that cannot be used, told one by one.
+TOLD = 20
+
+
+@click.command("fetch-imagery", cls=WithBox)
+@click.argument("block_file", metavar="[BLOCK.yaml]", type=EXISTING_FILE, required=False)
+@click.option(
+    "--from",
+    "source",
+    default="panoramax",
+    show_default=True,
+    metavar="SOURCE",
+    help="panoramax, mapillary, the https:// address of a STAC API, or a folder of panoramas.",
+)
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Without a block: all there are in this box.")
+@click.option("--to", type=FOLDER, help="Where pictures go.  [default: panoramas/ beside the block file]")
+@click.option("--poses", type=EXISTING_FILE, help="Of a folder: where its pictures were taken.")
+@click.option("--dates", metavar="FROM/TO", help="Taken then, such as 2023-01-01/2024-12-31 or 2025-01-01/..")
+@click.option("--most", type=click.IntRange(1), metavar="N", help="No more than N, those first that show the most.")
+@click.option("--licence", metavar="WORDS", help="Of pictures that state none, such as CC-BY-SA-4.0.")
+def fetch_imagery(
+    block_file: Path | None,
+    source: str,
+    bbox: tuple[float, float, float, float] | None,
+    to: Path | None,
+    poses: Path | None,
+    dates: str | None,
+    most: int | None,
+    licence: str | None,
+) -> None:
+    """Fetch street panoramas: the fewest that show all facades of a block, into the folder that its file names for them.
+
+    What was fetched is not fetched again; `streetloom run` textures with it. A service that wants a token has it from
+    the environment, STREETLOOM_IMAGERY_TOKEN. Who took each picture, when, and its licence are in poses.json.
+
+    \b
+    Examples:
+      streetloom fetch-imagery block.yaml
+      streetloom fetch-imagery block.yaml --from mapillary --dates 2024-01-01/..
+      streetloom fetch-imagery block.yaml --from https://panoramax.example.org/api --most 50
+      streetloom fetch-imagery block.yaml --from my-panoramas/ --licence "mine"
+      streetloom fetch-imagery --bbox 7.750 48.581 7.754 48.583 --to pictures/
+    """
+    from facade_core.errors import InputError
+    from flows.cli.interrupts import end_early
+
+    if (block_file is None) == (bbox is None):
+        raise click.UsageError("name a block file, or --bbox W S E N with --to FOLDER")
+    end_early("interrupted; what was fetched stays, run the same command to go on")
+    if block_file is not None:
+        ended(fetched_for_block(block_file, source, to, poses, dates, most, licence))
+        say(f"ready: streetloom run {block_file}")
+        return
+    if to is None:
+        raise InputError("--bbox: there is no block file to lay pictures beside; name a folder with --to")
+    from catalogs.imagery.services import service_of
+    from flows.cli.console import progress
+    from tasks.fetching import fetch_for_box
+
+    assert bbox is not None
+    with progress(quiet=not sys.stderr.isatty()):
+        found = fetch_for_box(bbox, to, service_of(source, poses), dates=dates, most=most, licence=licence)
+    ended(found)
+
+
+def fetched_for_block(
+    block_file: Path,
+    source: str,
+    to: Path | None = None,
+    poses: Path | None = None,
+    dates: str | None = None,
+    most: int | None = None,
+    licence: str | None = None,
+) -> Fetched:
+    """Fetch the panoramas of a block, with bars in a terminal."""
+    from catalogs.imagery.services import service_of
+    from flows.cli.console import progress
+    from tasks.fetching import fetch_for_block
+
+    with progress(quiet=not sys.stderr.isatty()):
+        return fetch_for_block(block_file, service_of(source, poses), to=to, dates=dates, most=most, licence=licence)
+
+
+def ended(fetched: Fetched) -> None:
+    """Say what was fetched; exit with 1 where another run may bring what is missing."""
+    for fault in fetched.faults[:TOLD]:
+        note(f"{fault.id}: {fault.reason}")
+    if len(fetched.faults) > TOLD:
+        note(f"{len(fetched.faults) - TOLD} pictures more cannot be used")
+    for line in fetched.lines():
+        say(line)
+    if fetched.named:
+        note(f"write into the block file: {fetched.named}")
+    if fetched.missing:
+        note(f"{fetched.missing} pictures could not be had; run the same command again")
+        sys.exit(1)

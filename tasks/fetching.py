@@ -1,0 +1,221 @@
+"""Fetch the panoramas of a block: what a service has there, the fewest that show all facades, and where they were taken."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.block import Block, read_block
+from catalogs.block.adding import add_panoramas, panoramas_line
+from catalogs.block.keys import check_keys
+from catalogs.block.paths import named_paths
+from catalogs.block.yaml_files import read_yaml
+from catalogs.features import Fault
+from catalogs.frames import to_lonlat
+from catalogs.imagery.account import Account, is_fetched, read_account
+from catalogs.imagery.fetching import fetch_offers
+from catalogs.imagery.offer import Box, Offer, Wanted
+from catalogs.imagery.services import Service
+from catalogs.readers.pictures.panoramas import in_frame
+from facade_core.errors import ImageError, InputError
+from facade_core.geometry.terrain import terrain_of
+from facade_core.ingest import on_ground
+from facade_core.rectify.choosing import Choice, fewest
+from facade_core.rectify.fisheye import is_fisheye
+from facade_core.types import Pose
+from tasks.progress import advance, begin_stage
+from tasks.stages.planning import plan_of
+from tasks.units.images import read_image
+
+# Rows and columns of a picture of which a service tells none.
+USUAL_SIZE = (2048, 4096)
+# Beside a block file without panoramas.
+FOLDER = "panoramas"
+_FULL = (0.0, 0.0, 1.0, 1.0)
+# Longest side at which a picture is looked at for what lens it is of.
+_SMALL = 512
+
+
+@dataclass(frozen=True)
+class Fetched:
+    """What was fetched.
+
+    Args:
+        service: its name.
+        account: all that is in the folder.
+        offered: panoramas that the service has there.
+        chosen: of these, those that were to be fetched.
+        earlier: of those, how many were there already.
+        choice: how they were chosen; None without a block.
+        faults: pictures that cannot be used.
+        missing: how many of the chosen another run may still bring.
+        named: what is to be written into the block file by hand; None where it names the folder.
+    """
+
+    service: str
+    account: Account
+    offered: int
+    chosen: int
+    earlier: int
+    choice: Choice | None
+    faults: tuple[Fault, ...]
+    missing: int
+    named: str | None = None
+
+    def lines(self) -> list[str]:
+        """What was done, one fact a line."""
+        there = [one for one in self.account.kept.values() if not one.refused]
+        licences = sorted({one.licence or "not stated" for one in there})
+        days = sorted(one.captured for one in there if one.captured)
+        choice = self.choice
+        return [
+            f"offered    {self.offered} panoramas by {self.service}",
+            *(
+                [
+                    f"chosen     {self.chosen}, which show {choice.reached:.0f} of the {choice.shown:.0f} m2 of facades that "
+                    f"any shows, on {choice.facades_shown} of {choice.facades} facades at streets"
+                ]
+                if choice
+                else []
+            ),
+            f"fetched    {self.chosen - self.earlier - self.missing}, {self.earlier} were there",
+            f"pictures   {len(there)}, {sum(one.bytes for one in there) / 1e6:.1f} MB, in {self.account.folder}",
+            f"licences   {', '.join(licences) if there else '-'}",
+            *([f"taken      {days[0]} to {days[-1]}"] if days else []),
+        ]
+
+
+def fetch_for_block(
+    block_file: Path,
+    service: Service,
+    *,
+    to: Path | None = None,
+    dates: str | None = None,
+    most: int | None = None,
+    licence: str | None = None,
+) -> Fetched:
+    """Fetch the panoramas that a block's facades need, into the folder that its file names for them; where it names none, into
+    `to` (beside it, `panoramas/`), which it names then.
+
+    dates: from when to when they were taken, as STAC writes it. most: no more are fetched, those first that show the most.
+    licence: of pictures that state none. Raises InputError, one line with the remedy, where nothing can be fetched.
+    """
+    named = _named_folder(block_file)
+    folder = to or named or block_file.parent / FOLDER
+    if named is not None and not (folder.resolve() == named.resolve() and is_fetched(named)):
+        raise InputError(
+            f"{block_file}: imagery.panoramas names {named}, and a block has one folder; take that out of the block file, "
+            f"fetch, then: streetloom fetch-imagery {block_file} --from {named}"
+        )
+    account = read_account(folder)
+    block = read_block(block_file)
+    begin_stage("search", 1)
+    offers, faults = _asked(service, Wanted(_box(block), dates, licence, block.crs.to_string()))
+    advance("search", 1)
+    choice = _choice(block, offers)
+    chosen = [offers[i] for i in choice.chosen[:most]]
+    fetched = _fetched(service, account, offers, chosen, faults, choice)
+    if named is not None or not any(not one.refused for one in account.kept.values()):
+        return fetched
+    folder_name = Path(os.path.relpath(folder.resolve(), block_file.parent.resolve())).as_posix()
+    poses = f"{folder_name}/{account.write_poses().name}"
+    if add_panoramas(block_file, folder_name, poses):
+        return fetched
+    return replace(fetched, named=f"imagery: {{{panoramas_line(folder_name, poses)}}}")
+
+
+def fetch_for_box(
+    box: Box,
+    to: Path,
+    service: Service,
+    *,
+    dates: str | None = None,
+    most: int | None = None,
+    licence: str | None = None,
+) -> Fetched:
+    """Fetch all panoramas inside a box in degrees into a folder; no more than `most`, the newest first. As fetch_for_block."""
+    wanted = Wanted(box, dates, licence)
+    account = read_account(to)
+    begin_stage("search", 1)
+    offers, faults = _asked(service, wanted)
+    advance("search", 1)
+    return _fetched(service, account, offers, offers[:most], faults, None)
+
+
+def _named_folder(block_file: Path) -> Path | None:
+    """The folder of panoramas that a block file names, whether or not its pictures can be used."""
+    try:
+        keys = check_keys(read_yaml(block_file))
+        if keys.imagery.panoramas is None:
+            return None
+        return named_paths(keys, block_file)["imagery.panoramas.path"][0]
+    except ValueError as error:
+        raise InputError(f"{block_file}: {error}") from error
+
+
+def _box(block: Block) -> Box:
+    """Where pictures that show the block are taken: around its buildings as far as a viewpoint sees."""
+    bounds = np.array([building.footprint.bounds for building in block.buildings])
+    reach = block.texture.visibility_range
+    west, south = bounds[:, :2].min(axis=0) - reach
+    east, north = bounds[:, 2:].max(axis=0) + reach
+    return to_lonlat(block.crs.to_wkt(), (float(west), float(south), float(east), float(north)))
+
+
+def _asked(service: Service, wanted: Wanted) -> tuple[list[Offer], tuple[Fault, ...]]:
+    """What a service has, the newest first, each once; and what of it cannot be used."""
+    offers: dict[str, Offer] = {}
+    faults = []
+    for one in service.search(wanted):
+        if isinstance(one, Fault):
+            faults.append(one)
+        else:
+            offers.setdefault(one.id, one)
+    by_id = sorted(offers.values(), key=lambda offer: offer.id)
+    return sorted(by_id, key=lambda offer: offer.captured or "", reverse=True), tuple(faults)
+
+
+def _choice(block: Block, offers: Sequence[Offer]) -> Choice:
+    frames: dict = {}
+    poses = [in_frame(offer.pose, _FULL, block.crs, frames) for offer in offers]
+    plan = plan_of(replace(block, panoramas=(), texture=replace(block.texture, panorama_width=256)))
+    terrain = terrain_of(block.buildings, block.terrain)
+    there: tuple[Pose, ...] = on_ground(poses, terrain, block.texture.viewpoint_height)
+    return fewest(plan.scene, plan.facades, there, [offer.size or USUAL_SIZE for offer in offers])
+
+
+def _fetched(
+    service: Service,
+    account: Account,
+    offers: Sequence[Offer],
+    chosen: Sequence[Offer],
+    faults: tuple[Fault, ...],
+    choice: Choice | None,
+) -> Fetched:
+    earlier = sum(account.holds(service.name, offer.id) is not None for offer in chosen)
+    begin_stage("fetch", len(chosen))
+
+    def arrived(usable: bool) -> None:
+        advance("fetch", 1, 0 if usable else 1)
+
+    try:
+        broken = fetch_offers(service.name, chosen, account, service.get, _look, arrived)
+    finally:
+        account.write_poses()
+    missing = sum(account.holds(service.name, offer.id) is None for offer in chosen)
+    return Fetched(service.name, account, len(offers), len(chosen), earlier, choice, (*faults, *broken), missing)
+
+
+def _look(path: Path) -> None:
+    """Raise ImageError where a picture is none of a panorama's kind."""
+    import cv2
+
+    image, _ = read_image(path)
+    scale = _SMALL / max(image.shape)
+    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
+    if is_fisheye(small):
+        raise ImageError("is of a fisheye lens and said to be equirectangular; stitch it, or leave it out")

