@@ -15,7 +15,7 @@ CELL_M, LIFT_M = 0.25, 0.04
 # What stands farther casts no shadow.
 REACH_M = 150.0
 # Light of the sky alone and of the sun straight on, red, green and blue: what is in the shade is cooler.
-SKY_LIGHT, SUN_LIGHT = np.array([0.66, 0.68, 0.72]), np.array([0.92, 0.86, 0.76])
+SKY_LIGHT, SUN_LIGHT = np.array([0.75, 0.77, 0.81]), np.array([0.79, 0.73, 0.63])
 # Rays that are cast together.
 AT_ONCE = 1 << 19
 
