@@ -141,7 +141,8 @@ class Imagery:
     def _images(self, asked: Mapping[str, str], headers: Mapping[str, str]) -> tuple[int, dict[str, str], bytes]:
         if not headers.get("authorization", "").startswith("OAuth "):
             return 401, {}, b'{"error": {"message": "Invalid OAuth access token"}}'
-        found = self._inside(asked.get("bbox"), None)[: min(self.limit, int(asked["limit"]))]
+        dates = f"{asked.get('start_captured_at', '..')}/{asked.get('end_captured_at', '..')}"
+        found = self._inside(asked.get("bbox"), dates)[: min(self.limit, int(asked["limit"]))]
         return _said({"data": [self._record(shot) for shot in found]})
 
     def _record(self, shot: Shot) -> dict[str, Any]:

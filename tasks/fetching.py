@@ -20,6 +20,7 @@ from catalogs.imagery.account import Account, is_fetched, read_account
 from catalogs.imagery.fetching import fetch_offers
 from catalogs.imagery.offer import Box, Offer, Wanted
 from catalogs.imagery.services import Service
+from catalogs.readers.pictures.opening import read_picture
 from catalogs.readers.pictures.panoramas import in_frame
 from facade_core.errors import ImageError, InputError
 from facade_core.geometry.terrain import terrain_of
@@ -29,7 +30,6 @@ from facade_core.rectify.fisheye import is_fisheye
 from facade_core.types import Pose
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
-from tasks.units.images import read_image
 
 # Rows and columns of a picture of which a service tells none.
 USUAL_SIZE = (2048, 4096)
@@ -73,7 +73,12 @@ class Fetched:
         days = sorted(one.captured for one in there if one.captured)
         choice = self.choice
         return [
-            f"offered    {self.offered} panoramas by {self.service}",
+            f"offered    {self.offered} panoramas by {self.service}"
+            + (
+                f", {self.offered - choice.covering} of which show no facade, or less than half as well"
+                if choice
+                else ""
+            ),
             *(
                 [
                     f"chosen     {self.chosen}, which show {choice.reached:.0f} of the {choice.shown:.0f} m2 of facades that "
@@ -212,10 +217,5 @@ def _fetched(
 
 def _look(path: Path) -> None:
     """Raise ImageError where a picture is none of a panorama's kind."""
-    import cv2
-
-    image, _ = read_image(path)
-    scale = _SMALL / max(image.shape)
-    small = cv2.resize(image, None, fx=scale, fy=scale, interpolation=cv2.INTER_AREA) if scale < 1 else image
-    if is_fisheye(small):
+    if is_fisheye(read_picture(path, longest=_SMALL).rgb):
         raise ImageError("is of a fisheye lens and said to be equirectangular; stitch it, or leave it out")

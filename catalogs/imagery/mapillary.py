@@ -91,10 +91,9 @@ def _read(text: str, api: str) -> dict[str, Any]:
 
 
 def _ends(dates: str | None) -> tuple[str | None, str | None]:
-    if not dates:
-        return None, None
-    first, _, last = dates.partition("/")
-    return (None if first in ("", "..") else first), (None if last in ("", "..") else last)
+    """The first and the last moment of a span of days; None of an open end."""
+    first, _, last = (dates or "../..").partition("/")
+    return (None if first == ".." else f"{first}T00:00:00Z"), (None if last == ".." else f"{last}T23:59:59Z")
 
 
 def _offer(record: Mapping[str, Any]) -> Offer | Fault | None:

@@ -105,7 +105,7 @@ class Web:
                         return use(response)
                     problem = f"answers {response.status_code}"
                     if response.status_code not in _AGAIN:
-                        raise Refused(f"{where} {problem}; {_remedy(response.status_code, self.token is not None)}")
+                        raise Refused(f"{where} {problem}; {_remedy(response.status_code, url, self.token)}")
                     wait = _asked_pause(response.headers.get("Retry-After"))
             except (requests.ConnectionError, requests.Timeout, requests.exceptions.ChunkedEncodingError) as error:
                 problem, wait = f"cannot be read ({_kind(error)})", None
@@ -193,9 +193,13 @@ def _asked_pause(header: str | None) -> float | None:
         return None
 
 
-def _remedy(status: int, known: bool) -> str:
+def _remedy(status: int, url: str, token: Token | None) -> str:
     if status in (401, 403):
-        return "its token is refused; renew it" if known else "it wants a token; set STREETLOOM_IMAGERY_TOKEN"
+        if token is None:
+            return "it wants a token; set STREETLOOM_IMAGERY_TOKEN"
+        if urlsplit(url).netloc.lower() != token.host:  # where pictures lie whose addresses are signed for some hours
+            return "its address is no longer good; run again"
+        return "its token is refused; renew it"
     return "it is gone, or never was there" if status in (404, 410) else "check the address"
 
 

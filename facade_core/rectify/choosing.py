@@ -22,10 +22,12 @@ COVERED = 0.95
 
 @dataclass(frozen=True)
 class Choice:
-    """Which panoramas were chosen, indices in the order of choosing; facades: how many there are at streets, and how many of
-    them some panorama shows; shown, reached: square metres of facades that all panoramas show, and that the chosen do."""
+    """Which panoramas were chosen, indices in the order of choosing, and how many cover a point of a facade; facades: how
+    many there are at streets, and how many of them some panorama shows; shown, reached: square metres of facades that all
+    panoramas show, and that the chosen do."""
 
     chosen: tuple[int, ...]
+    covering: int
     facades: int
     facades_shown: int
     shown: float
@@ -56,7 +58,8 @@ def fewest(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequenc
         left[points.of(best)] = 0.0
     kept = _without_needless(points, needs, chosen)
     reached = float(points.weight[points.times(kept) > 0].sum())
-    return Choice(tuple(kept), len(rows), int((needs > 0).sum()), float(points.weight.sum()), reached)
+    covering = int((np.diff(points.covers.indptr) > 0).sum())
+    return Choice(tuple(kept), covering, len(rows), int((needs > 0).sum()), float(points.weight.sum()), reached)
 
 
 def shown_by(

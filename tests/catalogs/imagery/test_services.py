@@ -172,6 +172,16 @@ def test_mapillary_is_asked_small_boxes(served: Imagery, monkeypatch: pytest.Mon
     assert served.asked["/images"] == 8
 
 
+def test_mapillary_is_asked_for_a_span_of_days(served: Imagery, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(TOKEN, "MLY|17|secret")
+    days = ("2019-01-02", "2023-12-31", "2024-05-17")
+    served.shots = [replace(GOOD, id=day, captured=day) for day in days]
+    spans = {"2023-12-31/..": days[1:], "../2019-12-31": days[:1], "2023-01-01/2023-12-31": days[1:2], "../..": days}
+    for span, expected in spans.items():
+        offers, _ = asked(mapillary(served.address), Wanted((7.49, 48.49, 7.51, 48.51), span))
+        assert sorted(offer.id for offer in offers) == list(expected)
+
+
 def test_a_folder_is_a_service_too(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     folder.mkdir()

@@ -63,6 +63,13 @@ def test_a_token_goes_to_its_own_host_alone_also_over_a_redirect(served: Imagery
     assert "secret" not in repr(asked)
 
 
+def test_a_refusal_is_told_by_who_refuses(served: Imagery) -> None:
+    served.faults["/x"] = lambda *_: (403, {}, b"")
+    for host, words in ((served.address.removeprefix("http://"), "its token is refused"), ("elsewhere", "run again")):
+        with pytest.raises(Refused, match=words):
+            Web(Token(host, "OAuth secret")).text(f"{served.address}/x")
+
+
 def test_redirects_end_and_lead_to_no_file(served: Imagery) -> None:
     served.faults["/round"] = lambda *_: (302, {"Location": "/round"}, b"")
     with pytest.raises(Refused, match="leads to another address"):

@@ -61,7 +61,7 @@ def test_what_only_one_shows_is_taken_and_what_none_shows_asks_for_nothing() -> 
     found = fewest(scene, facades_of(scene), poses, [SIZE] * 5)
     assert 3 in found.chosen
     assert 4 not in found.chosen
-    assert (found.facades, found.facades_shown) == (8, 7)
+    assert (found.facades, found.facades_shown, found.covering) == (8, 7, 4)
     only = fewest(scene, facades_of(scene, [STREET] * 6 + [SIDE] * 2), poses, [SIZE] * 5)
     assert 3 not in only.chosen, "a wall at no street asks for no picture"
 
