@@ -25,6 +25,7 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.block import read_block
 from catalogs.imagery.services import stac
 from catalogs.readers.pictures.poses import dms_degrees
 from tasks.fetching import fetch_for_block, fetch_for_box
@@ -117,7 +118,10 @@ def fetched(api: str, data: Path, folder: Path) -> dict[str, Any]:
     of_block = fetch_for_block(block, stac(api))
     assert of_block.choice is not None
     same = [_likeness(folder / "strasbourg" / one.file, data) for one in first.account.kept.values()]
-    headings = {one.heading for one in of_block.account.kept.values()}
+    stated = json.loads((data / "city" / "amsterdam" / "poses_and_walls.json").read_text(encoding="utf-8"))
+    places = np.array(list(stated["camera_positions"].values()))[:, :2]
+    poses = [panorama.pose for panorama in read_block(block).panoramas]
+    off = [float(np.hypot(*(places - (pose.x, pose.y)).T).min()) for pose in poses]
     return {
         "offered": first.offered,
         "fetched": len(first.account.kept),
@@ -131,7 +135,8 @@ def fetched(api: str, data: Path, folder: Path) -> dict[str, Any]:
             "chosen": of_block.chosen,
             "facades_shown": of_block.choice.facades_shown,
             "square_metres_shown": round(of_block.choice.reached),
-            "headings": sorted(headings),
+            "metres_off_what_was_uploaded": round(max(off), 3),
+            "degrees_off": round(max(abs((pose.heading + 180.0) % 360.0 - 180.0) for pose in poses), 3),
         },
     }
 
