@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping
 from datetime import UTC, datetime
 from typing import Any
+from urllib.parse import parse_qsl, urlencode, urlsplit, urlunsplit
 
 from catalogs.features import Fault
 from catalogs.imagery.boxes import quartered
@@ -77,7 +78,14 @@ def _pages(web: Web, api: str, box: Box, dates: str | None) -> Iterator[Mapping[
         yield from fresh
         paging = content.get("paging")
         following = paging.get("next") if isinstance(paging, Mapping) and records else None
-        url, params = following if isinstance(following, str) else "", None
+        url, params = _tokenless(following) if isinstance(following, str) else "", None
+
+
+def _tokenless(url: str) -> str:
+    """An address of a next page without the token that it repeats: addresses are logged, and the header says it."""
+    parts = urlsplit(url)
+    asked = [(name, value) for name, value in parse_qsl(parts.query) if name != "access_token"]
+    return urlunsplit(parts._replace(query=urlencode(asked)))
 
 
 def _read(text: str, api: str) -> dict[str, Any]:

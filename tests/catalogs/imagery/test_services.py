@@ -172,6 +172,29 @@ def test_mapillary_is_asked_small_boxes(served: Imagery, monkeypatch: pytest.Mon
     assert served.asked["/images"] == 8
 
 
+def test_pages_of_mapillary_are_followed_without_the_token_that_their_addresses_repeat(
+    served: Imagery, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    monkeypatch.setenv(TOKEN, "MLY|17|secret")
+    served.shots = [GOOD, replace(GOOD, id="second")]
+    records = json.loads(served.answer("/images?limit=2000", {"authorization": "OAuth x"})[2])["data"]
+    following = f"{served.address}/images?after=1&access_token=MLY%7C17%7Csecret"
+    pages = [{"data": records[:1], "paging": {"next": following}}, {"data": records[1:], "paging": {"next": following}}]
+    seen: list[str] = []
+
+    def paged(path: str, headers: object) -> tuple[int, dict[str, str], bytes]:
+        seen.append(path)
+        return 200, {}, json.dumps(pages[min(len(seen), 2) - 1]).encode()
+
+    served.faults["/images"] = paged
+    with caplog.at_level(logging.DEBUG):
+        offers, faults = asked(mapillary(served.address), Wanted((7.49, 48.49, 7.51, 48.51)))
+    assert [offer.id for offer in offers] == ["good", "second"]
+    assert ["pages without end (page 3" in reason for reason in faults.values()] == [True]
+    assert not any("secret" in path for path in seen)
+    assert "secret" not in caplog.text
+
+
 def test_mapillary_is_asked_for_a_span_of_days(served: Imagery, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv(TOKEN, "MLY|17|secret")
     days = ("2019-01-02", "2023-12-31", "2024-05-17")
