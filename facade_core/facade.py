@@ -23,7 +23,7 @@ from facade_core.resizing import resized, resized_with_labels
 from facade_core.texture import Style, Wall, exemplar_scale, inpaint, on_wall, tinted
 from facade_core.texture.structure import storeys
 from facade_core.types import Box, Completion, Element, Lattice
-from facade_core.variation import Hierarchy, encode, exchange_in_photo
+from facade_core.variation import Hierarchy, coded, encode, exchange_in_photo, variations
 
 # A facade of which less than this is seen is not completed from it: what is made would be a guess.
 LEAST_SEEN = 0.05
@@ -317,18 +317,17 @@ def from_exemplar(
             labels = cv2.resize(labels, size[::-1], interpolation=cv2.INTER_NEAREST)
     with _timed(seconds, "elements"):
         layout = tuple(elements(labels))
-    hierarchy = None
+    hierarchy = varied = None
     with _timed(seconds, "vary"):
         if wall.street:
             # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
-            coded = encode(texture, layout)
-            texture = exchange_in_photo(texture, coded, round(VARIED * (len(coded.levels) - 1)), seed)
+            texture, varied = exchange_in_photo(texture, variations(texture, layout), VARIED, seed)
         texture = tinted(texture, labels, house=house, seed=seed)
     with _timed(seconds, "lattice"):
         split = lattice(labels)
-    if wall.street:
+    if varied is not None:
         with _timed(seconds, "encode"):
-            hierarchy = encode(texture, list(layout), seed=seed)
+            hierarchy = coded(texture, varied)
     known = np.ones(size, bool) if wall.street else _free(wall, (left, right), size)
     return Facade(
         evidence=texture,

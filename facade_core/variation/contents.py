@@ -7,8 +7,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.variation.appearance import Basis
-
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Level:
@@ -25,16 +23,14 @@ class Level:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Group:
-    """Elements of one label and comparable size, coded in one basis.
+    """Elements of one label and comparable size.
 
-    boxes (N, 4) int32 pixels; light (N,) brightness; coordinates (N, d); types (N,) int32 in the photo.
+    boxes (N, 4) int32 pixels; light (N,) brightness; types (N,) int32 in the photo.
     """
 
     label: str
-    basis: Basis
     boxes: np.ndarray
     light: np.ndarray
-    coordinates: np.ndarray
     types: np.ndarray
 
 
@@ -42,14 +38,14 @@ class Contents(NamedTuple):
     """A whole file.
 
     levels: level 0 as photographed;
-    wall (H, W, 3) uint8: the facade without its elements;
+    photo (H, W, 3) uint8: the facade;
     groups: all elements, numbered group by group;
     cells: per grid the elements' numbers, -1 for none;
     representatives (T,) int32: the element that stands for each type.
     """
 
     levels: tuple[Level, ...]
-    wall: np.ndarray
+    photo: np.ndarray
     groups: tuple[Group, ...]
     cells: tuple[np.ndarray, ...]
     representatives: np.ndarray

@@ -1,4 +1,4 @@
-"""The variation-factored hierarchy of a facade: its levels, rendered as coded or with its elements exchanged."""
+"""The variation-factored hierarchy of a facade: its levels, shown with representatives or with its elements exchanged."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from facade_core.errors import InputError
 from facade_core.variation.codec import decode
 from facade_core.variation.contents import Group, Level
 from facade_core.variation.enlargement import enlarge
+from facade_core.variation.patches import bare_wall, mask_of
 from facade_core.variation.rendering import element_boxes, element_types, paint_elements
 from facade_core.variation.sampling import deal, exchange, generator
 
@@ -20,12 +21,12 @@ from facade_core.variation.sampling import deal, exchange, generator
 class Hierarchy:
     """A facade coded by `encode`: levels, level 0 as photographed, up to one type per grid.
 
-    wall (H, W, 3) uint8: the facade without its elements; groups: all elements, numbered group by group; cells: per
+    photo (H, W, 3) uint8: the facade as the file has it; groups: all elements, numbered group by group; cells: per
     grid the elements' numbers, -1 for none; representatives (T,) int32: the element that stands for each type.
     """
 
     levels: tuple[Level, ...]
-    wall: np.ndarray
+    photo: np.ndarray
     groups: tuple[Group, ...]
     cells: tuple[np.ndarray, ...]
     representatives: np.ndarray
@@ -35,6 +36,11 @@ class Hierarchy:
     def nbytes(self) -> int:
         """Size of the file in bytes."""
         return len(self._coded)
+
+    @property
+    def wall(self) -> np.ndarray:
+        """(H, W, 3) uint8: the facade without its elements, filled from around them."""
+        return bare_wall(self.photo, mask_of(element_boxes(self.groups), self.photo.shape[:2]))
 
     def types_at(self, level: int) -> np.ndarray:
         """(elements,) int32: the type of every element at a level; InputError for a level that there is not."""
@@ -46,11 +52,11 @@ class Hierarchy:
         return labels
 
     def reconstruct(self, level: int) -> np.ndarray:
-        """(H, W, 3) uint8: the facade at a level; relabelled elements show their new type's representative."""
+        """(H, W, 3) uint8: the photo, in which elements relabelled at a level show their new type's representative."""
         photo, now = self.types_at(0), self.types_at(level)
         places = np.arange(len(photo))
         shown = np.where(now == photo, places, self.representatives[now])
-        return paint_elements(self.wall, self.groups, places, element_boxes(self.groups), shown)
+        return paint_elements(self.photo, self.photo, self.groups, places, element_boxes(self.groups), shown)
 
     def sample(self, level: int, seed: int, *, floors: int | None = None, columns: int | None = None) -> np.ndarray:
         """(H', W', 3) uint8: a variation, the elements that share a type at the level exchanged among each other.
@@ -64,12 +70,12 @@ class Hierarchy:
         now = self.types_at(level)
         boxes = element_boxes(self.groups)
         if floors is None and columns is None:
-            return paint_elements(self.wall, self.groups, np.arange(len(now)), boxes, exchange(now, seed))
+            places = np.arange(len(now))
+            return paint_elements(self.photo, self.photo, self.groups, places, boxes, exchange(now, seed))
         rng = generator(seed)
         larger = enlarge(self.wall, self.groups, self.cells, floors, columns, rng)
-        return paint_elements(
-            larger.wall, self.groups, larger.places, larger.boxes, deal(now, larger.places, larger.boxes, rng)
-        )
+        shown = deal(now, larger.places, larger.boxes, rng)
+        return paint_elements(larger.wall, self.photo, self.groups, larger.places, larger.boxes, shown)
 
     def to_bytes(self) -> bytes:
         """The file's content, for `from_bytes`."""

@@ -54,6 +54,13 @@ def cut(image: np.ndarray, box: np.ndarray, size: tuple[int, int]) -> np.ndarray
     return _cut(image, box, MARGIN, size)
 
 
+def crop(image: np.ndarray, box: np.ndarray) -> np.ndarray:
+    """(h, w, 3) float32: one box (4,) with its margin, at its own size; beyond the image its border goes on."""
+    rows = np.clip(np.arange(box[1] - MARGIN, box[3] + MARGIN), 0, image.shape[0] - 1)
+    columns = np.clip(np.arange(box[0] - MARGIN, box[2] + MARGIN), 0, image.shape[1] - 1)
+    return image[rows[:, None], columns].astype(np.float32)
+
+
 def _cut(image: np.ndarray, box: np.ndarray, margin: int, size: tuple[int, int]) -> np.ndarray:
     import cv2
 
