@@ -141,7 +141,7 @@ class _Charts:
             )
             roughness = ROUGHNESS[substance]
             if self.scene.charts.kind[chart] == WINDOW:
-                pane = Opening(WINDOW_LABEL, 0, 0, *size, np.ones(half, bool))
+                pane = Opening(WINDOW_LABEL, 0, 0, *size)
                 shown = glow(pane, density / 2, float(self.scene.charts.size[chart, 1]), self.chances(chart))
         height = heights(labels, substance, small, frames, density / 2)
         occlusion = self.sky(chart, half) * sunk(height, density / 2)

@@ -7,7 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.labels import SHOP, WINDOW
+from facade_core.export.interiors import interior
+from facade_core.labels import DOOR, SHOP, WINDOW
+from facade_core.parse.boxes import elements
 
 # A frame's width around panes, metres; bars are narrower than this, and so much brighter or darker than the glass beside them,
 # of 255. Where more than this share of a window would be bars, its picture does not tell them.
@@ -25,52 +27,71 @@ LAMPS = np.array(
     [[1.0, 0.62, 0.3], [1.0, 0.52, 0.2], [1.0, 0.76, 0.5], [0.86, 0.92, 1.0], [0.35, 0.5, 0.9]], np.float32
 )
 SHARES = np.cumsum([0.42, 0.24, 0.18, 0.1, 0.06])
-# Of a window's brightness, of 1: least, most; of shops, and of a shop that is shut.
-BRIGHT, SHOP_BRIGHT, SHUT = (0.2, 0.7), (0.55, 0.9), 0.1
+# Of a window's brightness, of 1: least, most; of the lamps of shops, and of a shop that is shut.
+BRIGHT, SHOP_BRIGHT, SHUT = (0.2, 0.7), (0.6, 1.0), 0.1
+# Shops have the lamps of these numbers, up to these shares.
+SHOP_LAMPS, SHOP_SHARES = (0, 2, 3), (0.5, 0.88, 1.0)
 # How much of a window's and of a shop's light is as bright as what its picture shows there.
-SHOWS, SHOP_SHOWS = 0.3, 0.75
+SHOWS, SHOP_SHOWS = 0.3, 0.35
 # Shares of lit windows with curtains at their sides, drawn, and with a blind half down.
 SIDES, DRAWN, BLIND = 0.28, 0.17, 0.15
 
 
 @dataclass(frozen=True)
 class Opening:
-    """A window or a shop on a raster: its box in texels, half-open, and where on the box it is, (h, w) bool."""
+    """A window or a shop on a raster: its box in texels, half-open."""
 
     label: int
     left: int
     top: int
     right: int
     bottom: int
-    inside: np.ndarray
 
     @property
     def box(self) -> tuple[slice, slice]:
         return slice(self.top, self.bottom), slice(self.left, self.right)
 
+    @property
+    def shape(self) -> tuple[int, int]:
+        return self.bottom - self.top, self.right - self.left
+
 
 def openings(labels: np.ndarray) -> Iterator[Opening]:
-    """The windows and shops of labels (h, w), each a piece that hangs together."""
+    """The windows and shops of labels (h, w): the boxes of what hangs together, whatever its rim."""
+    kinds = {"window": WINDOW, "shop": SHOP}
+    for one in elements(_of_one_kind(labels)):
+        if one.label in kinds:
+            yield Opening(kinds[one.label], *(int(side) for side in (one.x0, one.y0, one.x1, one.y1)))
+
+
+def _of_one_kind(labels: np.ndarray) -> np.ndarray:
+    """Labels (h, w) where what a shop hangs together with, windows and doors, is of the kind that most of it is: on glass a
+    parser cannot tell them apart."""
     import cv2
 
-    for label in (WINDOW, SHOP):
-        _, of, boxes, _ = cv2.connectedComponentsWithStats(
-            (labels == label).astype(np.uint8), connectivity=4, ltype=cv2.CV_32S
-        )
-        for number, (left, top, width, height, _) in enumerate(boxes[1:].tolist(), 1):
-            inside = of[top : top + height, left : left + width] == number
-            yield Opening(label, left, top, left + width, top + height, inside)
+    shop = labels == SHOP
+    if not shop.any():
+        return labels
+    glazed = np.isin(labels, (WINDOW, SHOP, DOOR))
+    _, of = cv2.connectedComponents(glazed.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    mixed = np.intersect1d(of[shop], of[glazed & ~shop])
+    found = labels.copy()
+    for number in mixed.tolist():
+        here = of == number
+        found[here] = np.bincount(labels[here]).argmax()
+    return found
 
 
 def glass(opening: Opening, grey: np.ndarray, density: float) -> np.ndarray:
     """Where an opening's box (h, w) is glass, bool: within a frame, between the bars that the grey (h, w) uint8 shows."""
     import cv2
 
-    inside = opening.inside.copy()
+    inside = np.ones(opening.shape, bool)
     height = len(inside)
     if opening.label == SHOP:
-        inside[: round(SIGN * height)] = False
-        inside[height - round(PLINTH * height) :] = False
+        panes = _panes_of_shop(height)
+        inside[: panes.start] = False
+        inside[panes.stop :] = False
     frame = max(1, round(FRAME_M * density))
     eroded = cv2.erode(np.pad(inside, frame).astype(np.uint8), np.ones((2 * frame + 1,) * 2, np.uint8))
     found: np.ndarray = eroded[frame:-frame, frame:-frame] > 0
@@ -83,6 +104,12 @@ def glass(opening: Opening, grey: np.ndarray, density: float) -> np.ndarray:
     bars |= np.asarray(cv2.morphologyEx(part, cv2.MORPH_BLACKHAT, kernel) > DARKER)
     clear: np.ndarray = found & ~bars
     return clear if clear.sum() >= (1 - MOST_BARS) * found.sum() else found
+
+
+def _panes_of_shop(height: int) -> slice:
+    """The rows of a shop so high that are panes."""
+    top = round(SIGN * height)
+    return slice(top, max(top + 1, height - round(PLINTH * height)))
 
 
 class Chances:
@@ -126,15 +153,10 @@ def glow(opening: Opening, density: float, height_m: float, chances: Chances) ->
     at = _place(opening, density)
     over = height_m - (opening.top + opening.bottom) / (2 * density)
     storey = int(over / STOREY_M)
-    high, wide = opening.inside.shape
-    x, y = ((np.arange(n, dtype=np.float32) + np.float32(0.5)) / n for n in (wide, high))
     if opening.label == SHOP:
-        shop = int(at[0] * PLACE_M / (2 * FLAT_M))  # windows of one shop side by side
-        open_ = chances.of_wall(shop, 11) < LIT_SHOPS
-        level = _between(SHOP_BRIGHT, chances.of_wall(shop, 12)) if open_ else SHUT
-        lamp = LAMPS[2] if chances.of_wall(shop, 13) < 0.7 else LAMPS[3]
-        light = level * (0.75 + 0.25 * np.cos(np.pi * y)[:, None] + 0 * x)
-        return (light[..., None] * lamp).astype(np.float32)
+        return _of_shop(opening, density, at, chances)
+    high, wide = opening.shape
+    x, y = ((np.arange(n, dtype=np.float32) + np.float32(0.5)) / n for n in (wide, high))
     flat = int(at[0] * PLACE_M / FLAT_M + chances.of_building(storey, 21))
     share = _between(LIT, chances.of_building(22))
     if chances.of_building(storey, 23) < DIM_STOREY:
@@ -155,6 +177,20 @@ def glow(opening: Opening, density: float, height_m: float, chances: Chances) ->
     elif curtain < SIDES + DRAWN + BLIND:
         light = light * np.where(y < 0.25 + 0.4 * chances.of_wall(*at, 30), 0.4, 1.0)[:, None]
     return (light[..., None] * lamp).astype(np.float32)
+
+
+def _of_shop(opening: Opening, density: float, at: tuple[int, int], chances: Chances) -> np.ndarray:
+    """The same of a shop: its panes, as bright as its lamps are and what they fall on."""
+    high, wide = opening.shape
+    shop = int(at[0] * PLACE_M / (2 * FLAT_M))  # windows of one shop side by side
+    level = _between(SHOP_BRIGHT, chances.of_wall(shop, 12)) if chances.of_wall(shop, 11) < LIT_SHOPS else SHUT
+    lamp = LAMPS[SHOP_LAMPS[int(np.searchsorted(SHOP_SHARES, chances.of_wall(shop, 13)))]]
+    panes = _panes_of_shop(high)
+    within = (panes.stop - panes.start, wide)
+    shows = interior(within, density, chances.of_wall(shop, 14), lambda *what: chances.of_wall(*at, *what))
+    light = np.zeros((high, wide, 3), np.float32)
+    light[panes] = np.minimum(level * lamp * shows, 1)
+    return light
 
 
 def through(opening: Opening, light: np.ndarray, grey: np.ndarray, clear: np.ndarray) -> np.ndarray:

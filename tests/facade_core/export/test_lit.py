@@ -25,7 +25,7 @@ from facade_core.export.panes import Chances, glass, glow, openings
 from facade_core.export.substances import ASPHALT, BRICK, GRAVEL, PLASTER, ROUGHNESS, SLABS
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.charts import WALL as WALL_CHART
-from facade_core.labels import SHOP, WALL, WINDOW
+from facade_core.labels import WALL, WINDOW
 from facade_core.street import Scene
 from facade_core.street import field_kernels as field
 from facade_core.street.relief import BACK_M
@@ -134,10 +134,6 @@ def test_windows_are_lit_by_who_they_are() -> None:
     assert all(0 < one.max() <= 1 for one in shone)
     warm = np.array([one[..., 0].mean() > one[..., 2].mean() for one in shone])
     assert 0.7 < warm.mean() < 1, "warm and cool"
-    shops = np.full((40, 60), SHOP, np.uint8)
-    of_shops = [glow(one, 20.0, 9.0, Chances(b, 1)) for b in range(60) for one in openings(shops)]
-    assert all(one is not None for one in of_shops)
-    assert np.mean([one.mean() for one in of_shops if one is not None]) > np.mean([one.mean() for one in shone])
 
 
 def test_srgb_is_the_standards() -> None:
