@@ -8,14 +8,14 @@ from collections.abc import Callable
 import numpy as np
 
 # The wall behind: light below the lamps and at the floor, and over which share of the height it falls off.
-UNDER_LAMPS, AT_FLOOR, FALLS = 0.8, 0.3, 0.4
+UNDER_LAMPS, AT_FLOOR, FALLS = 0.75, 0.28, 0.4
 # Lamps: metres from one to the next, where they hang and how large they are, shares of the height, metres wide; what each
 # adds, and what its cone adds to the wall.
 LAMPS_M, HANGS, HIGH, WIDE_M, LAMP, CONE = 1.3, 0.07, 0.035, 0.1, 0.5, 0.16
 # Shelves: the share of shops with some; their boards, shares of the height, and how thick and how bright these are.
-SHELVED, BOARDS, THICK, BOARD = 0.6, (0.4, 0.58, 0.76), 0.018, 0.35
+SHELVED, BOARDS, THICK, BOARD = 0.6, (0.34, 0.56, 0.78), 0.018, 0.35
 # Goods: metres that one takes, shares of them that are there, their height in their shelf, brightness, and tints, linear.
-GOODS_M, THERE, TALL, BRIGHT = 0.22, 0.75, (0.4, 0.9), (0.35, 1.25)
+GOODS_M, THERE, TALL, BRIGHT = 0.22, 0.8, (0.4, 0.9), (0.2, 1.1)
 TINTS = np.array(
     [[1.0, 1.0, 1.0], [1.1, 0.62, 0.45], [0.7, 0.85, 0.6], [0.6, 0.75, 1.05], [1.05, 0.9, 0.6], [0.75, 0.6, 0.55]],
     np.float32,

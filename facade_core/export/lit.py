@@ -15,7 +15,7 @@ from facade_core.export.bumps import heights, normals, sunk
 from facade_core.export.grounds import Grounds
 from facade_core.export.models import Textured
 from facade_core.export.pages import Maps, scaled
-from facade_core.export.panes import Chances, Opening, glass, glow, leaning, openings, through
+from facade_core.export.panes import Chances, Opening, glass, glow, leaning, openings, squared, through
 from facade_core.export.substances import BRICK, OF_MATERIAL, PHOTOGRAPHED, PLASTER, ROUGHNESS, of_labels
 from facade_core.geometry.charts import GROUND, WINDOW
 from facade_core.labels import WINDOW as WINDOW_LABEL
@@ -114,6 +114,7 @@ class _Charts:
 
     def maps(self, chart: int, colour: np.ndarray, grounds: Grounds) -> Maps:
         known, labels = self.known, self.known.texels(chart).labels
+        labels = None if labels is None else squared(labels)
         shape, density = colour.shape[:2], self.density(chart)
         size = (-(-shape[1] // 2), -(-shape[0] // 2))
         half = (size[1], size[0])

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.export.interiors import interior
-from facade_core.labels import DOOR, SHOP, WINDOW
+from facade_core.labels import CLASSES, DOOR, ELEMENT_CLASSES, SHOP, WALL, WINDOW
 from facade_core.parse.boxes import elements
 
 # A frame's width around panes, metres; bars are narrower than this, and so much brighter or darker than the glass beside them,
@@ -28,7 +28,7 @@ LAMPS = np.array(
 )
 SHARES = np.cumsum([0.42, 0.24, 0.18, 0.1, 0.06])
 # Of a window's brightness, of 1: least, most; of the lamps of shops, and of a shop that is shut.
-BRIGHT, SHOP_BRIGHT, SHUT = (0.2, 0.7), (0.6, 1.0), 0.1
+BRIGHT, SHOP_BRIGHT, SHUT = (0.2, 0.7), (0.5, 0.8), 0.1
 # Shops have the lamps of these numbers, up to these shares.
 SHOP_LAMPS, SHOP_SHARES = (0, 2, 3), (0.5, 0.88, 1.0)
 # How much of a window's and of a shop's light is as bright as what its picture shows there.
@@ -56,30 +56,47 @@ class Opening:
         return self.bottom - self.top, self.right - self.left
 
 
-def openings(labels: np.ndarray) -> Iterator[Opening]:
-    """The windows and shops of labels (h, w): the boxes of what hangs together, whatever its rim."""
-    kinds = {"window": WINDOW, "shop": SHOP}
-    for one in elements(_of_one_kind(labels)):
-        if one.label in kinds:
-            yield Opening(kinds[one.label], *(int(side) for side in (one.x0, one.y0, one.x1, one.y1)))
-
-
-def _of_one_kind(labels: np.ndarray) -> np.ndarray:
-    """Labels (h, w) where what a shop hangs together with, windows and doors, is of the kind that most of it is: on glass a
-    parser cannot tell them apart."""
+def squared(labels: np.ndarray) -> np.ndarray:
+    """Labels (h, w) of a facade in which each element is its box, whatever its rim: a ragged one would glitter by day and be
+    cut out of the light at night. What a shop hangs together with, windows and doors, is of the kind that most of it is: on
+    glass a parser cannot tell them apart. What is too small to be an element stays as it is."""
     import cv2
 
-    shop = labels == SHOP
-    if not shop.any():
-        return labels
-    glazed = np.isin(labels, (WINDOW, SHOP, DOOR))
-    _, of = cv2.connectedComponents(glazed.astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
-    mixed = np.intersect1d(of[shop], of[glazed & ~shop])
     found = labels.copy()
-    for number in mixed.tolist():
+    glazed = np.isin(labels, (WINDOW, SHOP, DOOR)).astype(np.uint8)
+    _, of = cv2.connectedComponents(glazed, connectivity=4, ltype=cv2.CV_32S)
+    for number in np.setdiff1d(np.intersect1d(of[labels == SHOP], of[labels != SHOP]), [0]).tolist():
         here = of == number
         found[here] = np.bincount(labels[here]).argmax()
+    kinds = [CLASSES.index(name) for name in ELEMENT_CLASSES]
+    boxes = sorted(((CLASSES.index(one.label), one) for one in elements(found)), key=lambda box: kinds.index(box[0]))
+    _, of = cv2.connectedComponents(np.isin(found, kinds).astype(np.uint8), connectivity=4, ltype=cv2.CV_32S)
+    places = [(slice(int(one.y0), int(one.y1)), slice(int(one.x0), int(one.x1))) for _, one in boxes]
+    known = np.zeros(int(of.max()) + 1, bool)
+    for place in places:
+        known[of[place]] = True
+    known[0] = False
+    found[known[of]] = WALL
+    for (label, _), place in zip(boxes, places, strict=True):
+        found[place] = label
     return found
+
+
+def openings(labels: np.ndarray) -> Iterator[Opening]:
+    """The windows and shops of `squared` labels (h, w)."""
+    import cv2
+
+    taken = np.zeros(labels.shape, bool)
+    for one in elements(labels):
+        if one.label in ("window", "shop"):
+            found = Opening(CLASSES.index(one.label), *(int(side) for side in (one.x0, one.y0, one.x1, one.y1)))
+            taken[found.box] = True
+            yield found
+    for label in (WINDOW, SHOP):  # too small to be told as elements
+        left = ((labels == label) & ~taken).astype(np.uint8)
+        _, _, boxes, _ = cv2.connectedComponentsWithStats(left, connectivity=4, ltype=cv2.CV_32S)
+        for x, y, width, height, _ in boxes[1:].tolist():
+            yield Opening(label, x, y, x + width, y + height)
 
 
 def glass(opening: Opening, grey: np.ndarray, density: float) -> np.ndarray:

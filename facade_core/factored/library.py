@@ -9,7 +9,7 @@ import numpy as np
 
 from facade_core.factored.bands import Band, bands_of, free_of, like
 from facade_core.factored.light import linear, smoothed, srgb
-from facade_core.factored.repeat import repeating
+from facade_core.factored.repeat import Grain, repeating
 from facade_core.factored.units import Rectangle, Unit, surround, units_of
 from facade_core.types import Element
 from facade_core.variation import encode
@@ -55,8 +55,8 @@ class Moulding:
 @dataclass(frozen=True, eq=False)
 class Library:
     """units of the picture, each of a type at every level of the variations, of (levels, units) int; looks (units, LOOK, LOOK,
-    3); walls (units, 3): the wall around them, linear light; bands, and by their numbers the grain (SIDE, SIDE, 3) of what is
-    laid, or the moulding."""
+    3); walls (units, 3): the wall around them, linear light; bands, and by their numbers the grain of what is laid, or
+    the moulding."""
 
     units: tuple[Unit, ...]
     of: np.ndarray
@@ -64,7 +64,7 @@ class Library:
     walls: np.ndarray
     types: dict[int, Type]
     bands: tuple[Band, ...]
-    grains: dict[int, np.ndarray]
+    grains: dict[int, Grain]
     mouldings: dict[int, Moulding]
 
     def type_of(self, unit: Unit, look: np.ndarray, wall: np.ndarray, level: int) -> int | None:
@@ -156,9 +156,7 @@ def band_like(library: Library, band: Band) -> int | None:
     return like(band, library.bands)
 
 
-def _grains(
-    fine: np.ndarray, free: np.ndarray, bands: Sequence[Band], density: float, seed: int
-) -> dict[int, np.ndarray]:
+def _grains(fine: np.ndarray, free: np.ndarray, bands: Sequence[Band], density: float, seed: int) -> dict[int, Grain]:
     """The grain of every band that is no moulding; those of nearly one colour are of one material."""
     groups: list[list[int]] = []
     for number, band in enumerate(bands):
@@ -170,7 +168,7 @@ def _grains(
                 break
         else:
             groups.append([number])
-    found: dict[int, np.ndarray] = {}
+    found: dict[int, Grain] = {}
     for group in groups:
         area = np.logical_or.reduce([_within(free, bands[number], density) for number in group])
         grain = repeating(fine, area, density, seed)

@@ -17,8 +17,9 @@ from facade_core.factored.wall import Piece, Pieces
 from facade_core.geometry.charts import DOOR, GROUND, WINDOW
 from facade_core.grouping import grouped
 
-# What is no facade has at most so many texels a metre: ground, and all else (roofs, walls between houses).
-GROUND_DENSITY, REST_DENSITY = 8.0, 4.0
+# What is no facade has this share of its texels a metre, which are fewer the farther off streets pass (ADR 0063); at most, and
+# no fewer than so many: ground, and all else (roofs, walls between houses).
+GROUND_SHARE, GROUND_MOST, REST_SHARE, REST_MOST, LEAST = 0.375, 8.0, 0.25, 4.0, 2.0
 
 
 def joined(every: Iterable[Pieces]) -> Pieces:
@@ -67,8 +68,9 @@ def rest(
     """The pages of all charts that are not factored, whose parts are added by building; pictures before theirs."""
     kind = source.charts.kind
     density = (source.texels / source.extent).max(axis=1)
-    most = np.where(kind == GROUND, GROUND_DENSITY, np.where(np.isin(kind, (WINDOW, DOOR)), np.inf, REST_DENSITY))
-    share = np.minimum(1.0, most / density)
+    share, most = np.where((kind == GROUND)[:, None], (GROUND_SHARE, GROUND_MOST), (REST_SHARE, REST_MOST)).T
+    most = np.clip(share * density, LEAST, most)
+    share = np.where(np.isin(kind, (WINDOW, DOOR)), 1.0, np.minimum(1.0, most / density))
     texels = np.maximum(1, np.ceil(source.texels * share[:, None] - 1e-6)).astype(np.int64)
 
     def raster(chart: int) -> np.ndarray:

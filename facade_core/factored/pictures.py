@@ -8,25 +8,34 @@ from dataclasses import dataclass
 import numpy as np
 
 from facade_core.export.packing import CELL, pack_pages
+from facade_core.factored.alike import alike
 from facade_core.factored.library import Library
 from facade_core.factored.light import linear, srgb
+from facade_core.factored.repeat import Grain
 from facade_core.factored.wall import Key, Piece, Pieces
+from facade_core.resizing import resized
 
+# No element is shown with more texels a metre, where it is largest.
+MOST_DENSITY = 64.0
 # A picture is made so light that this share of what multiplies it is no more than one; the rest is as light as it gets.
 LIT = 0.995
 # And no lighter than that this share of its own light is kept.
 KEPT = 0.995
+# Of a wall of which no grain is known.
+PLAIN = Grain(np.ones((CELL, CELL, 3), np.float32), 1.0)
 
 
 @dataclass(frozen=True, eq=False)
 class Shown:
     """Pictures (h, w, 3) uint8, which of them are repeated, and where each key's picture lies: its texture, then the corner
-    and the size of its place there, shares of it; gain: how much lighter it is than it was."""
+    and the size of its place there, shares of it; gain: how much lighter it is than it was; scale, of types: what share of its
+    pixels a side of it has kept."""
 
     pictures: list[np.ndarray]
     repeated: list[bool]
     place: dict[Key, tuple[int, np.ndarray, np.ndarray]]
     gain: dict[Key, float]
+    scale: dict[Key, float]
 
     def laid(self, key: Key, piece: Piece) -> tuple[int, np.ndarray, np.ndarray]:
         """Of a piece: its texture, its texture coordinates (v, 2) and vertex colours (v, 3), 0 to 1."""
@@ -35,37 +44,46 @@ class Shown:
 
 
 def pictures_of(pieces: Pieces, libraries: Sequence[Library]) -> Shown:
-    """The pictures of all that was laid; grains that are one object are one picture."""
+    """The pictures of all that was laid; grains that look alike are one picture."""
     gain: dict[Key, float] = {}
-    grains: dict[int, list[Key]] = {}
-    flat: list[Key] = []
-    for key in sorted(pieces.by_picture):
-        if key[0] != "grain":
-            flat.append(key)
-        else:
-            grains.setdefault(id(libraries[key[1]].grains.get(key[2])), []).append(key)
+    laid = [key for key in sorted(pieces.by_picture) if key[0] == "grain"]
+    flat = [key for key in sorted(pieces.by_picture) if key[0] != "grain"]
+    grains = [libraries[number].grains.get(own, PLAIN) for _, number, own in laid]
+    shared: dict[int, list[Key]] = {}
+    for key, number in zip(laid, alike(grains), strict=True):
+        shared.setdefault(number, []).append(key)
     pictures: list[np.ndarray] = []
     place: dict[Key, tuple[int, np.ndarray, np.ndarray]] = {}
-    for keys in grains.values():
-        grain = libraries[keys[0][1]].grains.get(keys[0][2], np.ones((CELL, CELL, 3), np.float32))
+    for stands, keys in shared.items():
+        grain = grains[stands]
         # as light as the lightest wall wants it, so that vertex colours stay within 1
         most = max(_wanted(pieces, key) for key in keys)
-        limit = 1 / float(np.quantile(grain, KEPT))
+        limit = 1 / float(np.quantile(grain.shares, KEPT))
         light = min(most, limit)
-        pictures.append(srgb(grain * light))
+        pictures.append(srgb(grain.shares * light))
         for key in keys:
-            place[key] = (len(pictures) - 1, np.zeros(2), np.ones(2))
+            place[key] = (len(pictures) - 1, np.zeros(2), np.full(2, 1 / grain.wide))
             gain[key] = light
     repeated = [True] * len(pictures)
-    rasters = []
+    rasters, scale = [], _scales(pieces)
     for key in flat:
-        bright = linear(_picture(libraries, key))
+        picture = _picture(libraries, key)
+        size = [max(1, round(side * scale.get(key, 1.0))) for side in picture.shape[:2]]
+        bright = linear(resized(picture, (size[0], size[1])))
         most = 1 / max(float(np.quantile(bright.max(axis=2), KEPT)), 1e-3)
         gain[key] = max(1.0, min(_wanted(pieces, key), most))
         rasters.append(srgb(bright * gain[key]))
     pages, where = _on_pages(rasters, [len(pictures)])
     place |= dict(zip(flat, where, strict=True))
-    return Shown(pictures + pages, repeated + [False] * len(pages), place, gain)
+    return Shown(pictures + pages, repeated + [False] * len(pages), place, gain, scale)
+
+
+def _scales(pieces: Pieces) -> dict[Key, float]:
+    """Of every type the share of its pixels a side that leaves MOST_DENSITY where it is largest."""
+    least: dict[Key, float] = {}
+    for key, density in pieces.elements:
+        least[key] = min(density, least.get(key, density))
+    return {key: min(1.0, MOST_DENSITY / density) for key, density in least.items()}
 
 
 def _wanted(pieces: Pieces, key: Key) -> float:

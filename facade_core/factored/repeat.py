@@ -7,12 +7,17 @@ larger than SHADE_M is taken out before and after: that is shade, and would show
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import numpy as np
 
 from facade_core.factored.light import linear, smoothed
 
-# Sides of the picture, pixels; its blocks, the largest of which that the free area has so many of is taken.
-SIDE, BLOCKS, ENOUGH = 256, (80, 64, 48, 32, 24, 16), 24
+# The picture has the side of these, pixels, that is nearest to so many metres of its example.
+SIDES, REPEAT_M = (64, 128, 256), 4.0
+# Sides of its blocks, of the largest picture's: the largest of which the free area has so many is taken, none below so many
+# pixels.
+BLOCKS, SMALLEST, ENOUGH = (80, 64, 48, 32, 24, 16), 12, 24
 # Blocks that are tried for each place, and of these how near to the best the one that is taken must be.
 TRIED, NEAR = 320, 1.1
 # What is larger is no grain, metres.
@@ -21,41 +26,51 @@ SHADE_M = 0.45
 MOST = 3.0
 
 
-def repeating(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> np.ndarray:
-    """The grain (SIDE, SIDE, 3) float32, as shares of the mean light, of a picture (h, w, 3) uint8 where it is free (h, w)
-    bool; all ones where no block of it is."""
+@dataclass(frozen=True, eq=False)
+class Grain:
+    """shares (s, s, 3) float32 of the mean light, s of SIDES, that go on into themselves on all sides; metres wide and high."""
+
+    shares: np.ndarray
+    wide: float
+
+
+def repeating(image: np.ndarray, free: np.ndarray, pixels_per_metre: float, seed: int) -> Grain:
+    """The grain of a picture (h, w, 3) uint8 where it is free (h, w) bool, at its own pixels; all ones where no block of it
+    is."""
     import cv2
 
+    side = min(SIDES, key=lambda side: abs(np.log(side / (REPEAT_M * pixels_per_metre))))
+    wide = side / pixels_per_metre
     light = linear(image)
     shade = SHADE_M * pixels_per_metre
     flat = light / np.maximum(smoothed(light, free, shade), 1e-3)
     rng = np.random.default_rng(seed)
     inside = cv2.integral(free.astype(np.uint8))
-    for block in BLOCKS:
-        if min(free.shape) < block:
+    for block in (block * side // SIDES[-1] for block in BLOCKS):
+        if min(free.shape) < block or block < SMALLEST:
             continue
         full = inside[block:, block:] - inside[:-block, block:] - inside[block:, :-block] + inside[:-block, :-block]
         places = np.argwhere(full == block * block)
         if len(places) >= ENOUGH:
             break
     else:
-        return np.ones((SIDE, SIDE, 3), np.float32)
+        return Grain(np.ones((side, side, 3), np.float32), wide)
     chosen = places[rng.permutation(len(places))[:TRIED]]
     patches = np.stack([flat[y : y + block, x : x + block] for y, x in chosen.tolist()])
-    quilt = _quilt(np.clip(patches, 1 / MOST, MOST), rng)
+    quilt = _quilt(np.clip(patches, 1 / MOST, MOST), side, rng)
     quilt /= np.maximum(smoothed(quilt, np.ones(quilt.shape[:2], bool), shade, wrap=True), 1e-3)
-    return quilt / quilt.mean(axis=(0, 1))
+    return Grain(quilt / quilt.mean(axis=(0, 1)), wide)
 
 
-def _quilt(patches: np.ndarray, rng: np.random.Generator) -> np.ndarray:
-    """Blocks (n, b, b, 3) laid on a torus of SIDE."""
+def _quilt(patches: np.ndarray, side: int, rng: np.random.Generator) -> np.ndarray:
+    """Blocks (n, b, b, 3) laid on a torus of a side."""
     block = patches.shape[1]
-    count = -(-SIDE * 4 // (block * 3))  # overlaps of a quarter at least
-    starts = [k * SIDE // count for k in range(count)]
-    canvas, laid = np.zeros((SIDE, SIDE, 3), np.float32), np.zeros((SIDE, SIDE), bool)
+    count = -(-side * 4 // (block * 3))  # overlaps of a quarter at least
+    starts = [k * side // count for k in range(count)]
+    canvas, laid = np.zeros((side, side, 3), np.float32), np.zeros((side, side), bool)
     for top in starts:
         for left in starts:
-            at = np.ix_((top + np.arange(block)) % SIDE, (left + np.arange(block)) % SIDE)
+            at = np.ix_((top + np.arange(block)) % side, (left + np.arange(block)) % side)
             there, known = canvas[at], laid[at]
             apart = np.zeros(len(patches))
             if known.any():

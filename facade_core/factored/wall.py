@@ -15,14 +15,13 @@ from facade_core.export.recess import cut
 from facade_core.factored.bands import Band, bands_of, free_of
 from facade_core.factored.library import Library, band_like, look_of, mean_in, wall_around
 from facade_core.factored.light import linear, smoothed
+from facade_core.factored.repeat import REPEAT_M
 from facade_core.factored.units import Rectangle, Unit, units_of
 from facade_core.geometry.charts import Charts
 from facade_core.types import Element
 
 # Cells of a wall are no larger, metres, and its shade is meant over so much.
 CELL_M, SHADE_M = 1.25, 0.4
-# A picture that goes on into itself is so wide and high, metres.
-REPEAT_M = 4.0
 # What of the sky the sides of an opening see: they are darker by this.
 IN_REVEAL = 0.7
 # What multiplies an element's picture lies within these, so that a wrong type is no black window.
@@ -35,8 +34,8 @@ Key = tuple[str, int, int]
 
 
 class Piece(NamedTuple):
-    """Triangles (t, 3) of vertices (v, ...): position in the world, metres; normal; place on the picture, shares of it or of
-    a repetition, v down; light, what multiplies the picture, linear; rows: of the chart."""
+    """Triangles (t, 3) of vertices (v, ...): position in the world, metres; normal; place on the picture, shares of it, of a
+    grain metres, v down; light, what multiplies the picture, linear; rows: of the chart."""
 
     position: np.ndarray
     normal: np.ndarray
@@ -98,7 +97,7 @@ def lay(
     """Lay a wall of plane polygons as pieces of a library, the number-th, its elements of the types of a level of its
     variations; behind as in `facade_core.export.recess.cut`."""
     seen = _Seen(facade, library, level)
-    offset = np.random.default_rng(facade.chart).random(2)
+    offset = REPEAT_M * np.random.default_rng(facade.chart).random(2)
     for plane in planes:
         wall = _Wall(charts, plane, seen, number, offset, pieces)
         free = plane.outline
@@ -205,7 +204,7 @@ class _Wall:
             light = self._at(shade, band, corners.reshape(-1, 2)) / np.maximum(moulding.colour, 1e-4)
             key: Key = ("moulding", self.number, own if own is not None else -1)
         else:
-            place = corners / REPEAT_M + self.offset
+            place = corners + self.offset
             light = self._at(shade, band, corners.reshape(-1, 2))
             key = ("grain", self.number, own if own is not None else -1)
         self._add(key, corners, place, light)
@@ -264,7 +263,7 @@ class _Wall:
             piece = Piece(
                 ring,
                 np.tile(normal / max(float(np.linalg.norm(normal)), 1e-12), (4, 1)),
-                flat / REPEAT_M + self.offset,
+                flat + self.offset,
                 light,
                 np.array([[0, 1, 2], [0, 2, 3]]),
                 self.chart,

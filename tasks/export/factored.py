@@ -74,7 +74,7 @@ def write_factored(
         copyright=found.attribution.line,
     )
     (folder / "block.glb").write_bytes(data)
-    density = np.array([density for _, density in whole.elements] or [0.0])
+    density = np.array([density * pictures.scale[key] for key, density in whole.elements] or [0.0])
     told = {
         "bytes": len(data),
         "picture_bytes": sum(map(len, encoded)),

@@ -63,9 +63,9 @@ def _writers() -> dict[str, Writer]:
 
 FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco", "labelme", "gpkg", "cog", "usd")
 
-# Of which formats options are.
+# Of which formats options are, factored ones apart.
 OF_OPTION = {
-    "textures": ("3dtiles",),
+    "textures": ("3dtiles", f"{FACTORED} glb"),
     "max_texture_mb": ("3dtiles",),
     "lit": ("glb", "3dtiles"),
     "night": ("glb", "3dtiles"),
@@ -97,15 +97,11 @@ def export(
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")
     asked = {"textures": textures, "max_texture_mb": max_texture_mb, "lit": lit, "night": night or None}
     options = {name: value for name, value in asked.items() if value is not None}
-    if textures == FACTORED:
-        if format != "glb":
-            raise InputError(f"--textures {FACTORED}: is of glb; leave it out with {format}")
-        for name in options.keys() - {"textures"}:
-            raise InputError(f"--{name.replace('_', '-')}: is not of --textures {FACTORED}; leave it out")
-    for name in options if textures != FACTORED else ():
-        if format not in OF_OPTION[name]:
+    made = f"{FACTORED} {format}" if textures == FACTORED else format
+    for name in options:
+        if made not in OF_OPTION[name]:
             whose = " and ".join(OF_OPTION[name])
-            raise InputError(f"--{name.replace('_', '-')}: is of {whose}; leave it out with {format}")
+            raise InputError(f"--{name.replace('_', '-')}: is of {whose}; leave it out with {made}")
     as_file = format == "gpkg" and to is not None and Path(to).suffix.lower() == ".gpkg"
     if to is not None:
         _check_target(Path(to).resolve(), format, as_file)

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from facade_core.export.interiors import interior
-from facade_core.export.panes import Chances, glass, glow, openings, through
+from facade_core.export.panes import Chances, glass, glow, openings, squared, through
 from facade_core.labels import DOOR, SHOP, WALL, WINDOW
 
 DENSITY = 20.0
@@ -26,7 +26,7 @@ def shop_front() -> np.ndarray:
 
 
 def test_a_shop_has_the_box_of_what_hangs_together_whatever_its_rim() -> None:
-    found = sorted(openings(shop_front()), key=lambda one: one.left)
+    found = sorted(openings(squared(shop_front())), key=lambda one: one.left)
     assert [one.label for one in found] == [SHOP] * 3
     assert [(one.left, one.right, one.bottom) for one in found] == [(20, 80, 138), (100, 160, 138), (180, 240, 138)]
     assert all(60 <= one.top <= 64 for one in found)
@@ -36,11 +36,24 @@ def test_a_shop_has_the_box_of_what_hangs_together_whatever_its_rim() -> None:
         assert clear[rows[0] : rows[-1] + 1, columns[0] : columns[-1] + 1].all(), "its panes are a rectangle"
 
 
+def test_what_is_no_shop_is_its_box_and_specks_stay() -> None:
+    labels = shop_front()
+    labels[20:40, 100:124] = WINDOW
+    labels[20:24, 100:104] = WALL
+    labels[5, 5] = WINDOW
+    found = squared(labels)
+    assert (found[20:40, 100:124] == WINDOW).all()
+    assert found[5, 5] == WINDOW
+    assert (found[70:138, 270:300] == DOOR).all()
+    assert (found == squared(found)).all(), "boxes stay"
+    assert (1, 5, 5) in {(one.label, one.left, one.top) for one in openings(found)}
+
+
 def test_a_window_that_holds_a_patch_of_shop_stays_a_window() -> None:
     labels = np.full((60, 80), WALL, np.uint8)
     labels[10:50, 20:60] = WINDOW
     labels[20:35, 30:44] = SHOP
-    (found,) = openings(labels)
+    (found,) = openings(squared(labels))
     assert (found.label, found.left, found.top, found.right, found.bottom) == (WINDOW, 20, 10, 60, 50)
 
 

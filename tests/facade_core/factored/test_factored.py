@@ -6,11 +6,12 @@ import numpy as np
 import pytest
 import shapely
 
+from facade_core.factored.alike import alike
 from facade_core.factored.bands import bands_of, free_of, like
 from facade_core.factored.library import Library, library_of
 from facade_core.factored.light import linear, smoothed, srgb
-from facade_core.factored.pictures import pictures_of
-from facade_core.factored.repeat import SIDE, repeating
+from facade_core.factored.pictures import MOST_DENSITY, held, pictures_of
+from facade_core.factored.repeat import SIDES, Grain, repeating
 from facade_core.factored.units import units_of
 from facade_core.factored.wall import Facade, Piece, Pieces, Plane, flat, lay
 from facade_core.geometry.charts import WALL, Charts
@@ -115,19 +116,52 @@ def test_grain_goes_on_into_itself_and_has_no_shade() -> None:
     rng = np.random.default_rng(5)
     shade = np.linspace(80, 200, 300)[None, :, None]
     image = np.clip(shade + rng.normal(0, 12, (200, 300, 1)), 0, 255).repeat(3, axis=2).astype(np.uint8)
-    grain = repeating(image, np.ones((200, 300), bool), 64.0, 7)
-    assert grain.shape == (SIDE, SIDE, 3)
+    found = repeating(image, np.ones((200, 300), bool), 64.0, 7)
+    grain, side = found.shares, SIDES[-1]
+    assert grain.shape == (side, side, 3)
+    assert found.wide == pytest.approx(side / 64)
     assert grain.mean(axis=(0, 1)) == pytest.approx(1, abs=1e-3)
     inner, over = (
         np.abs(np.diff(np.pad(grain, [(0, 0), (0, 1), (0, 0)], "wrap"), axis=1)).mean(axis=(0, 2)) for _ in (0, 1)
     )
     assert over[-1] < 1.5 * inner[:-1].mean(), "the last column beside the first is like any two"
-    assert np.abs(smoothed(grain, np.ones((SIDE, SIDE), bool), 30.0, wrap=True) - 1).max() < 0.05
-    assert (grain == repeating(image, np.ones((200, 300), bool), 64.0, 7)).all()
+    assert np.abs(smoothed(grain, np.ones((side, side), bool), 30.0, wrap=True) - 1).max() < 0.05
+    assert (grain == repeating(image, np.ones((200, 300), bool), 64.0, 7).shares).all()
+
+
+def courses(density: float, every_m: float, seed: int = 0) -> np.ndarray:
+    """A wall (h, w, 3) of 8 m of courses with dark joints."""
+    side = round(8 * density)
+    rng = np.random.default_rng(seed)
+    image = 160 + rng.normal(0, 3, (side, side, 1))
+    image[(np.arange(side) / density) % every_m < 0.03] -= 60
+    return np.clip(image, 0, 255).astype(np.uint8).repeat(3, axis=2)
+
+
+@pytest.mark.parametrize("density", [64.0, 32.0, 28.0, 16.0])
+def test_courses_keep_their_height_at_any_density(density: float) -> None:
+    every = 0.5
+    found = repeating(courses(density, every), np.ones((round(8 * density),) * 2, bool), density, 3)
+    dark = found.shares.mean(axis=(1, 2)) < 0.85
+    starts = np.flatnonzero(dark & ~np.roll(dark, 1))
+    assert len(starts) == pytest.approx(found.wide / every, abs=1.01), "but for one where the picture meets itself"
 
 
 def test_grain_of_no_room_is_even() -> None:
-    assert (repeating(np.zeros((9, 9, 3), np.uint8), np.ones((9, 9), bool), 64.0, 7) == 1).all()
+    assert (repeating(np.zeros((9, 9, 3), np.uint8), np.ones((9, 9), bool), 64.0, 7).shares == 1).all()
+
+
+def test_grains_of_one_material_are_one_and_the_evenest_of_the_finest_stands_for_them() -> None:
+    def grain(density: float, every: float, seed: int) -> Grain:
+        return repeating(courses(density, every, seed), np.ones((round(8 * density),) * 2, bool), density, seed)
+
+    marked = grain(64, 0.5, 1)
+    marked.shares[40:60, 30:50] *= 0.4
+    plain = Grain(1 + np.random.default_rng(4).normal(0, 0.004, (128, 128, 3)).astype(np.float32), 4.0)
+    found = alike([marked, grain(32, 0.5, 2), grain(64, 0.5, 3), grain(64, 0.125, 4), plain])
+    assert found[:3] == [2, 2, 2]
+    assert found[3:] == [3, 4], "courses of another height, and plaster, are others"
+    assert alike([]) == []
 
 
 def test_types_have_the_pixels_of_the_finer_picture_and_fewer_at_later_levels(library: Library) -> None:
@@ -176,6 +210,22 @@ def test_pictures_times_light_are_the_wall(library: Library) -> None:
     assert srgb(wall).astype(int) == pytest.approx(
         srgb(0.6 * linear(np.array([190, 170, 140], np.uint8))).astype(int), abs=6
     )
+
+
+def test_no_element_keeps_more_texels_than_are_shown(library: Library) -> None:
+    pieces, _ = laid(library)
+    near = Pieces(pieces.by_picture, [(key, 2 * MOST_DENSITY) for key, _ in pieces.elements])
+    whole, half = pictures_of(pieces, [library]), pictures_of(near, [library])
+    assert set(whole.scale.values()) == {1.0}, "64 a metre is what the finer picture has"
+    assert set(half.scale.values()) == {0.5}
+    assert held([p for p, again in zip(half.pictures, half.repeated, strict=True) if not again]) < held(whole.pictures)
+    key = pieces.elements[0][0]
+    piece = pieces.by_picture[key][0]
+    spans = [
+        np.ptp(shown.laid(key, piece)[1], axis=0) * shown.pictures[shown.place[key][0]].shape[1::-1]
+        for shown in (whole, half)
+    ]
+    assert spans[1] == pytest.approx(spans[0] / 2, abs=1)
 
 
 def test_the_same_wall_is_laid_the_same(library: Library) -> None:

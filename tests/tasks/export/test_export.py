@@ -459,5 +459,7 @@ def test_a_factored_model_has_few_pictures_and_answers(found: Published, undistu
     assert told["draw_calls"] == len(primitives)
     model, other = (trimesh.load(folder / "block.glb").bounds for folder in (made, whole))
     assert np.abs(model - other).max() < 0.1
-    with pytest.raises(InputError, match="--textures factored: is of glb"):
-        export(undisturbed[0], "3dtiles", textures="factored")
+    with pytest.raises(InputError, match="--textures: is of 3dtiles and factored glb; leave it out with factored usd"):
+        export(undisturbed[0], "usd", textures="factored")
+    with pytest.raises(InputError, match="--lit: is of glb and 3dtiles; leave it out with factored glb"):
+        export(undisturbed[0], "glb", textures="factored", lit=True)
