@@ -40,6 +40,22 @@ class Tiled:
     bytes: int
 
 
+@dataclass(frozen=True)
+class Level:
+    """A level of detail of a leaf: a name, its GLB, its least and greatest corner (2, 3), z up, how far it is off what is below
+    it, metres, and its draw calls."""
+
+    name: str
+    glb: bytes
+    corners: np.ndarray
+    error: float
+    draws: int
+
+
+# The levels of a leaf, the coarsest first, of which the last is off by nothing.
+Levels = Callable[[Cell], Sequence[Level]]
+
+
 @dataclass
 class _Writer:
     source: Textured
@@ -51,6 +67,7 @@ class _Writer:
     write: Callable[[str, bytes], None]
     scale: float
     time: Time
+    levels: Levels | None
 
     def __post_init__(self) -> None:
         self.tilesets: dict[str, Any] = {}
@@ -65,19 +82,38 @@ class _Writer:
             looks += [look_of(pages.pictures(page), self.encoder) for page in range(len(pages.drawn.layout.pages))]
             self.texels += pages.texels
             self.used += pages.used
-        data = tile_glb(batches, looks, self.encoder, self.features, self.copyright, self.time)
-        self.draws += len(batches)
+        self.model(uri, tile_glb(batches, looks, self.encoder, self.features, self.copyright, self.time), len(batches))
+        return corners_of([batch.position for batch in batches])
+
+    def model(self, uri: str, data: bytes, draws: int) -> None:
+        self.draws += draws
         self.bytes += len(data)
         self.write(uri, data)
-        points = np.concatenate([batch.position for batch in batches])
-        corners = np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1]
-        return np.sort(corners, axis=0)
 
     def full(self, cell: Cell) -> dict[str, Any]:
+        if self.levels is not None:
+            return self.leaf(cell, self.levels(cell))
         charts = charts_of(self.source, cell)
         uri = f"tiles/full{cell.path and '-'}{cell.path}.glb"
         corners = self.content(uri, [(tile_pages(self.source, charts, self.scale), self.rows)])
         return {"boundingVolume": {"box": _box(corners)}, "geometricError": 0.0, "content": {"uri": f"../{uri}"}}
+
+    def leaf(self, cell: Cell, levels: Sequence[Level]) -> dict[str, Any]:
+        """Levels of detail, each of which the next replaces."""
+        tile: dict[str, Any] | None = None
+        box = _box(np.concatenate([level.corners for level in levels]))
+        for level in reversed(levels):
+            uri = f"tiles/{level.name}{cell.path and '-'}{cell.path}.glb"
+            self.model(uri, level.glb, level.draws)
+            below = {} if tile is None else {"refine": "REPLACE", "children": [tile]}
+            tile = {
+                "boundingVolume": {"box": box},
+                "geometricError": level.error,
+                "content": {"uri": f"../{uri}"},
+                **below,
+            }
+        assert tile is not None
+        return tile
 
     @property
     def rows(self) -> np.ndarray:
@@ -144,14 +180,16 @@ def write_tileset(
     time: Time = "day",
     extras: Mapping[str, Any],
     attribution: Attribution,
+    levels: Levels | None = None,
 ) -> Tiled:
     """The tileset of a quadtree; its tiles are given to `write` as (relative path, bytes), one at a time.
 
-    The lowest tiles show the source at `scale` of its texels per metre. Every tile above shows shells with fewer, and buildings
+    The lowest tiles show the source at `scale` of its texels per metre, or what `levels` makes of them. Every tile above
+    shows shells with fewer, and buildings
     without a shell and the ground as they are, with as many fewer. A tile has one primitive a picture; its geometric error is
     that of what it shows itself and of nothing elsewhere. Every coarse tile but the root begins a tileset of its own.
     """
-    writer = _Writer(source, shells, frame, features, encoder, attribution.line, write, scale, time)
+    writer = _Writer(source, shells, frame, features, encoder, attribution.line, write, scale, time, levels)
     root = _moved_up(writer.coarse(cells))
     root["transform"] = frame.transform().T.reshape(-1).tolist()
     reach = 2 * float(np.linalg.norm(np.array(root["boundingVolume"]["box"])[[3, 7, 11]]))
@@ -163,9 +201,15 @@ def write_tileset(
     return Tiled({"tileset.json": top, **writer.tilesets}, writer.texels, writer.used, writer.draws, writer.bytes)
 
 
-def count_tiles(cell: Cell, above: float = 0.0) -> int:
-    """How many tiles `write_tileset` makes of a quadtree below a tile of scale `above`."""
-    return (cell.scale > above) + (sum(count_tiles(child, cell.scale) for child in cell.children) or 1)
+def count_tiles(cell: Cell, levels: int = 1, above: float = 0.0) -> int:
+    """How many tiles `write_tileset` makes of a quadtree below a tile of scale `above`, of so many levels of a leaf."""
+    return (cell.scale > above) + (sum(count_tiles(child, levels, cell.scale) for child in cell.children) or levels)
+
+
+def corners_of(positions: Sequence[np.ndarray]) -> np.ndarray:
+    """The least and greatest corner (2, 3), z up, of points (n, 3) in glTF's frame."""
+    points = np.concatenate(positions)
+    return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
 
 
 def scale_of_view(source: Textured, cells: Cell, encoder: Encoder, most_bytes: float, time: Time = "day") -> float:

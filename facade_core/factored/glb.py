@@ -13,6 +13,7 @@ from facade_core.export.encoders import Encoder
 from facade_core.export.features import Features, feature_ids
 from facade_core.export.glb import FLOAT, SAMPLERS, UNSIGNED_INT, glb_of
 from facade_core.export.looks import Look, materials_of
+from facade_core.export.tile_glb import LABELS
 
 UNSIGNED_SHORT, SHORT_MOST = 5123, 65535
 REPEAT = 10497
@@ -33,7 +34,7 @@ class Part:
 
 def factored_glb(
     nodes: Mapping[str, Mapping[int, Part]],
-    pictures: Sequence[bytes],
+    pictures: Sequence[bytes | str],
     repeated: Sequence[bool],
     encoder: Encoder,
     features: Features,
@@ -41,17 +42,22 @@ def factored_glb(
     extras: Mapping[str, Any],
     copyright: str,
 ) -> bytes:
-    """nodes: name -> texture -> what shows it there. Surfaces are unlit: their colours hold the light of the day."""
+    """nodes: name -> texture -> what shows it there; pictures of all textures, encoded, or where they lie beside the model,
+    of which those that are shown are named. Surfaces are unlit: their colours hold the light of the day."""
     buffer = Buffer()
     every = [part for parts in nodes.values() for part in parts.values()]
-    used, index = np.unique(features.of_chart[np.concatenate([part.chart for part in every])], return_inverse=True)
+    chart = np.concatenate([part.chart for part in every])
+    rows = np.column_stack([features.of_chart[chart], features.of_owner[chart]])
+    used, index = np.unique(rows, return_inverse=True)
+    index = index.reshape(-1, len(LABELS))
     short = len(used) <= SHORT_MOST
+    shown = sorted({texture for parts in nodes.values() for texture in parts})
     meshes, start = [], 0
     for name, parts in nodes.items():
         primitives = []
         for texture, part in sorted(parts.items()):
             position = part.position.astype("<f4")
-            ids = index[start : start + len(position)][:, None]
+            ids = index[start : start + len(position)]
             start += len(position)
             attributes = {
                 "POSITION": buffer.accessor(
@@ -62,25 +68,34 @@ def factored_glb(
                 "COLOR_0": buffer.accessor(
                     np.rint(part.colour * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
                 ),
-                "_FEATURE_ID_0": buffer.accessor(
-                    ids.astype("<u2" if short else "<f4"), UNSIGNED_SHORT if short else FLOAT, "SCALAR"
-                ),
             }
+            counts = {}
+            for column, label in enumerate(LABELS):
+                values = ids[:, column : column + 1].astype("<u2" if short else "<f4")
+                attributes[f"_FEATURE_ID_{column}"] = buffer.accessor(
+                    values, UNSIGNED_SHORT if short else FLOAT, "SCALAR"
+                )
+                counts[label] = len(np.unique(values))
             triangles = part.triangles.astype("<u4").reshape(-1, 1)
             primitives.append(
                 {
                     "attributes": attributes,
                     "indices": buffer.accessor(triangles, UNSIGNED_INT, "SCALAR", target=INDICES),
-                    "material": texture,
-                    "extensions": {"EXT_mesh_features": feature_ids({"part": len(np.unique(ids))})},
+                    "material": shown.index(texture),
+                    "extensions": {"EXT_mesh_features": feature_ids(counts)},
                 }
             )
         meshes.append({"name": name, "primitives": primitives})
     metadata = features.metadata(used, buffer.view)
-    materials = materials_of([Look(picture) for picture in pictures], encoder)
-    images = [{"bufferView": buffer.view(picture), "mimeType": encoder.mime} for picture in materials.pictures]
+    # an unlit look has one picture
+    materials = materials_of([Look(b"")] * len(shown), encoder)
+    images = [
+        {"uri": picture} if isinstance(picture, str) else {"bufferView": buffer.view(picture), "mimeType": encoder.mime}
+        for picture in (pictures[texture] for texture in shown)
+    ]
     textures = [
-        one | {"sampler": int(again)} for one, again in zip(materials.document["textures"], repeated, strict=True)
+        one | {"sampler": int(repeated[texture])}
+        for one, texture in zip(materials.document["textures"], shown, strict=True)
     ]
     named = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {

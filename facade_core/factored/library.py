@@ -67,9 +67,9 @@ class Library:
     grains: dict[int, Grain]
     mouldings: dict[int, Moulding]
 
-    def type_of(self, unit: Unit, look: np.ndarray, wall: np.ndarray, level: int) -> int | None:
-        """The type of the unit that is most like another of the same kind, with its look (LOOK, LOOK, 3) and the light (3,) of
-        the wall around; None where none is."""
+    def most_like(self, unit: Unit, look: np.ndarray, wall: np.ndarray) -> int | None:
+        """The unit that is most like another of the same kind, with its look (LOOK, LOOK, 3) and the light (3,) of the wall
+        around; None where none is."""
         wide, high = unit.size
         best: tuple[float, int] | None = None
         for k, own in enumerate(self.units):
@@ -80,7 +80,11 @@ class Library:
             apart = float(np.abs(look - self.looks[k]).mean()) + 20 * ratio + WALL * off
             if best is None or apart < best[0]:
                 best = apart, k
-        return None if best is None else int(self.of[min(level, len(self.of) - 1), best[1]])
+        return None if best is None else best[1]
+
+    def type_at(self, unit: int, level: int) -> int:
+        """The type of a unit at a level, the last where there are fewer."""
+        return int(self.of[min(level, len(self.of) - 1), unit])
 
 
 def look_of(image: np.ndarray, box: Rectangle, density: float) -> np.ndarray:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
-from facade_core.export.models import LocalFrame, Textured
+from facade_core.export.models import Frame, Textured
 from facade_core.export.pages import scaled
 from facade_core.export.tile_pages import tile_pages
 from facade_core.factored.glb import Part
@@ -32,7 +32,7 @@ def joined(every: Iterable[Pieces]) -> Pieces:
     return whole
 
 
-def parts_of(pieces: Pieces, pictures: Shown, frame: LocalFrame) -> dict[int, Part]:
+def parts_of(pieces: Pieces, pictures: Shown, frame: Frame) -> dict[int, Part]:
     """What was laid of a building, by texture."""
     by_texture: dict[int, list[tuple[Piece, np.ndarray, np.ndarray]]] = {}
     for key, own in sorted(pieces.by_picture.items()):
@@ -48,7 +48,28 @@ def parts_of(pieces: Pieces, pictures: Shown, frame: LocalFrame) -> dict[int, Pa
     }
 
 
-def _part(rows: Sequence[tuple[Any, ...]], frame: LocalFrame) -> Part:
+def together(every: Iterable[Mapping[int, Part]]) -> dict[int, Part]:
+    """Parts of several buildings as one, by texture."""
+    of: dict[int, list[Part]] = {}
+    for parts in every:
+        for texture, part in parts.items():
+            of.setdefault(texture, []).append(part)
+    return {texture: _joined(own) for texture, own in sorted(of.items())}
+
+
+def _joined(own: Sequence[Part]) -> Part:
+    first = np.concatenate([[0], np.cumsum([len(part.position) for part in own])[:-1]])
+    return Part(
+        np.concatenate([part.position for part in own]),
+        np.concatenate([part.normal for part in own]),
+        np.concatenate([part.uv for part in own]),
+        np.concatenate([part.colour for part in own]),
+        np.concatenate([part.triangles + start for part, start in zip(own, first.tolist(), strict=True)]),
+        np.concatenate([part.chart for part in own]),
+    )
+
+
+def _part(rows: Sequence[tuple[Any, ...]], frame: Frame) -> Part:
     """One part of rows of position, normal, texture coordinates, colour, triangles and charts."""
     position, normal, uv, colour, triangles, chart = zip(*rows, strict=True)
     first = np.concatenate([[0], np.cumsum([len(one) for one in position])])
@@ -63,9 +84,9 @@ def _part(rows: Sequence[tuple[Any, ...]], frame: LocalFrame) -> Part:
 
 
 def rest(
-    source: Textured, charts: np.ndarray, before: int, parts: dict[int, dict[int, Part]], frame: LocalFrame
-) -> list[np.ndarray]:
-    """The pages of all charts that are not factored, whose parts are added by building; pictures before theirs."""
+    source: Textured, charts: np.ndarray, before: int, frame: Frame
+) -> tuple[list[np.ndarray], dict[int, dict[int, Part]]]:
+    """The pages of charts that are not factored, `before` of which are other pictures; and their parts, by building."""
     kind = source.charts.kind
     density = (source.texels / source.extent).max(axis=1)
     share, most = np.where((kind == GROUND)[:, None], (GROUND_SHARE, GROUND_MOST), (REST_SHARE, REST_MOST)).T
@@ -85,6 +106,7 @@ def rest(
     page = drawn.layout.page[place[mesh.chart[mine]]]
     owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
     count = len(drawn.layout.pages)
+    parts: dict[int, dict[int, Part]] = {}
     for code, here in sorted(grouped((owner + 1) * count + page).items()):
         used, index = np.unique(mesh.triangles[mine[here]], return_inverse=True)
         chart = mesh.vertex_chart[used]
@@ -96,4 +118,4 @@ def rest(
             index.reshape(-1, 3),
             chart,
         )
-    return [pages.pictures(page).colour for page in range(count)]
+    return [pages.pictures(page).colour for page in range(count)], parts

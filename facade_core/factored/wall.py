@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
@@ -12,16 +13,14 @@ from shapely import Polygon
 
 from facade_core.export.openings import EDGE_M, NARROWEST_M, SMALLEST_OPENING_M2
 from facade_core.export.recess import cut
-from facade_core.factored.bands import Band, bands_of, free_of
-from facade_core.factored.library import Library, band_like, look_of, mean_in, wall_around
-from facade_core.factored.light import linear, smoothed
+from facade_core.factored.bands import Band
+from facade_core.factored.library import mean_in
+from facade_core.factored.light import linear
 from facade_core.factored.repeat import REPEAT_M
-from facade_core.factored.units import Rectangle, Unit, units_of
+from facade_core.factored.seen import Seen
+from facade_core.factored.units import Rectangle, Unit
 from facade_core.geometry.charts import Charts
-from facade_core.types import Element
 
-# Cells of a wall are no larger, metres, and its shade is meant over so much.
-CELL_M, SHADE_M = 1.25, 0.4
 # What of the sky the sides of an opening see: they are darker by this.
 IN_REVEAL = 0.7
 # What multiplies an element's picture lies within these, so that a wrong type is no black window.
@@ -43,19 +42,6 @@ class Piece(NamedTuple):
     light: np.ndarray
     triangles: np.ndarray
     chart: int
-
-
-@dataclass(frozen=True, eq=False)
-class Facade:
-    """A wall as it is stored: chart; seed and shown (h, w, 3) uint8, before light fell on it and after; labels (h, w);
-    elements in texels, of which there are `density` a metre."""
-
-    chart: int
-    seed: np.ndarray
-    shown: np.ndarray
-    labels: np.ndarray
-    elements: Sequence[Element]
-    density: float
 
 
 @dataclass(eq=False)
@@ -84,73 +70,37 @@ def flat(plane: Plane) -> bool:
     return bool(np.abs((plane.corners - middle) @ axes[2]).max() <= FLAT_M) and plane.outline.is_valid
 
 
+class Detail(NamedTuple):
+    """How closely walls are shown: the level of the variations whose types they have, the last where there are fewer; sides of
+    a wall's cells, metres; whether panes lie back in it."""
+
+    level: int
+    cell: float
+    deep: bool
+
+
+# As photographed; and from where no pane is seen to lie back: with the fewest types.
+NEAR, FAR = Detail(0, 1.25, True), Detail(sys.maxsize, 2.5, False)
+
+
 def lay(
-    facade: Facade,
+    seen: Seen,
     planes: Sequence[Plane],
     charts: Charts,
-    library: Library,
     number: int,
-    level: int,
+    detail: Detail,
     behind: list[np.ndarray],
     pieces: Pieces,
 ) -> None:
-    """Lay a wall of plane polygons as pieces of a library, the number-th, its elements of the types of a level of its
-    variations; behind as in `facade_core.export.recess.cut`."""
-    seen = _Seen(facade, library, level)
-    offset = REPEAT_M * np.random.default_rng(facade.chart).random(2)
+    """Lay a wall of plane polygons as pieces of its library, the number-th; behind as in `facade_core.export.recess.cut`."""
+    offset = REPEAT_M * np.random.default_rng(seen.facade.chart).random(2)
     for plane in planes:
-        wall = _Wall(charts, plane, seen, number, offset, pieces)
+        wall = _Wall(charts, plane, seen, number, detail, offset, pieces)
         free = plane.outline
-        for unit, shown in seen.units:
-            free = wall.set_in(unit, shown, free, behind)
-        for band, own, shade in seen.bands:
-            wall.fill(band, own, shade, free)
-
-
-class _Seen:
-    """What a wall shows: its units, the largest first, with their types; its bands from the top, each with what it shows of the
-    library and the light on it."""
-
-    def __init__(self, facade: Facade, library: Library, level: int) -> None:
-        self.facade, self.library, density = facade, library, facade.density
-        units = units_of(facade.elements, density)
-        self.free = free_of(facade.labels, [unit.box for unit in units], density)
-        self.light = linear(facade.shown)
-        self.around = smoothed(self.light, self.free, SHADE_M * density)
-        self.bands = [
-            (band, band_like(library, band), self._shade(band)) for band in bands_of(facade.seed, self.free, density)
-        ]
-        ordered = sorted(units, key=lambda unit: (-unit.size[0] * unit.size[1], unit.box))
-        around = smoothed(linear(facade.seed), self.free, SHADE_M * density)
-        named = []
-        for unit in ordered:
-            look, wall = look_of(facade.seed, unit.box, density), wall_around(around, unit.box, density)
-            named.append((unit, library.type_of(unit, look, wall, level)))
-        self.units = [(unit, shown) for unit, shown in named if shown is not None]
-
-    def _shade(self, band: Band) -> np.ndarray:
-        """The light (h, w, 3) of the rows of a band, each band for itself; along a moulding that of all its rows."""
-        density = self.facade.density
-        top = min(round(band.top * density), len(self.light) - 1)
-        foot = max(top + 1, round(band.foot * density))
-        light, free = self.light[top:foot], self.free[top:foot]
-        if band.moulding:
-            weight = free.sum(axis=0)
-            mean = (light * free[..., None]).sum(axis=0) / np.maximum(weight, 1)[:, None]
-            light, free = mean[None].astype(np.float32), (weight > 0)[None]
-        if not free.any():
-            free = np.ones_like(free)
-        return smoothed(light, free, SHADE_M * density)
-
-    def grain_at(self, y: float) -> tuple[int, np.ndarray, Band] | None:
-        """The laid band nearest to a height: the library's, its light, and itself."""
-        laid = [
-            (max(band.top - y, y - band.foot, 0.0), own, shade, band)
-            for band, own, shade in self.bands
-            if own is not None and not band.moulding
-        ]
-        best = min(laid, key=lambda one: one[0], default=None)
-        return None if best is None else (best[1], best[2], best[3])
+        for unit, own in seen.units:
+            free = wall.set_in(unit, seen.library.type_at(own, detail.level), free, behind)
+        for band, shown, shade in seen.bands:
+            wall.fill(band, shown, shade, free)
 
 
 @dataclass(frozen=True, eq=False)
@@ -159,8 +109,9 @@ class _Wall:
 
     charts: Charts
     plane: Plane
-    seen: _Seen
+    seen: Seen
     number: int
+    detail: Detail
     offset: np.ndarray
     pieces: Pieces
 
@@ -185,9 +136,9 @@ class _Wall:
         if foot <= top:
             return
         moulding = None if own is None else self.seen.library.mouldings.get(own)
-        wide = moulding.wide if moulding is not None else CELL_M
+        wide = moulding.wide if moulding is not None else self.detail.cell
         across = np.arange(np.floor(x0 / wide), np.ceil(x1 / wide) + 1) * wide
-        rows = 1 if moulding is not None else max(1, round((foot - top) / CELL_M))
+        rows = 1 if moulding is not None else max(1, round((foot - top) / self.detail.cell))
         down = np.linspace(top, foot, rows + 1)
         boxes = shapely.box(
             *(side.ravel() for side in np.meshgrid(across[:-1], down[:-1])),
@@ -228,7 +179,7 @@ class _Wall:
         key: Key = ("type", self.number, shown)
         inner = self.plane.outline.buffer(-EDGE_M, join_style="mitre").intersection(area.buffer(-EDGE_M / 2))
         ring: shapely.Geometry = area
-        for left, top, right, foot in kind.panes:
+        for left, top, right, foot in kind.panes if self.detail.deep else ():
             box = _box(corner + step * [left, top], corner + step * [right, foot])
             pane = _largest(shapely.box(*box).intersection(inner))
             if pane is None or pane.area < SMALLEST_OPENING_M2 or pane.buffer(-NARROWEST_M / 2).is_empty:

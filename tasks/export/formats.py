@@ -15,6 +15,7 @@ from catalogs.published import objects
 from catalogs.published.places import Folder, at, each, local_side, remove
 from catalogs.published.s3 import S3Folder, folder_at
 from facade_core.errors import InputError
+from tasks.export.models import FACTORED
 from tasks.published.opened import Published, published
 
 # What an export was made of, and a digest of each of its files: what nobody has touched since, a new export may replace.
@@ -29,9 +30,6 @@ class Exported:
     files: tuple[Folder, ...]
     notes: tuple[str, ...]
 
-
-# What --textures says of glb for a model whose facades are of types and tiling materials.
-FACTORED = "factored"
 
 # Writes buildings of a published block into a folder, (published, buildings, folder, options by name); returns the files to
 # open first, and notes.
@@ -65,7 +63,7 @@ FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco
 
 # Of which formats options are, factored ones apart.
 OF_OPTION = {
-    "textures": ("3dtiles", f"{FACTORED} glb"),
+    "textures": ("3dtiles", f"{FACTORED} 3dtiles", f"{FACTORED} glb"),
     "max_texture_mb": ("3dtiles",),
     "lit": ("glb", "3dtiles"),
     "night": ("glb", "3dtiles"),

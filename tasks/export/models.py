@@ -10,6 +10,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from facade_core.errors import InputError
+from tasks.export.earth import on_earth
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
@@ -19,6 +20,8 @@ if TYPE_CHECKING:
 
 # How pictures of 3D Tiles are encoded where nothing else is asked for: every client reads it.
 TEXTURES = "jpeg"
+# What --textures says of a model whose facades are of types and tiling materials.
+FACTORED = "factored"
 # Beside a tileset: what all of its tiles take together.
 FIGURES = "figures.json"
 
@@ -98,10 +101,13 @@ def write_3dtiles(
     night: bool = False,
 ) -> tuple[list[str], list[str]]:
     """tileset.json and its tiles, on the earth, whose parts answer with the catalogue's columns."""
+    if textures == FACTORED:
+        from tasks.export.factored import write_factored_tiles
+
+        return write_factored_tiles(found, buildings, with_ground(found, buildings), folder)
     from dataclasses import replace
 
     from facade_core.export.cells import COARSE, quadtree
-    from facade_core.export.earth import earth_frame
     from facade_core.export.encoders import MIPMAPS, encoder
     from facade_core.export.looks import texels_held
     from facade_core.export.models import local_frame, part_of
@@ -114,18 +120,8 @@ def write_3dtiles(
     shown = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
     source = replace(source, mesh=part_of(source.mesh, shown))
     density = found.plan.scene.spec.texels_per_metre
-    separation = found.group.attrs.get("geoid_separation")
-    extras = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot.id}
-    if separation is None:
-        extras["heights"] = (
-            "the block's own, as given: without geoid_separation in the block file they may not be over the ellipsoid"
-        )
-        notes.append(
-            "heights are the block's own, and 3D Tiles count them from the ellipsoid: the model may stand tens of metres too "
-            "high or too low; write the geoid's height there as geoid_separation (metres) in the block file and run it again"
-        )
-    else:
-        extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"
+    frame, extras, said = on_earth(found, local_frame(source.mesh).origin)
+    notes += said
     cells = quadtree(source)
     time: Time = "night" if night else "day"
     scale = 1.0 if max_texture_mb is None else scale_of_view(source, cells, encoded, max_texture_mb * 1e6, time)
@@ -146,7 +142,7 @@ def write_3dtiles(
         source,
         cells,
         shells,
-        earth_frame(found.crs, local_frame(source.mesh).origin, separation or 0.0),
+        frame,
         features_of(found),
         encoded,
         write,

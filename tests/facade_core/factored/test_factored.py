@@ -12,8 +12,9 @@ from facade_core.factored.library import Library, library_of
 from facade_core.factored.light import linear, smoothed, srgb
 from facade_core.factored.pictures import MOST_DENSITY, held, pictures_of
 from facade_core.factored.repeat import SIDES, Grain, repeating
+from facade_core.factored.seen import Facade, Seen
 from facade_core.factored.units import units_of
-from facade_core.factored.wall import Facade, Piece, Pieces, Plane, flat, lay
+from facade_core.factored.wall import FAR, NEAR, Detail, Piece, Pieces, Plane, flat, lay
 from facade_core.geometry.charts import WALL, Charts
 from facade_core.labels import BALCONY, WINDOW
 from facade_core.types import Element
@@ -54,7 +55,7 @@ def facade() -> Facade:
     return Facade(0, image, srgb(0.6 * linear(image)), labels, elements, DENSITY)
 
 
-def laid(library: Library) -> tuple[Pieces, Plane]:
+def laid(library: Library, detail: Detail = NEAR) -> tuple[Pieces, Plane]:
     """The wall, that stands on x to the east and looks south, under six tenths of its light."""
     charts = Charts(
         np.array([WALL], np.uint8),
@@ -68,7 +69,7 @@ def laid(library: Library) -> tuple[Pieces, Plane]:
     outline = shapely.orient_polygons(shapely.box(0, 0, 8, 9.5), exterior_cw=True)
     plane = Plane(outline, charts.points(0, np.array([0, 8, 8, 0.0]), np.array([0, 0, 9.5, 9.5])))
     pieces = Pieces()
-    lay(facade(), [plane], charts, library, 0, 0, [], pieces)
+    lay(Seen(facade(), library), [plane], charts, 0, detail, [], pieces)
     return pieces, plane
 
 
@@ -189,6 +190,18 @@ def test_a_wall_is_covered_once_and_its_panes_lie_back(library: Library) -> None
     assert upright == pytest.approx(8 * 9.5, rel=1e-4)
     assert depth == pytest.approx(0.15)
     assert len(pieces.elements) == 6
+
+
+def test_from_afar_a_wall_is_flat_of_fewer_triangles_and_its_pictures_are_those_of_near(library: Library) -> None:
+    (near, _), (far, _) = laid(library), laid(library, FAR)
+    triangles = [sum(len(piece.triangles) for own in one.by_picture.values() for piece in own) for one in (near, far)]
+    assert triangles[1] < triangles[0] / 2
+    covered = sum(area(piece) for own in far.by_picture.values() for piece in own)
+    assert covered == pytest.approx(8 * 9.5, rel=1e-4)
+    assert all(np.allclose(piece.position[:, 1], 0) for own in far.by_picture.values() for piece in own)
+    types = [{key for key in one.by_picture if key[0] == "type"} for one in (near, far)]
+    assert types[1] <= types[0]
+    assert len(types[1]) < len(types[0])
 
 
 def test_pictures_times_light_are_the_wall(library: Library) -> None:

@@ -1,0 +1,73 @@
+"""Leaves of a tileset as factored models: near, and from farther off with fewer types and nothing set back. Their pictures lie
+beside the tiles, and all of them share those of walls and elements."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from facade_core.export.cells import Cell
+from facade_core.export.encoders import Encoder
+from facade_core.export.features import Features
+from facade_core.export.models import Frame, Textured
+from facade_core.export.recess import DEPTHS_M
+from facade_core.export.tiles import ERROR_PIXELS, Level, charts_of, corners_of
+from facade_core.factored.glb import factored_glb
+from facade_core.factored.parts import joined, parts_of, rest, together
+from facade_core.factored.pictures import Shown, held
+from facade_core.factored.wall import Pieces
+
+# Panes are set back once that covers so many pixels.
+BACK_PIXELS = 4.0
+
+
+@dataclass(eq=False)
+class Leaves:
+    """What the leaves of a block share: levels, name -> building -> what was laid of it, the coarsest first; pictures of all,
+    which `names` lie beside the tiles; charts that are not factored; write, a file by its path from the tileset.
+    texture_bytes: what the pictures of leaves so far take of a graphics card; triangles of their nearest levels."""
+
+    levels: Mapping[str, Mapping[int, Pieces]]
+    pictures: Shown
+    names: Sequence[str]
+    source: Textured
+    others: np.ndarray
+    frame: Frame
+    features: Features
+    encoder: Encoder
+    copyright: str
+    write: Callable[[str, bytes], None]
+    texture_bytes: int = 0
+    triangles: int = 0
+
+    def of(self, cell: Cell) -> list[Level]:
+        """The levels of a cell, the coarsest first."""
+        mine = np.intersect1d(charts_of(self.source, cell), self.others)
+        before = len(self.names)
+        pages, parts = rest(self.source, mine, before, self.frame)
+        self.texture_bytes += held(pages)
+        names = [f"pictures/rest{cell.path and '-'}{cell.path}-{k}.jpg" for k in range(len(pages))]
+        for name, page in zip(names, pages, strict=True):
+            self.write(name, self.encoder.encode(page))
+        uris = [f"../{name}" for name in (*self.names, *names)]
+        repeated = [*self.pictures.repeated, *[False] * len(pages)]
+        found = []
+        for number, (level, laid) in enumerate(self.levels.items()):
+            own = joined(laid[building] for building in cell.buildings.tolist() if building in laid)
+            shown = together([parts_of(own, self.pictures, self.frame), *parts.values()])
+            glb = factored_glb(
+                {cell.path or "block": shown},
+                uris,
+                repeated,
+                self.encoder,
+                self.features,
+                extras={},
+                copyright=self.copyright,
+            )
+            last = number == len(self.levels) - 1
+            self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
+            error = 0.0 if last else DEPTHS_M[0] * ERROR_PIXELS / BACK_PIXELS
+            found.append(Level(level, glb, corners_of([part.position for part in shown.values()]), error, len(shown)))
+        return found

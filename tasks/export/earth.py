@@ -1,0 +1,32 @@
+"""Where tiles of a published block stand on the earth."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from tasks.published.opened import Published
+
+if TYPE_CHECKING:
+    from facade_core.export.earth import EarthFrame
+
+
+def on_earth(found: Published, origin: np.ndarray) -> tuple[EarthFrame, dict[str, Any], list[str]]:
+    """The frame of a block's tiles around a point (3,), what their tileset says of it, and notes."""
+    from facade_core.export.earth import earth_frame
+
+    separation = found.group.attrs.get("geoid_separation")
+    extras: dict[str, Any] = {"block": found.block, "crs": found.crs, "snapshot": found.snapshot.id}
+    if separation is None:
+        extras["heights"] = (
+            "the block's own, as given: without geoid_separation in the block file they may not be over the ellipsoid"
+        )
+        notes = [
+            "heights are the block's own, and 3D Tiles count them from the ellipsoid: the model may stand tens of metres too "
+            "high or too low; write the geoid's height there as geoid_separation (metres) in the block file and run it again"
+        ]
+    else:
+        extras["heights"] = f"over the ellipsoid: {separation} m added to the block's"
+        notes = []
+    return earth_frame(found.crs, origin, separation or 0.0), extras, notes

@@ -1,0 +1,165 @@
+"""The facades of a published block as factored walls: their planes, their libraries, and what is laid of both."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from catalogs.block import read_block
+from facade_core.errors import FacadeError, InputError
+from tasks.progress import advance, begin_stage
+from tasks.published.opened import Published
+from tasks.store.standing import recorded_source
+from tasks.units.images import read_exemplar_picture
+
+if TYPE_CHECKING:
+    from facade_core.factored.library import Library
+    from facade_core.factored.seen import Facade
+    from facade_core.factored.wall import Detail, Pieces
+
+# A given exemplar is the stored one where they differ by no more grey levels, at the stored one's size.
+SAME = 4.0
+
+
+@dataclass(frozen=True, eq=False)
+class Laid:
+    """charts of the facades that are laid; libraries; by detail what was laid of each building; notes for the reader."""
+
+    charts: np.ndarray
+    libraries: list[Library]
+    details: list[dict[int, Pieces]]
+    notes: list[str]
+
+
+def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], more: int) -> Laid:
+    """The facades of some buildings as walls of libraries, at each of some details; more: units of work that follow."""
+    from facade_core.factored.seen import Seen
+    from facade_core.factored.wall import Pieces, lay
+
+    source = found.textured
+    planes = _planes(found, buildings)
+    libraries, of, notes = _libraries(found, list(planes))
+    begin_stage("export", len(planes) + more)
+    by_detail: list[dict[int, Pieces]] = [{} for _ in details]
+    for index, own in planes.items():
+        building = int(found.plan.facades.building[index])
+        mine = source.charts.building[source.mesh.chart] == building
+        behind = [source.mesh.vertices[source.mesh.triangles[mine]]]
+        seen = Seen(_facade(found, index), libraries[of[index]])
+        for detail, pieces in zip(details, by_detail, strict=True):
+            lay(seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, Pieces()))
+        advance("export", 1)
+    charts = np.array(sorted(int(found.plan.facades.chart[index]) for index in planes), np.int64)
+    return Laid(charts, libraries, by_detail, notes)
+
+
+def _planes(found: Published, buildings: np.ndarray) -> dict[int, list[Any]]:
+    """The facades with a finished layout whose walls are plane: their polygons."""
+    from facade_core.export.openings import outlines
+    from facade_core.factored.wall import Plane, flat
+    from facade_core.grouping import grouped
+
+    source = found.textured
+    of_chart = grouped(source.mesh.chart)
+    planes = {}
+    for index in found.rectified(buildings):
+        chart = int(found.plan.facades.chart[index])
+        triangles = source.mesh.triangles[of_chart.get(chart, np.zeros(0, np.int64))]
+        corners = source.mesh.vertices[triangles]
+        own = [Plane(outline, corners.reshape(-1, 3)) for outline in outlines(source.coordinates[triangles])]
+        if own and all(map(flat, own)):
+            planes[index] = own
+    return planes
+
+
+def _libraries(found: Published, facades: Sequence[int]) -> tuple[list[Library], dict[int, int], list[str]]:
+    """A library for each exemplar that the facades are made from, and for each facade with a picture of its own; whose is
+    whose."""
+    from facade_core.export.facade_stages import chart_raster
+    from facade_core.factored.library import library_of
+    from facade_core.parse import elements
+
+    exemplars = {r["unit"]: k for k, r in enumerate(found.journals["exemplars"]) if r and r["status"] == "done"}
+    given = _given(found)
+    libraries: list[Library] = []
+    number: dict[str, int] = {}
+    of: dict[int, int] = {}
+    coarse = 0
+    placement = found.plan.scene.placement
+    begin_stage("libraries", len({_source(found, index) for index in facades}))
+    for index in facades:
+        source = _source(found, index)
+        if source not in number:
+            if source in exemplars:
+                k = exemplars[source]
+                image, labels = (found.group[f"exemplars/{k}/{name}"][:] for name in ("image", "labels"))
+                fine = _fine(given.get(source), image)
+                coarse += fine is None
+                density = 1 / float(found.journals["exemplars"][k]["metres_per_texel"])  # type: ignore[index]
+                made = library_of(image, labels, elements(labels), density, fine, seed=k)
+            else:
+                chart = int(found.plan.facades.chart[index])
+                image, labels = (
+                    chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+                )
+                density = float(placement.texels_per_metre[chart])
+                made = library_of(image, labels, found.elements(index), density, seed=chart)
+            number[source] = len(libraries)
+            libraries.append(made)
+            advance("libraries", 1)
+        of[index] = number[source]
+    notes = []
+    if coarse:
+        notes = [
+            f"{coarse} exemplars are not where the block file says, or show something that was made anew: their elements "
+            "have no more texels than the store"
+        ]
+    return libraries, of, notes
+
+
+def _source(found: Published, index: int) -> str:
+    record = found.records[index]
+    assert record is not None  # it has a layout
+    return str(record["source"])
+
+
+def _given(found: Published) -> dict[str, Path]:
+    """The exemplars by name as they were given, where they still are."""
+    path = recorded_source(found.snapshot.out)
+    if path is None:
+        return {}
+    try:
+        return {exemplar.stem: exemplar for exemplar in read_block(path).exemplars}
+    except InputError:
+        return {}
+
+
+def _fine(path: Path | None, image: np.ndarray) -> np.ndarray | None:
+    """A given exemplar with all its pixels; None where it is not what was stored, or has no more. What hid a facade, or is
+    private, was made anew before it was stored: such an exemplar is not taken."""
+    from facade_core.resizing import resized
+
+    if path is None:
+        return None
+    try:
+        fine = read_exemplar_picture(path).rgb
+    except (FacadeError, OSError):
+        return None
+    if fine.shape[0] <= image.shape[0]:
+        return None
+    off = np.abs(resized(fine, image.shape[:2]).astype(np.int16) - image).mean(axis=2)
+    return fine if float(np.percentile(off, 99.5)) <= SAME else None
+
+
+def _facade(found: Published, index: int) -> Facade:
+    from facade_core.export.facade_stages import chart_raster
+    from facade_core.factored.seen import Facade
+
+    placement, chart = found.plan.scene.placement, int(found.plan.facades.chart[index])
+    seed, labels = (chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels"))
+    density = float(placement.texels_per_metre[chart])
+    return Facade(chart, seed, found.textured.raster(chart), labels, found.elements(index), density)
