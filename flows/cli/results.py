@@ -108,8 +108,8 @@ def query(
 @click.option(
     "--textures",
     type=click.Choice(["jpeg", "webp", "ktx2", "factored"]),
-    help="Of 3dtiles: ktx2 is held compressed by graphics cards (`make ktx2-setup`).  [default: jpeg]  Of glb: factored, "
-    "each type of window, door ... once and sharp, on walls of a tiling material.",
+    help="Of 3dtiles: ktx2 is held compressed by graphics cards (`make ktx2-setup`).  [default: jpeg]  Of 3dtiles and glb: "
+    "factored, each type of window, door ... once and sharp, on walls of a tiling material.",
 )
 @click.option(
     "--max-texture-mb",
@@ -156,6 +156,7 @@ def export(
       streetloom export out/demo --format glb --textures factored --to factored/
       streetloom export out/demo --format 3dtiles --to tiles/
       streetloom export out/demo --format 3dtiles --textures webp --max-texture-mb 300
+      streetloom export out/demo --format 3dtiles --textures factored --to factored-tiles/
       streetloom export out/demo --format 3dtiles --night --to night/
       streetloom export out/demo --format lod3 --building w123949253
       streetloom export out/demo --format gpkg --to demo.gpkg

@@ -49,6 +49,6 @@ def exported(undisturbed: tuple[Path, dict[str, Any]], common: Path) -> Exported
     return one
 
 
-@pytest.fixture(params=["jpeg", "webp", "ktx2"], scope="module")
+@pytest.fixture(params=["jpeg", "webp", "ktx2", "factored"], scope="module")
 def textures(request: pytest.FixtureRequest) -> str:
     return str(request.param)
