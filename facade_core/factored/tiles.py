@@ -20,7 +20,7 @@ from facade_core.factored.pictures import Shown, held
 from facade_core.factored.wall import Pieces
 
 # Panes are set back once that covers so many pixels.
-BACK_PIXELS = 4.0
+BACK_PIXELS = 2.0
 
 
 @dataclass(eq=False)
