@@ -194,7 +194,8 @@ def table(report: dict[str, Any]) -> list[dict[str, object]]:
     add("ARI of types, unseen painted facades", report["painted facades"]["adjusted rand, median"], ">=", 0.93)
     add("ARI of types, labelled ECP windows", report["labelled windows"]["adjusted rand, median"], ">=", 0.93)
     for what, figure in report["450 windows"].items():
-        add(f"450 windows: {what}", figure, "<=", 1)
+        if what.startswith("relaxing"):
+            add(what, figure, "<=", 1)
     return [dict(zip(("what", "figure", "goal", "reached"), row, strict=True)) for row in rows]
 
 
