@@ -23,7 +23,10 @@ def test_every_tile_opens_and_a_facade_answers(
         told = shown("figures()")
         assert told["failed"] == []
         assert told["bare"] == [], "every part shows a picture"
-        assert told["models"] == len(list((tiles / "tiles").glob("*.glb")))
+        models = [path.name for path in (tiles / "tiles").glob("*.glb")]
+        # a far level that the near one replaces at once is left out
+        far = sum(name.startswith("far") for name in models)
+        assert len(models) - far <= told["models"] <= len(models)
         assert told["textures"] > 0
         assert told["compressed"] == (told["pictures"] if textures == "ktx2" else 0)
         assert shown("colours()") > 500
