@@ -43,7 +43,7 @@ class Leaves:
     triangles: int = 0
 
     def of(self, cell: Cell) -> list[Level]:
-        """The levels of a cell, the coarsest first."""
+        """The levels of a cell, the coarsest first; one where nothing is factored, as they would be the same."""
         mine = np.intersect1d(charts_of(self.source, cell), self.others)
         before = len(self.names)
         pages, parts = rest(self.source, mine, before, self.frame)
@@ -54,7 +54,10 @@ class Leaves:
         uris = [f"../{name}" for name in (*self.names, *names)]
         repeated = [*self.pictures.repeated, *[False] * len(pages)]
         found = []
-        for number, (level, laid) in enumerate(self.levels.items()):
+        levels = list(self.levels.items())
+        if self.bare(cell):
+            levels = levels[-1:]
+        for number, (level, laid) in enumerate(levels):
             own = joined(laid[building] for building in cell.buildings.tolist() if building in laid)
             shown = together([parts_of(own, self.pictures, self.frame), *parts.values()])
             glb = factored_glb(
@@ -66,8 +69,12 @@ class Leaves:
                 extras={},
                 copyright=self.copyright,
             )
-            last = number == len(self.levels) - 1
+            last = number == len(levels) - 1
             self.triangles += sum(len(part.triangles) for part in shown.values()) if last else 0
             error = 0.0 if last else DEPTHS_M[0] * ERROR_PIXELS / BACK_PIXELS
             found.append(Level(level, glb, corners_of([part.position for part in shown.values()]), error, len(shown)))
         return found
+
+    def bare(self, cell: Cell) -> bool:
+        """Whether nothing of a cell is factored."""
+        return not any(building in laid for laid in self.levels.values() for building in cell.buildings.tolist())

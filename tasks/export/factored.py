@@ -144,6 +144,7 @@ def write_factored_tiles(
         attribution=found.attribution,
         levels=leaves.of,
     )
+    advance("export", sum(map(leaves.bare, cells.leaves())))
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
     coarse = tiled.texels * 16 // 3
