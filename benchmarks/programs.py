@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import os
 import shutil
+import subprocess
 from collections.abc import Iterator
 from contextlib import contextmanager
-from functools import partial
+from functools import cache, partial
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
 from threading import Thread
@@ -46,7 +47,16 @@ def blender() -> Path:
     python = INSTALLED / "python" / "bin" / "python"
     if not python.is_file() or not any(INSTALLED.glob("python/lib/python*/site-packages/bpy")):
         raise Absent("Blender (bpy, for Python 3.11) is not installed; `make clients` does that")
+    if said := _not_loaded(python):
+        raise Absent(f"Blender (bpy) does not start here: {said}")
     return python
+
+
+@cache
+def _not_loaded(python: Path) -> str:
+    """What the machine lacks of the libraries of a desktop that Blender is linked with; empty where it lacks none."""
+    done = subprocess.run([str(python), "-c", "import bpy"], capture_output=True, text=True, timeout=600)
+    return done.stderr.strip().splitlines()[-1] if done.returncode else ""
 
 
 def cjio() -> Path:

@@ -15,6 +15,9 @@ from facade_core.export.pages import QUALITY, encode
 WEBP_QUALITY, ETC1S_QUALITY, ETC1S_EFFORT = 85, 90, 1
 # Of JPEG's data.
 DATA_QUALITY = 80
+# CesiumJS keeps 512 MiB of tiles with all that they hold, 3d-tiles-renderer .4 GiB: a view that takes more is thrown out and
+# loaded again without end, and there is to be room for tiles that were in view before. KTX2 is asked for small cards.
+VIEW_MB, SMALL_VIEW_MB = 300.0, 120.0
 # A texture and its mipmaps: a third more.
 MIPMAPS = 4 / 3
 
@@ -22,11 +25,13 @@ MIPMAPS = 4 / 3
 @dataclass(frozen=True)
 class Encoder:
     """How pages (h, w, 3) uint8 are encoded, of colours and of data, such as normals. extension: glTF's, by which textures name
-    a picture, None for what every reader knows; texel_bytes: what a graphics card holds of a texel, at most."""
+    a picture, None for what every reader knows; texel_bytes: what a graphics card holds of a texel, at most; view_mb: what
+    textures of a view take of it, MB at most, where nothing else is asked for."""
 
     mime: str
     extension: str | None
     texel_bytes: float
+    view_mb: float
     encode: Callable[[np.ndarray], bytes]
     encode_data: Callable[[np.ndarray], bytes]
 
@@ -80,7 +85,9 @@ def _ktx2(image: np.ndarray, srgb: bool = True) -> bytes:
 
 # ETC1S becomes BC7, ETC2 or ASTC on the card: a byte a texel or half of that. The others are held as red, green, blue, alpha.
 ENCODERS = {
-    "jpeg": Encoder("image/jpeg", None, 4.0, lambda image: encode(image, QUALITY), _jpeg_data),
-    "webp": Encoder("image/webp", "EXT_texture_webp", 4.0, _webp, _webp),
-    "ktx2": Encoder("image/ktx2", "KHR_texture_basisu", 1.0, _ktx2, lambda image: _ktx2(image, srgb=False)),
+    "jpeg": Encoder("image/jpeg", None, 4.0, VIEW_MB, lambda image: encode(image, QUALITY), _jpeg_data),
+    "webp": Encoder("image/webp", "EXT_texture_webp", 4.0, VIEW_MB, _webp, _webp),
+    "ktx2": Encoder(
+        "image/ktx2", "KHR_texture_basisu", 1.0, SMALL_VIEW_MB, _ktx2, lambda image: _ktx2(image, srgb=False)
+    ),
 }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -24,8 +24,8 @@ from facade_core.grouping import grouped
 ERROR_PIXELS = 16
 # A view holds the finest tiles within so many metres of it, and coarse tiles of all else.
 VIEW_M = 300.0
-# Texels are made fewer in steps of this until a view fits.
-FEWER = 0.9
+# Texels are made fewer in steps of this, or longer ones, until a view fits.
+FEWER = 0.97
 
 
 @dataclass(frozen=True)
@@ -138,18 +138,12 @@ class _Writer:
 
     def coarse(self, cell: Cell) -> dict[str, Any]:
         children = self.below(cell)
-        kept = np.intersect1d(cell.buildings, self.shells.kept)
-        shelled = np.setdiff1d(cell.buildings, kept)
-        own = np.union1d(cell.ground, self.source.chosen(kept)).astype(np.int64)
-        simple = self.shells.textured.chosen(shelled)
+        shelled = np.setdiff1d(cell.buildings, self.shells.kept)
         uri = f"tiles/coarse{cell.path and '-'}{cell.path}.glb"
-        parts = []
-        if len(simple):
-            # a shell's rasters are as coarse already as the finest coarse tile
-            pages = tile_pages(self.shells.textured, simple, self.scale * cell.scale / COARSE)
-            parts.append((pages, np.column_stack([self.shell_rows] * 2)))
-        if len(own):
-            parts.append((tile_pages(self.source, own, self.scale * cell.scale), self.rows))
+        simple, own = coarse_pages(self.source, self.shells, cell, self.scale)
+        parts = [(pages, np.column_stack([self.shell_rows] * 2)) for pages in simple] + [
+            (pages, self.rows) for pages in own
+        ]
         corners = [self.content(uri, parts), *map(_corners, children)]
         charts = charts_of(self.source, cell)
         density = float((self.source.texels[charts] / self.source.extent[charts]).max())
@@ -212,20 +206,51 @@ def corners_of(positions: Sequence[np.ndarray]) -> np.ndarray:
     return np.sort(np.stack([points.min(axis=0), points.max(axis=0)])[:, [0, 2, 1]] * [1, -1, 1], axis=0)
 
 
-def scale_of_view(source: Textured, cells: Cell, encoder: Encoder, most_bytes: float, time: Time = "day") -> float:
+def scale_of_view(
+    source: Textured, shells: Shells, cells: Cell, encoder: Encoder, most_bytes: float, time: Time = "day"
+) -> float:
     """The scale, 1 or less, at which the textures of a view take at most so many bytes of a graphics card: those of the finest
-    tiles within VIEW_M of the middle of any of them. Coarse tiles take a sixteenth of that and are counted with them."""
+    tiles within VIEW_M of the middle of any of them, and of the coarse tiles above these, which viewers keep beside them."""
     leaves = list(cells.leaves())
     middle = np.array([source.centres[charts_of(source, leaf), :2].mean(axis=0) for leaf in leaves])
     near = np.linalg.norm(middle[:, None] - middle[None], axis=-1) <= VIEW_M
+    coarse = list(_coarse_cells(cells))
+    # a leaf's path begins with those of the cells above it; (views, coarse tiles)
+    above = near @ np.array([[leaf.path.startswith(cell.path) for cell in coarse] for leaf in leaves])
     texel_bytes = encoder.texel_bytes * MIPMAPS * texels_held(source.maps is not None, time)
     scale = 1.0
     while True:
-        texels = np.array([tile_pages(source, charts_of(source, leaf), scale).texels for leaf in leaves])
-        held = float((near @ texels).max()) * (1 + COARSE**2) * texel_bytes
+        fine = np.array([tile_pages(source, charts_of(source, leaf), scale).texels for leaf in leaves])
+        more = [
+            sum(one.texels for part in coarse_pages(source, shells, cell, scale) for one in part) for cell in coarse
+        ]
+        held = float((near @ fine + above @ np.array(more)).max()) * texel_bytes
         if held <= most_bytes or scale < COARSE:
             return scale
         scale *= max(COARSE, min(FEWER, float(np.sqrt(most_bytes / held))))
+
+
+def coarse_pages(
+    source: Textured, shells: Shells, cell: Cell, scale: float
+) -> tuple[Sequence[TilePages], Sequence[TilePages]]:
+    """What the coarse tile of a cell shows: pages of shells, and of the source, each of which it may have none; at `scale` of
+    their texels, or rather of those that the cell says."""
+    kept = np.intersect1d(cell.buildings, shells.kept)
+    own = np.union1d(cell.ground, source.chosen(kept)).astype(np.int64)
+    simple = shells.textured.chosen(np.setdiff1d(cell.buildings, kept))
+    # a shell's rasters are as coarse already as the finest coarse tile
+    return (
+        [tile_pages(shells.textured, simple, scale * cell.scale / COARSE)] if len(simple) else [],
+        [tile_pages(source, own, scale * cell.scale)] if len(own) else [],
+    )
+
+
+def _coarse_cells(cell: Cell, above: float = 0.0) -> Iterator[Cell]:
+    """The cells of which `write_tileset` makes a coarse tile, below one of scale `above`."""
+    if cell.scale > above:
+        yield cell
+    for child in cell.children:
+        yield from _coarse_cells(child, cell.scale)
 
 
 def charts_of(source: Textured, cell: Cell) -> np.ndarray:

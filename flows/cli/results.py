@@ -115,7 +115,8 @@ def query(
     "--max-texture-mb",
     type=click.FloatRange(min=1),
     metavar="MB",
-    help="Of 3dtiles: texels are made fewer until a view's textures take no more of a graphics card.",
+    help="Of 3dtiles: texels are made fewer until a view's textures take no more of a graphics card; inf: all.  "
+    "[default: 300, ktx2 120]",
 )
 @click.option(
     "--lit/--no-lit",

@@ -88,8 +88,9 @@ def export(
     new file. Of a run in a bucket that is exported whole it is OUT/exports/FORMAT/SNAPSHOT where it is None; the marker
     arrives last, and of earlier exports the newest stays, as somebody may read it. textures: of 3dtiles how its pictures are
     encoded (jpeg where it is None, webp, ktx2); of glb and 3dtiles FACTORED, a model of few pictures, which is unlit.
-    max_texture_mb is of 3dtiles alone: what the pictures of a view may take of a graphics card. lit and night are of glb
-    and 3dtiles: whether materials take light, and windows give it. Raises InputError in one line with the remedy.
+    max_texture_mb is of 3dtiles alone: what the pictures of a view may take of a graphics card (where it is None, 300, of ktx2
+    120; infinity: all of them as they are). lit and night are of glb, 3dtiles and usd: whether materials take light, and
+    windows give it. Raises InputError in one line with the remedy.
     """
     if format not in FORMATS:
         raise InputError(f"--format {format}: not known; choose {', '.join(FORMATS)}")

@@ -124,13 +124,15 @@ def write_3dtiles(
     notes += said
     cells = quadtree(source)
     time: Time = "night" if night else "day"
-    scale = 1.0 if max_texture_mb is None else scale_of_view(source, cells, encoded, max_texture_mb * 1e6, time)
-    if scale < 1:
-        notes.append(
-            f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {max_texture_mb:g} MB at most"
-        )
     begin_stage("export", len(buildings) + count_tiles(cells))
     shells = simplified_shells(source, density * COARSE, lambda: advance("export", 1))
+    most = encoded.view_mb if max_texture_mb is None else max_texture_mb
+    scale = scale_of_view(source, shells, cells, encoded, most * 1e6, time)
+    if scale < 1:
+        notes.append(
+            f"textures have {scale:.2f} of the texels per metre, so that a view of them takes {most:g} MB of a graphics card "
+            "at most; --max-texture-mb inf keeps all"
+        )
     for name in ("tiles", "tilesets"):
         (folder / name).mkdir()
 

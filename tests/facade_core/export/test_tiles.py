@@ -27,8 +27,7 @@ from facade_core.export.lit import relit
 from facade_core.export.looks import Time
 from facade_core.export.models import Textured, local_frame
 from facade_core.export.shells import simplified_shells
-from facade_core.export.tile_pages import tile_pages
-from facade_core.export.tiles import Tiled, charts_of, count_tiles, scale_of_view, write_tileset
+from facade_core.export.tiles import Tiled, count_tiles, scale_of_view, write_tileset
 from facade_core.geometry import ROOF, WALL
 from facade_core.street import Scene
 from tests.facade_core.export.conftest import colour_of
@@ -240,13 +239,18 @@ def test_every_chart_answers_with_its_row_and_keeps_its_colour(coloured: Texture
     assert checked == set(np.unique(coloured.mesh.chart).tolist())
 
 
+def fitting(source: Textured, most: float, time: Time = "day") -> float:
+    shells = simplified_shells(source, 10 * COARSE)
+    return scale_of_view(source, shells, quadtree(source), encoder("jpeg"), most, time)
+
+
 def test_a_view_takes_no_more_of_a_graphics_card_than_asked(coloured: Textured) -> None:
-    grid = quadtree(coloured)
-    assert scale_of_view(coloured, grid, encoder("jpeg"), 1e9) == 1.0
-    whole = tile_pages(coloured, charts_of(coloured, grid)).texels * 4 * MIPMAPS
-    scale = scale_of_view(coloured, grid, encoder("jpeg"), whole / 3)
+    whole = written(coloured)[0].texels * 4 * MIPMAPS
+    assert fitting(coloured, whole) == 1.0, "coarse tiles are counted, and nothing else"
+    assert fitting(coloured, whole - 1) < 1
+    scale = fitting(coloured, whole / 3)
     assert 0.25 < scale < 1
-    assert tile_pages(coloured, charts_of(coloured, grid), scale).texels * 4 * MIPMAPS <= whole / 3
+    assert whole / 6 < written(coloured, scale)[0].texels * 4 * MIPMAPS <= whole / 3
 
 
 def test_tiles_are_valid(coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path) -> None:
@@ -290,10 +294,10 @@ def test_lit_tiles_are_valid_and_shine_from_afar_too(
 
 
 def test_maps_count_for_what_a_view_takes(houses: Scene, coloured: Textured) -> None:
-    source, grid = relit(coloured, lighting(houses, None)), quadtree(coloured)
-    most = tile_pages(coloured, charts_of(coloured, grid)).texels * 4 * MIPMAPS * (1 + COARSE**2) * 1.01
-    assert scale_of_view(coloured, grid, encoder("jpeg"), most) == 1
-    day, night = (scale_of_view(source, grid, encoder("jpeg"), most, time) for time in ("day", "night"))
+    most = written(coloured)[0].texels * 4 * MIPMAPS
+    assert fitting(coloured, most) == 1
+    source = relit(coloured, lighting(houses, None))
+    day, night = (fitting(source, most, time) for time in ("day", "night"))
     assert night <= day < 1
 
 
