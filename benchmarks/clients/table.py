@@ -10,6 +10,7 @@ from collections.abc import Callable
 from contextlib import ExitStack
 from dataclasses import dataclass
 from functools import cached_property, partial
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -133,7 +134,7 @@ def _in_blender(exports: Exports, style: str, **options: Any) -> Row:
         "pictures": f"{len(told['pictures'])}; {told['slots_with_picture']} of {told['slots']} parts",
         "attributes": len(told["attributes"]),
         "seconds": round(told["seconds"], 1),
-        "mb": _mb(path.parent if city else path),
+        "mb": _mb(path.parent if city or style == "usd" else path),
         "texture_mb": round(told["texture_bytes"] / 1e6, 1),
         # the own picture has the light that lit materials leave out of their colours
         **({} if options.get("lit") else blender.compared(own, shown, built)),
@@ -167,7 +168,7 @@ def _by_val3dity(exports: Exports, style: str) -> Row:
     }
 
 
-def _by_gdal(exports: Exports) -> Row:
+def _tables(exports: Exports) -> Row:
     import pyogrio
 
     path = exports.main("gpkg")
@@ -184,10 +185,33 @@ def _by_gdal(exports: Exports) -> Row:
     }
 
 
+def _walls(exports: Exports) -> Row:
+    import rasterio
+
+    files = sorted(exports("cog").glob("*.tif"))
+    start = time.monotonic()
+    texels, posed = 0, 0
+    for path in files:
+        with rasterio.open(path) as image:
+            texels += image.read(1).size
+            posed += image.crs is not None and {"world_origin", "world_along", "world_up"} <= image.tags().keys()
+    return {
+        "version": rasterio.__gdal_version__,
+        "opened": posed == len(files) > 0,
+        "pictures": str(len(files)),
+        "seconds": round(time.monotonic() - start, 1),
+        "mb": round(sum(path.stat().st_size for path in files) / 1e6, 1),
+        "texture_mb": round(3 * texels / 1e6, 1),
+        "why": f"{posed} of {len(files)} with CRS and pose",
+    }
+
+
 def _checks() -> list[tuple[str, str, Callable[[Exports], Row]]]:
     """(program, format with its options, what asks)."""
-    kinds: dict[str, dict[str, Any]] = {name: {"textures": name} for name in ("jpeg", "webp", "ktx2")}
-    kinds |= {f"{name}, 300 MB": {"textures": name, "max_texture_mb": 300.0} for name in ("jpeg",)}
+    encoded: dict[str, dict[str, Any]] = {name: {"textures": name} for name in ("jpeg", "webp", "ktx2")}
+    kinds = encoded | {f"{name}, all texels": {**options, "max_texture_mb": inf} for name, options in encoded.items()}
+    for hour, night in (("lit", False), ("lit, night", True)):
+        kinds |= {f"{name}, {hour}": {**encoded[name], "lit": True, "night": night} for name in ("jpeg", "ktx2")}
     found: list[tuple[str, str, Callable[[Exports], Row]]] = []
     for name, options in kinds.items():
         found += [
@@ -209,7 +233,18 @@ def _checks() -> list[tuple[str, str, Callable[[Exports], Row]]]:
             ("val3dity", style, partial(_by_val3dity, style=style)),
             ("cjio, Blender", style, partial(_in_blender, style=style)),
         ]
-    return [*found, ("GDAL", "gpkg", _by_gdal)]
+    for client, ask in (
+        ("three.js", _model_in_three),
+        ("Khronos' validator", _by_khronos),
+        ("Blender", _in_blender),
+    ):
+        found.append((client, "glb, factored", partial(ask, style="glb", textures="factored")))
+    return [
+        *found,
+        ("Blender", "usd", partial(_in_blender, style="usd")),
+        ("GDAL", "gpkg", _tables),
+        ("GDAL", "cog", _walls),
+    ]
 
 
 def rows(out: Path, folder: Path, val3dity: Path, only: frozenset[str]) -> list[Row]:
