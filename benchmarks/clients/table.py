@@ -43,7 +43,7 @@ class Exports:
 
     def __call__(self, style: str, **options: Any) -> Path:
         """The folder of an export."""
-        place = self.folder / "-".join([style, *(str(value) for value in options.values())])
+        place = self.folder / "-".join([style, *(f"{name}-{value}" for name, value in options.items())])
         if not place.is_dir():
             print(f"exporting {place.name}", file=sys.stderr)
             export(self.out, style, place, **options)
@@ -208,43 +208,32 @@ def _walls(exports: Exports) -> Row:
 
 def _checks() -> list[tuple[str, str, Callable[[Exports], Row]]]:
     """(program, format with its options, what asks)."""
-    encoded: dict[str, dict[str, Any]] = {name: {"textures": name} for name in ("jpeg", "webp", "ktx2")}
-    kinds = encoded | {f"{name}, all texels": {**options, "max_texture_mb": inf} for name, options in encoded.items()}
-    for hour, night in (("lit", False), ("lit, night", True)):
-        kinds |= {f"{name}, {hour}": {**encoded[name], "lit": True, "night": night} for name in ("jpeg", "ktx2")}
+    tiles: dict[str, dict[str, Any]] = {name: {"textures": name} for name in ("jpeg", "webp", "ktx2")}
+    tiles |= {f"{name}, all texels": {"textures": name, "max_texture_mb": inf} for name in ("jpeg", "ktx2")}
+    tiles |= {"jpeg, lit": {"textures": "jpeg", "lit": True}}
+    tiles |= {f"{name}, lit, night": {"textures": name, "night": True} for name in ("jpeg", "ktx2")}
+    models = {"lit": {"lit": True}, "unlit": {"lit": False}, "factored": {"textures": "factored"}}
     found: list[tuple[str, str, Callable[[Exports], Row]]] = []
-    for name, options in kinds.items():
+    for name, options in tiles.items():
         found += [
             ("CesiumJS", f"3dtiles, {name}", partial(_tiles_in_cesium, **options)),
             ("3d-tiles-renderer", f"3dtiles, {name}", partial(_tiles_in_three, **options)),
             ("Khronos' validator", f"3dtiles, {name}", partial(_by_khronos, style="3dtiles", **options)),
         ]
-    found += [
-        (client, f"glb, {'lit' if lit else 'unlit'}", partial(ask, style="glb", lit=lit))
-        for lit in (True, False)
-        for client, ask in (
-            ("three.js", _model_in_three),
-            ("Khronos' validator", _by_khronos),
-            ("Blender", _in_blender),
-        )
-    ]
+    for name, options in models.items():
+        found += [
+            ("three.js", f"glb, {name}", partial(_model_in_three, style="glb", **options)),
+            ("Khronos' validator", f"glb, {name}", partial(_by_khronos, style="glb", **options)),
+            ("Blender", f"glb, {name}", partial(_in_blender, style="glb", **options)),
+        ]
     for style in ("cityjson", "lod3"):
         found += [
             ("val3dity", style, partial(_by_val3dity, style=style)),
             ("cjio, Blender", style, partial(_in_blender, style=style)),
         ]
-    for client, ask in (
-        ("three.js", _model_in_three),
-        ("Khronos' validator", _by_khronos),
-        ("Blender", _in_blender),
-    ):
-        found.append((client, "glb, factored", partial(ask, style="glb", textures="factored")))
-    return [
-        *found,
-        ("Blender", "usd", partial(_in_blender, style="usd")),
-        ("GDAL", "gpkg", _tables),
-        ("GDAL", "cog", _walls),
-    ]
+    for lit in (True, False):
+        found.append(("Blender", f"usd, {'lit' if lit else 'unlit'}", partial(_in_blender, style="usd", lit=lit)))
+    return [*found, ("GDAL", "gpkg", _tables), ("GDAL", "cog", _walls)]
 
 
 def rows(out: Path, folder: Path, val3dity: Path, only: frozenset[str]) -> list[Row]:

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -11,11 +12,25 @@ import numpy as np
 
 from facade_core.errors import InputError
 from facade_core.export.glb import Node
+from facade_core.export.looks import DAY, NIGHT, STRENGTH
 
 # A building's and the block's prims, and the names that customData has of ours.
 ROOT, NAMESPACE = "Block", "streetloom"
-# Plaster, stone and brick scatter light; nothing is told apart within a page.
+# Plaster, stone and brick scatter light: of what has no map.
 ROUGHNESS, REFRACTION = 0.9, 1.5
+# What chooses between the looks of DAY and NIGHT.
+TIMES = "time"
+
+
+@dataclass(frozen=True)
+class PageFiles:
+    """The asset paths of a page's pictures, from a building's stage: colour, and where it is lit normals; occlusion, roughness
+    and metal; light at night, where any is."""
+
+    colour: str
+    normal: str | None = None
+    orm: str | None = None
+    glow: str | None = None
 
 
 @dataclass(frozen=True)
@@ -42,10 +57,13 @@ def usd_module() -> Any:
     return pxr
 
 
-def write_building(path: Path, node: Node, pictures: Sequence[str], said: Mapping[str, Any]) -> None:
-    """A stage of one node: its meshes by picture, and a lit material for each of these.
+def write_building(
+    path: Path, node: Node, pages: Sequence[PageFiles], said: Mapping[str, Any], time: str | None = None
+) -> None:
+    """A stage of one node: its meshes by page, and a material for each of these.
 
-    pictures: the asset paths of all pages, from the stage's folder; said: what the prim says of itself, in customData.
+    said: what the prim says of itself, in customData; time: which of its variants DAY and NIGHT is shown, None where it has
+    none.
     """
     usd_module()
     from pxr import Gf, Kind, Sdf, Usd, UsdGeom, UsdShade, Vt
@@ -60,7 +78,7 @@ def write_building(path: Path, node: Node, pictures: Sequence[str], said: Mappin
         if value is not None:
             prim.SetCustomDataByKey(f"{NAMESPACE}:{key}", value)
     for primitive in node.primitives:
-        material = _material(stage, f"/{name}/Looks/page_{primitive.picture}", pictures[primitive.picture])
+        material = _material(stage, f"/{name}/Looks/page_{primitive.picture}", pages[primitive.picture])
         mesh = UsdGeom.Mesh.Define(stage, f"/{name}/page_{primitive.picture}")
         points = primitive.position.astype(np.float32)
         mesh.CreatePointsAttr(Vt.Vec3fArray.FromNumpy(points))
@@ -76,12 +94,16 @@ def write_building(path: Path, node: Node, pictures: Sequence[str], said: Mappin
         place = UsdGeom.PrimvarsAPI(mesh).CreatePrimvar("st", kind, UsdGeom.Tokens.vertex)
         place.Set(Vt.Vec2fArray.FromNumpy(np.ascontiguousarray(uv)))
         UsdShade.MaterialBindingAPI.Apply(mesh.GetPrim()).Bind(material)
+    if time:
+        _by_time(prim, time, {NIGHT: lambda: _shine(stage, name, node, pages)})
     stage.GetRootLayer().Save()
 
 
-def write_block(path: Path, parts: Mapping[str, str], said: Mapping[str, Any], comment: str) -> None:
+def write_block(
+    path: Path, parts: Mapping[str, str], said: Mapping[str, Any], comment: str, time: str | None = None
+) -> None:
     """A stage that references those of its parts: name -> the asset path, from the stage's folder. said: in the layer's
-    customLayerData; comment: the layer's, whom to name."""
+    customLayerData; comment: the layer's, whom to name; time: which variant all of them show, None where they have none."""
     usd_module()
     from pxr import Kind, Usd, UsdGeom
 
@@ -94,6 +116,13 @@ def write_block(path: Path, parts: Mapping[str, str], said: Mapping[str, Any], c
     layer.customLayerData = {NAMESPACE: dict(said)}
     for name, asset in parts.items():
         UsdGeom.Xform.Define(stage, f"/{ROOT}/{identifier(name)}").GetPrim().GetReferences().AddReference(asset)
+    if time:
+
+        def choose(one: str) -> None:
+            for prim in block.GetChildren():
+                prim.GetVariantSets().SetSelection(TIMES, one)
+
+        _by_time(block, time, {one: partial(choose, one) for one in (DAY, NIGHT)})
     layer.Save()
 
 
@@ -122,29 +151,73 @@ def _stage(path: Path) -> Any:
     return stage
 
 
-def _material(stage: Any, path: str, picture: str) -> Any:
-    """A UsdPreviewSurface that shows a picture, lit."""
+def _by_time(prim: Any, first: str, said: Mapping[str, Callable[[], None]]) -> None:
+    """Variants DAY and NIGHT of a prim, `first` of which is shown; what each says is written while it is edited."""
+    variants = prim.GetVariantSets().AddVariantSet(TIMES)
+    for name in (DAY, NIGHT):
+        variants.AddVariant(name)
+        variants.SetVariantSelection(name)
+        with variants.GetVariantEditContext():
+            said.get(name, lambda: None)()
+    variants.SetVariantSelection(first)
+
+
+def _material(stage: Any, path: str, page: PageFiles) -> Any:
+    """A UsdPreviewSurface that shows a page's colour, and takes light as its maps say."""
     from pxr import Sdf, UsdShade
 
     material = UsdShade.Material.Define(stage, path)
-    surface, texture, reader = (
-        UsdShade.Shader.Define(stage, f"{path}/{name}") for name in ("surface", "texture", "st")
-    )
+    surface, reader = (UsdShade.Shader.Define(stage, f"{path}/{name}") for name in ("surface", "st"))
     reader.CreateIdAttr("UsdPrimvarReader_float2")
     reader.CreateInput("varname", Sdf.ValueTypeNames.String).Set("st")
     place = reader.CreateOutput("result", Sdf.ValueTypeNames.Float2)
+    kinds = Sdf.ValueTypeNames
+    surface.CreateIdAttr("UsdPreviewSurface")
+    colour = _texture(stage, f"{path}/colour", page.colour, place, "sRGB")
+    surface.CreateInput("diffuseColor", kinds.Color3f).ConnectToSource(colour.CreateOutput("rgb", kinds.Float3))
+    if page.normal and page.orm:
+        normal = _texture(stage, f"{path}/normal", page.normal, place, "raw", scale=2.0, bias=-1.0)
+        surface.CreateInput("normal", kinds.Normal3f).ConnectToSource(normal.CreateOutput("rgb", kinds.Float3))
+        orm = _texture(stage, f"{path}/orm", page.orm, place, "raw")
+        for channel, name in zip("rgb", ("occlusion", "roughness", "metallic"), strict=True):
+            surface.CreateInput(name, kinds.Float).ConnectToSource(orm.CreateOutput(channel, kinds.Float))
+    else:
+        surface.CreateInput("roughness", kinds.Float).Set(ROUGHNESS)
+        surface.CreateInput("metallic", kinds.Float).Set(0.0)
+    surface.CreateInput("ior", kinds.Float).Set(REFRACTION)
+    out = surface.CreateOutput("surface", kinds.Token)
+    material.CreateSurfaceOutput().ConnectToSource(out)
+    return material
+
+
+def _shine(stage: Any, name: str, node: Node, pages: Sequence[PageFiles]) -> None:
+    """Windows give light."""
+    from pxr import Sdf, UsdShade
+
+    for primitive in node.primitives:
+        path, glow = f"/{name}/Looks/page_{primitive.picture}", pages[primitive.picture].glow
+        if glow:
+            place = UsdShade.Shader.Get(stage, f"{path}/st").GetOutput("result")
+            texture = _texture(stage, f"{path}/glow", glow, place, "sRGB", scale=STRENGTH)
+            surface = UsdShade.Shader.Get(stage, f"{path}/surface")
+            lit = surface.CreateInput("emissiveColor", Sdf.ValueTypeNames.Color3f)
+            lit.ConnectToSource(texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3))
+
+
+def _texture(
+    stage: Any, path: str, picture: str, place: Any, space: str, *, scale: float = 1.0, bias: float = 0.0
+) -> Any:
+    """What reads a picture where `place` says, as numbers of a colour space, times `scale` and `bias` more."""
+    from pxr import Gf, Sdf, UsdShade
+
+    texture = UsdShade.Shader.Define(stage, path)
     texture.CreateIdAttr("UsdUVTexture")
     texture.CreateInput("file", Sdf.ValueTypeNames.Asset).Set(picture)
     texture.CreateInput("st", Sdf.ValueTypeNames.Float2).ConnectToSource(place)
-    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set("sRGB")
+    texture.CreateInput("sourceColorSpace", Sdf.ValueTypeNames.Token).Set(space)
     for side in ("wrapS", "wrapT"):
         texture.CreateInput(side, Sdf.ValueTypeNames.Token).Set("clamp")
-    colour = texture.CreateOutput("rgb", Sdf.ValueTypeNames.Float3)
-    surface.CreateIdAttr("UsdPreviewSurface")
-    surface.CreateInput("diffuseColor", Sdf.ValueTypeNames.Color3f).ConnectToSource(colour)
-    surface.CreateInput("roughness", Sdf.ValueTypeNames.Float).Set(ROUGHNESS)
-    surface.CreateInput("metallic", Sdf.ValueTypeNames.Float).Set(0.0)
-    surface.CreateInput("ior", Sdf.ValueTypeNames.Float).Set(REFRACTION)
-    out = surface.CreateOutput("surface", Sdf.ValueTypeNames.Token)
-    material.CreateSurfaceOutput().ConnectToSource(out)
-    return material
+    if (scale, bias) != (1.0, 0.0):
+        texture.CreateInput("scale", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(scale, scale, scale, 1.0))
+        texture.CreateInput("bias", Sdf.ValueTypeNames.Float4).Set(Gf.Vec4f(bias, bias, bias, 0.0))
+    return texture

@@ -65,8 +65,8 @@ FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco
 OF_OPTION = {
     "textures": ("3dtiles", f"{FACTORED} 3dtiles", f"{FACTORED} glb"),
     "max_texture_mb": ("3dtiles",),
-    "lit": ("glb", "3dtiles"),
-    "night": ("glb", "3dtiles"),
+    "lit": ("glb", "3dtiles", "usd"),
+    "night": ("glb", "3dtiles", "usd"),
 }
 
 

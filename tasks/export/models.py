@@ -26,7 +26,7 @@ FACTORED = "factored"
 FIGURES = "figures.json"
 
 
-def _shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[Textured, list[str]]:
+def shown(found: Published, lit: bool | None, night: bool, *, lit_by_default: bool) -> tuple[Textured, list[str]]:
     """What models of a block show, lit or as it is, and what there is to say of that. Raises InputError where a night is asked
     for of what is not lit."""
     from facade_core.export.lit import relit
@@ -68,14 +68,14 @@ def write_models(
     from facade_core.export.looks import look_of
     from facade_core.export.models import layout_of, local_frame, nodes_of, page_pictures
 
-    source, notes = _shown(found, lit, night, lit_by_default=True)
+    source, notes = shown(found, lit, night, lit_by_default=True)
     frame = local_frame(found.plan.scene.mesh)
     extras = {"origin": frame.origin.tolist(), "crs": found.crs}
     (folder / "buildings").mkdir()
     begin_stage("export", len(buildings) + 1)
 
-    def write(path: Path, shown: np.ndarray) -> None:
-        drawn = layout_of(source, source.chosen(shown))
+    def write(path: Path, those: np.ndarray) -> None:
+        drawn = layout_of(source, source.chosen(those))
         nodes, _ = nodes_of([drawn], found.names, frame)
         pages = range(len(drawn.layout.pages))
         looks = [look_of(page_pictures(drawn, page), ENCODERS["jpeg"]) for page in pages]
@@ -116,9 +116,9 @@ def write_3dtiles(
     from tasks.export.features import features_of
 
     encoded = encoder(textures)
-    source, notes = _shown(found, lit, night, lit_by_default=False)
-    shown = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
-    source = replace(source, mesh=part_of(source.mesh, shown))
+    source, notes = shown(found, lit, night, lit_by_default=False)
+    chosen = np.isin(source.charts.building[source.mesh.chart], with_ground(found, buildings))
+    source = replace(source, mesh=part_of(source.mesh, chosen))
     density = found.plan.scene.spec.texels_per_metre
     frame, extras, said = on_earth(found, local_frame(source.mesh).origin)
     notes += said

@@ -11,7 +11,7 @@ import numpy as np
 
 from catalogs.features import file_stem
 from tasks.export.features import building_rows
-from tasks.export.models import with_ground
+from tasks.export.models import shown, with_ground
 from tasks.progress import advance, begin_stage
 from tasks.published.opened import Published
 
@@ -19,29 +19,41 @@ from tasks.published.opened import Published
 CHANGED_S = 315_619_200
 
 
-def write_usd(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
+def write_usd(
+    found: Published, buildings: np.ndarray, folder: Path, *, lit: bool | None = None, night: bool = False
+) -> tuple[list[str], list[str]]:
     """BLOCK.usda, which references buildings/ID.usdc with textures/ beside them; BLOCK.usdz has them all in one file."""
-    from facade_core.export.models import GROUND_NODE, layout_of, local_frame, nodes_of, page_jpeg
-    from facade_core.export.usd import ZUpFrame, usd_module, write_block, write_building, write_package
+    from facade_core.export.encoders import ENCODERS
+    from facade_core.export.looks import DAY, NIGHT, look_of
+    from facade_core.export.models import GROUND_NODE, layout_of, local_frame, nodes_of, page_pictures
+    from facade_core.export.usd import PageFiles, ZUpFrame, usd_module, write_block, write_building, write_package
 
     usd_module()
-    source = found.textured
+    source, notes = shown(found, lit, night, lit_by_default=True)
     drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
     frame = ZUpFrame(local_frame(found.plan.scene.mesh).origin)
     nodes, _ = nodes_of([drawn], found.names, frame)
-    pages = [f"textures/{page:04}.jpg" for page in range(len(drawn.layout.pages))]
-    begin_stage("export", len(pages) + len(nodes) + 1)
+    begin_stage("export", len(drawn.layout.pages) + len(nodes) + 1)
     for name in ("textures", "buildings"):
         (folder / name).mkdir()
-    for page, picture in enumerate(pages):
-        (folder / picture).write_bytes(page_jpeg(drawn, page))
+    packed: list[str] = []
+    pages: list[PageFiles] = []
+    for page in range(len(drawn.layout.pages)):
+        look = look_of(page_pictures(drawn, page), ENCODERS["jpeg"])
+        pictures = {name: picture for name, picture in vars(look).items() if picture is not None}
+        files = {name: f"textures/{page:04}-{name}.jpg" for name in pictures}
+        for name, picture in pictures.items():
+            (folder / files[name]).write_bytes(picture)
+        packed += files.values()
+        pages.append(PageFiles(**{name: f"../{file}" for name, file in files.items()}))
         advance("export", 1)
+    time = None if source.maps is None else NIGHT if night else DAY
     rows = {found.names[index]: row for index, row in building_rows(found).items()}
     parts: dict[str, str] = {}
     for node in nodes:
         parts[node.name] = f"./buildings/{file_stem(node.name)}.usdc"
         about = rows.get(node.name, {"kind": GROUND_NODE}) | {"attribution": found.attribution.line}
-        write_building(folder / parts[node.name], node, [f"../{picture}" for picture in pages], about)
+        write_building(folder / parts[node.name], node, pages, about, time)
         advance("export", 1)
     stem = file_stem(found.block)
     said_of_all: dict[str, Any] = {
@@ -51,10 +63,10 @@ def write_usd(found: Published, buildings: np.ndarray, folder: Path) -> tuple[li
         "snapshot": found.snapshot.id,
         **found.attribution.tags(),
     }
-    write_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line)
-    packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *pages]
+    write_block(folder / f"{stem}.usda", parts, said_of_all, found.attribution.line, time)
+    packed = [f"{stem}.usda", *(part.removeprefix("./") for part in parts.values()), *packed]
     for name in packed:  # a package states when its files were changed: the same snapshot gives the same bytes
         os.utime(folder / name, (CHANGED_S, CHANGED_S))
     write_package(folder, packed, folder / f"{stem}.usdz")
     advance("export", 1)
-    return [f"{stem}.usda", f"{stem}.usdz"], []
+    return [f"{stem}.usda", f"{stem}.usdz"], notes

@@ -77,10 +77,40 @@ def test_every_mesh_shows_a_picture_that_is_there(folder: Path) -> None:
             assert shader.GetShaderId() == "UsdPreviewSurface"
             texture = UsdShade.Shader(shader.GetInput("diffuseColor").GetConnectedSource()[0].GetPrim())
             assert texture.GetInput("file").Get().resolvedPath
+            maps = ("normal", "roughness", "metallic", "occlusion")
+            read = [UsdShade.Shader(shader.GetInput(name).GetConnectedSource()[0].GetPrim()) for name in maps]
+            assert all(one.GetInput("file").Get().resolvedPath for one in read)
+            assert len({one.GetPath() for one in read}) == 2, "three of them are one picture's channels"
             uv = np.array(UsdGeom.PrimvarsAPI(prim).GetPrimvar("st").Get())
             assert len(uv) == len(UsdGeom.Mesh(prim).GetPointsAttr().Get())
             assert uv.min() >= 0
             assert uv.max() <= 1
+
+
+def test_windows_shine_by_night_alone_and_one_choice_says_so_for_all(
+    undisturbed: Run, folder: Path, tmp_path: Path
+) -> None:
+    from pxr import Usd, UsdShade
+
+    def shining(stage: Any) -> int:
+        surfaces = [UsdShade.Shader(prim) for prim in stage.Traverse() if prim.GetName() == "surface"]
+        connected = [one.GetInput("emissiveColor") for one in surfaces if one.GetInput("emissiveColor")]
+        assert all(one.GetConnectedSource()[0].GetPrim().IsDefined() for one in connected)
+        return len(connected)
+
+    (file,) = folder.glob("*.usda")
+    stage = Usd.Stage.Open(str(file))
+    assert shining(stage) == 0
+    block = stage.GetDefaultPrim().GetVariantSet("time")
+    assert (block.GetVariantNames(), block.GetVariantSelection()) == (["day", "night"], "day")
+    block.SetVariantSelection("night")
+    assert shining(stage) > 1
+    assert errors_of(stage) == []
+    night = export(undisturbed[0], "usd", tmp_path / "night", night=True)
+    assert shining(Usd.Stage.Open(str(night.files[0]))) == shining(stage)
+    unlit = export(undisturbed[0], "usd", tmp_path / "unlit", lit=False)
+    assert not list(Path(str(unlit.path)).glob("textures/*normal*"))
+    assert errors_of(Usd.Stage.Open(str(unlit.files[0]))) == []
 
 
 def test_the_same_snapshot_gives_the_same_stages(undisturbed: Run, found: Published, tmp_path: Path) -> None:
