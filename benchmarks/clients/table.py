@@ -212,7 +212,11 @@ def _checks() -> list[tuple[str, str, Callable[[Exports], Row]]]:
     tiles |= {f"{name}, all texels": {"textures": name, "max_texture_mb": inf} for name in ("jpeg", "ktx2")}
     tiles |= {"jpeg, lit": {"textures": "jpeg", "lit": True}}
     tiles |= {f"{name}, lit, night": {"textures": name, "night": True} for name in ("jpeg", "ktx2")}
-    models = {"lit": {"lit": True}, "unlit": {"lit": False}, "factored": {"textures": "factored"}}
+    models: dict[str, dict[str, Any]] = {
+        "lit": {"lit": True},
+        "unlit": {"lit": False},
+        "factored": {"textures": "factored"},
+    }
     found: list[tuple[str, str, Callable[[Exports], Row]]] = []
     for name, options in tiles.items():
         found += [
