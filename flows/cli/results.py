@@ -121,10 +121,10 @@ def query(
 @click.option(
     "--lit/--no-lit",
     default=None,
-    help="Of glb and 3dtiles: surfaces take light, their own taken out.  [default: glb, where it is not photographed]",
+    help="Of glb, usd and 3dtiles: surfaces take light, their own taken out.  [default: glb and usd, not of photographs]",
 )
 @click.option(
-    "--night", is_flag=True, help="Of what is lit: windows shine. A glb has day and night; this shows night first."
+    "--night", is_flag=True, help="Of what is lit: windows shine. A glb and usd have day and night; this shows night first."
 )
 def export(
     folder: Folder,
