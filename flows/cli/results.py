@@ -124,7 +124,9 @@ def query(
     help="Of glb, usd and 3dtiles: surfaces take light, their own taken out.  [default: glb and usd, not of photographs]",
 )
 @click.option(
-    "--night", is_flag=True, help="Of what is lit: windows shine. A glb and usd have day and night; this shows night first."
+    "--night",
+    is_flag=True,
+    help="Of what is lit: windows shine. A glb and usd have day and night; this shows night first.",
 )
 def export(
     folder: Folder,
