@@ -69,7 +69,9 @@ def pack_pages(masks: Sequence[np.ndarray], size: np.ndarray) -> Layout:
         tried = (_fill(masks, runs, order, pages) for order in orders)
         if (found := next((one for one in tried if one is not None), None)) is not None:
             page, x, y = found
-            sides = np.array(pages, np.int64).reshape(-1, 2) * CELL
+            # where pieces fill more of a page than was hoped for, another is left empty
+            used, page = np.unique(page, return_inverse=True)
+            sides = np.array(pages, np.int64).reshape(-1, 2)[used] * CELL
             return Layout(page, (x + 1) * CELL, (y + 1) * CELL, size, sides)
     raise ValueError(f"a piece is larger than a page of {LARGEST_PAGE} texels")
 

@@ -50,3 +50,9 @@ def test_what_is_larger_than_a_page_is_refused() -> None:
 
 def test_nothing_takes_no_page() -> None:
     assert len(pack_pages([], np.zeros((0, 2), int)).pages) == 0
+
+
+def test_what_fills_a_page_whole_has_no_other_beside_it() -> None:
+    layout = pack_pages([np.ones((16, 32), bool)], np.array([[120, 56]]))
+    assert layout.pages.tolist() == [[128, 64]]
+    assert layout.page.tolist() == [0]
