@@ -50,6 +50,7 @@ def in_three(browser: Any, shown: Path, *, error: float = 1.0, side: int = 256) 
 def _opened(browser: Any, name: str, places: dict[str, Path], call: str, side: int) -> Iterator[Opened]:
     with served(pages=PAGES, **places) as address:
         page = browser.new_page(viewport={"width": side, "height": side})
+        page.set_default_timeout(1000 * PATIENCE_S)
         said: list[str] = []
         own = (address, "data:", "blob:")
         page.on("pageerror", lambda error: said.append(str(error)))

@@ -89,6 +89,18 @@ def test_a_lit_model_opens_with_all_of_its_pictures(exported: Exported) -> None:
     assert len(told["pictures"]) > 1, "colours, normals and what gives light"
 
 
+def test_openusd_opens_with_all_of_its_pictures(exported: Exported) -> None:
+    pytest.importorskip("pxr", reason="no usd-core here; `make usd-setup` installs it")
+    stage = first(exported("usd"))
+    with present():
+        (told,) = in_blender([{"open": str(stage)}])
+    assert told["slots"] == told["slots_with_picture"] > 0
+    maps = [path for path in (stage.parent / "textures").iterdir() if "glow" not in path.name]
+    assert len(told["pictures"]) == len(maps) > 2, (
+        "colours, normals, and occlusion with roughness and metal; no glow by day"
+    )
+
+
 def test_openings_are_there_as_geometry(seen: Seen) -> None:
     assert seen["lod3"].told["triangles"] > 3 * seen["cityjson"].told["triangles"]
 

@@ -70,3 +70,14 @@ def test_a_column_colours_what_it_says(view: View, column: str) -> None:
         assert ((coloured[:, 0] > coloured[:, 2]) == red).mean() >= 0.8, "but for places at edges"
     view.shown("coloured(null)")
     assert (np.abs(view.colours() - plain).max(axis=1) < 8).mean() >= 0.8
+
+
+def test_windows_of_a_night_shine_where_nothing_else_does(browser: Any, exported: Exported) -> None:
+    tiles = exported("3dtiles", night=True)
+    with present(), in_cesium(browser, tiles, side=SIDE) as shown:
+        told = shown("figures()")
+        assert told["failed"] == []
+        assert told["loaded"] == len(list((tiles / "tiles").glob("*.glb")))
+        dark, lit = shown("bright(false)"), shown("bright(true)")
+        assert 0 < dark < lit / 4
+    assert shown.said == []
