@@ -134,7 +134,6 @@ class _Charts:
             opening = labels[::2, ::2] == WINDOW_LABEL
             frames, turn = opening & (share < 0.5), leans[::2, ::2] * (share > 0.5)[..., None]
             shown = None if lit is None else scaled(lit, size)
-            labels = labels[::2, ::2]
         else:
             on_ground = self.scene.charts.kind[chart] == GROUND
             substance = (
@@ -144,7 +143,8 @@ class _Charts:
             if self.scene.charts.kind[chart] == WINDOW:
                 pane = Opening(WINDOW_LABEL, 0, 0, *size)
                 shown = glow(pane, density / 2, float(self.scene.charts.size[chart, 1]), self.chances(chart))
-        height = heights(labels, substance, small, frames, density / 2)
+        coarse = None if labels is None else labels[::2, ::2]
+        height = heights(coarse, substance, small, frames, density / 2)
         occlusion = self.sky(chart, half) * sunk(height, density / 2)
         left = contact(self.scene, chart)
         if left is not None:

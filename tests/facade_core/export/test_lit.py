@@ -209,6 +209,17 @@ def test_maps_are_half_as_large_and_say_what_is_what(houses: Scene, coloured: Te
     assert np.abs(colour_of(ground).astype(int) - source.raster(ground)).max() <= 1
 
 
+def test_a_photographed_wall_that_was_parsed_has_maps_too(houses: Scene, coloured: Textured) -> None:
+    known = lighting(houses, None)
+    source = relit(coloured, replace(known, textured=np.ones(len(houses.charts), bool)))
+    assert source.maps is not None
+    wall = next(c for c in source.chosen(np.array([0])).tolist() if known.texels(c).labels is not None)
+    width, height = (-(-side // 2) for side in source.texels[wall].tolist())
+    maps = source.maps(wall)
+    assert maps.normal.shape == maps.orm.shape == (height, width, 3)
+    assert len(np.unique(maps.orm[..., 1])) == 1, "nothing is told apart but where it lies"
+
+
 @pytest.mark.parametrize("time", ["day", "night", "day or night", "night or day"])
 def test_lit_models_are_valid_and_have_their_time_of_day(
     houses: Scene, coloured: Textured, gltf_issues: Callable[..., list[dict]], tmp_path: Path, time: Time
