@@ -464,7 +464,7 @@ def test_a_factored_model_has_few_pictures_and_answers(found: Published, undistu
         match="--textures: is of 3dtiles and factored 3dtiles and factored glb; leave it out with factored usd",
     ):
         export(undisturbed[0], "usd", textures="factored")
-    with pytest.raises(InputError, match="--lit: is of glb and 3dtiles; leave it out with factored glb"):
+    with pytest.raises(InputError, match="--lit: is of glb and 3dtiles and usd; leave it out with factored glb"):
         export(undisturbed[0], "glb", textures="factored", lit=True)
 
 
