@@ -30,8 +30,9 @@ def in_its_light(
     its walls stains; elsewhere it is a picture, which has all of that.
     """
     density = float(scene.placement.texels_per_metre[chart])
-    if light.any():
-        light = light * (1 - made * cast_shadows(colour, labels, density, *on_chart(scene.charts, chart, sun)))
+    towards, dark = on_chart(scene.charts, chart, sun)
+    if towards[2] > 0 and light.any():  # a wall that the sun is behind has no relief that it shines on
+        light = light * (1 - made * cast_shadows(colour, labels, density, towards, dark))
     origin, along, down = (getattr(scene.charts, name)[chart] for name in ("origin", "axis_u", "axis_v"))
     tones = stains(colour, labels, density, (float(origin @ along), float(origin @ down)), seed)
     above, back = ambient(scene, chart, sun)
