@@ -74,16 +74,20 @@ def features_of(found: Published) -> Features:
 
 
 def _catalogue(found: Published) -> dict[str, dict[str, Any]]:
-    """The rows of facades by their ids."""
+    """The rows of facades by their ids; of a column that the version which published them had not, None."""
     import pyarrow as pa
     import pyarrow.parquet as pq
 
     names = [column.name for column in COLUMNS if column.name not in LEFT_OUT]
     try:
-        table = pq.read_table(io.BytesIO(found.snapshot.items.read_bytes()), columns=names)
+        held = pq.ParquetFile(io.BytesIO(found.snapshot.items.read_bytes()))
+        table = held.read(columns=[name for name in names if name in held.schema_arrow.names])
     except (OSError, pa.ArrowException) as error:
         raise InputError(f"{found.snapshot.items}: {found.snapshot.remedy}") from error
-    rows = [row | {"updated": row["updated"].isoformat()} for row in table.to_pylist() if row["kind"] == "facade"]
+    unknown = dict.fromkeys(names)
+    rows = [
+        unknown | row | {"updated": row["updated"].isoformat()} for row in table.to_pylist() if row["kind"] == "facade"
+    ]
     return {row["id"]: row for row in rows}
 
 
