@@ -22,6 +22,7 @@ import numpy as np
 from benchmarks.decisions.timing import bytes_in, figures
 from facade_core.atlas.arrays import ARRAYS, PAGE, create_arrays
 from facade_core.atlas.check import chunks_of
+from facade_core.atlas.encoded import hierarchy_path, write_encoded
 from facade_core.atlas.journal import Record, read_journal, write_record
 from facade_core.atlas.spec import AtlasSpec
 from facade_core.atlas.store import BRANCH, Repository, commit, configuration, new_root, open_repository, open_root
@@ -86,7 +87,6 @@ def _fill(repository: Repository, units: int) -> dict[str, int]:
             held = np.argwhere(rng.random((pages, side, side)) < FILLED).tolist()
             _refer(session, array.path, [[*one, *[0] * (len(array.dims) - 3)] for one in held])
     _refer(session, "panoramas/rgb", [[viewpoint, 0, 0, 0] for viewpoint in range(viewpoints)])
-    _refer(session, "hierarchies/data", [[facade] for facade in range(facades)])
     group = open_root(session)
     for stage, count in (("facades", facades), ("viewpoints", viewpoints)):
         for index in range(count):
@@ -134,7 +134,7 @@ def _facade(session: Any, count: dict[str, int], rng: np.random.Generator) -> No
     for array in ARRAYS:
         if array.dims[:3] == PAGE and "street" not in array.path:
             group[array.path][page, :128, :128] = 1
-    group["hierarchies/data"][facade] = "-"
+    write_encoded(group, hierarchy_path(facade), b"-" * 18_000, "variations")
     write_record(group, "facades", facade, _record(facade, rng, elements=40))
 
 

@@ -75,7 +75,6 @@ ARRAYS = (
         "uint8",
         "translated equirectangular panorama; the truth of street texturing",
     ),
-    Array("hierarchies/data", ("facade",), TEXT, "variation hierarchy of each facade, base64 of its file"),
 )
 
 

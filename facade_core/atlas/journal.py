@@ -92,6 +92,9 @@ class Record(TypedDict, total=False):
     variation_types: int
     variation_levels: int
     variation_bytes: int
+    # where the store has the file of the variations, and its digest
+    variation_file: str
+    variation_digest: str
     layout_score: float | None
     # viewpoints: digests of the panorama, and of what other streets take of it; the share that was textured before
     panorama: str

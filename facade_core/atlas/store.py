@@ -72,7 +72,7 @@ def configuration(units: int, pages: int) -> icechunk.RepositoryConfig:
     """
     array, along = icechunk.ManifestSplitCondition, icechunk.ManifestSplitDimCondition
     splitting: dict[icechunk.ManifestSplitCondition, Any] = {
-        array.path_matches("^/(journal|hierarchies|panoramas)/"): {along.Axis(0): units},
+        array.path_matches("^/(journal|panoramas)/"): {along.Axis(0): units},
         array.AnyArray(): {along.DimensionName("page"): pages},
     }
     # Icechunk reads small manifests ahead, of which a session needs few: for that it takes longer than for a commit

@@ -3,7 +3,6 @@ names."""
 
 from __future__ import annotations
 
-import base64
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property, partial
@@ -12,8 +11,10 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from facade_core.atlas.encoded import read_encoded
 from facade_core.atlas.rasters import Rasters, read_rasters
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.errors import StoreError
 from facade_core.export import draw_facade, draw_layout, overlay_hidden
 from facade_core.geometry.packing import Placement
 from facade_core.labels import colourise
@@ -46,11 +47,10 @@ class Stage:
 
 @dataclass(frozen=True)
 class StoredFacade:
-    """A facade as a snapshot of the store holds it: number, chart, journal record; and the exemplars of its block by name."""
+    """A facade as a snapshot of the store holds it: chart, journal record; and the exemplars of its block by name."""
 
     group: StoreGroup
     placement: Placement
-    index: int
     chart: int
     record: Mapping[str, Any] | None
     exemplars: Sequence[str]
@@ -67,7 +67,10 @@ class StoredFacade:
     @cached_property
     def hierarchy(self) -> Hierarchy:
         """Its variation hierarchy."""
-        return Hierarchy.from_bytes(base64.b64decode(self.group["hierarchies/data"][self.index].item()))
+        record = self.record or {}
+        if "variation_file" not in record:
+            raise StoreError("an earlier version made the variations of this facade; the next run makes them again")
+        return Hierarchy.from_bytes(read_encoded(self.group, record["variation_file"], record["variation_digest"]))
 
     def level(self, level: int) -> np.ndarray:
         """It at a level of its hierarchy."""

@@ -9,6 +9,7 @@ import shapely
 
 from catalogs.block import Block
 from catalogs.block.part import Part
+from facade_core.atlas.encoded import HIERARCHIES, forget_encoded, hierarchy_path
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.fronts import outlines_as_walls
@@ -192,11 +193,9 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     for index, name in enumerate(names):
         if records[index] is None and name in keys:
             records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
-    texts = np.array([str(text) for text in change.last["hierarchies/data"][:]], dtype=object)
-    hierarchies = [texts[again[i]] if i in again else "" for i in range(len(names))]
-    for index, text in enumerate(hierarchies):
-        if index >= len(texts) or texts[index] != text:
-            change.group["hierarchies/data"][index] = text
+    # files stay where they are; those of facades that are gone do not
+    charts = change.after.ids[change.after.facades.chart]
+    forget_encoded(change.group, HIERARCHIES, {hierarchy_path(int(chart)).rpartition("/")[2] for chart in charts})
     return records
 
 

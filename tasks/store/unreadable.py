@@ -31,8 +31,6 @@ def give_up(group: StoreGroup, plan: Plan, lost: Mapping[str, Sequence[Coordinat
             due[name].update(units)
         elif folder == "panoramas":
             due["viewpoints"].update(units)
-        elif folder == "hierarchies":
-            due["facades"].update(units)
         elif folder == "exemplars":
             due["exemplars"].add(int(name.partition("/")[0]))
         elif folder not in FOLDERS:

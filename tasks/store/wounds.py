@@ -35,7 +35,7 @@ Records = Sequence[Record | None]
 Units = Mapping[str, Iterable[int]]
 
 # What may be lost of a store and made again, unit by unit; all else is the plan.
-MADE = ("atlas", "facade_maps", "panoramas", "hierarchies", "exemplars", "journal", *FOLDERS)
+MADE = ("atlas", "facade_maps", "panoramas", "exemplars", "journal", *FOLDERS)
 # Lies in a run's folder where everything in its store is to be read.
 SUSPECT = ".suspect"
 # Units of a stage that are named in a line at most.
@@ -65,7 +65,7 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
         found[stage] = [
             unit
             for unit, record in enumerate(records[stage])
-            if not all(path in group for path in encoded_of(stage, unit, record))
+            if unit in set(found.get(stage, ())) or not all(path in group for path in encoded_of(stage, unit, record))
         ]
     return {stage: units for stage, units in found.items() if units}
 
@@ -207,15 +207,13 @@ def _without_panorama(session: icechunk.Session, group: StoreGroup, records: Rec
 
 
 def _without_rasters(session: icechunk.Session, records: Records) -> list[int]:
-    """Facades that are done, of every texel, and of whose chart or hierarchy a chunk is not listed."""
+    """Facades that are done, of every texel, and of whose chart a chunk is not listed."""
     made = [i for i, r in enumerate(records) if _done(r) and r and r.get("provenance", [1])[0] == 0]
     if not made:
         return []
     chart_of = open_table(session, "facades").chart.values
     lost = _charts_without(session, "atlas/seed_evidence", chart_of[made].tolist())
-    hierarchies = chunks_of(session, "hierarchies/data")
-    coded = {i for i, r in enumerate(records) if r and r.get("variation_levels")}
-    return [f for f in made if (f in coded and (f,) not in hierarchies) or int(chart_of[f]) in lost]
+    return [f for f in made if int(chart_of[f]) in lost]
 
 
 def _without_texels(session: icechunk.Session, records: Records) -> list[int]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import base64
 import time
 from collections.abc import Sequence
 from dataclasses import replace
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
+from facade_core.atlas.encoded import encoded_digest, hierarchy_path, write_encoded
 from facade_core.atlas.journal import Record
 from facade_core.atlas.provenance import PHOTO, PROVENANCE
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
@@ -100,6 +100,9 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             digests = _write(group, plan, facade, result, evidence, made.confidence)
             seconds["write"] = time.time() - begun
             about |= _summary(result) | {"digests": digests}
+            if result.hierarchy is not None:
+                about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
+                about["variation_digest"] = encoded_digest(result.hierarchy.to_bytes())
             if imagery.sources()[made.depth] in ("photo", "panoramas"):
                 about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
             if made.fit is not None:
@@ -241,7 +244,8 @@ def _write(
             "facade_maps/occluded": result.occluded.reshape(-1),
             "facade_maps/confidence": confidence.reshape(-1),
         }
-        group["hierarchies/data"][facade] = base64.b64encode(result.hierarchy.to_bytes()).decode()
+        path = hierarchy_path(int(plan.ids[chart]))
+        write_encoded(group, path, result.hierarchy.to_bytes(), f"variations of {plan.facades.id[facade]}")
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, scene.placement, rasters, flat)
     return chart_digests(seed, evidence, scene.placement, rasters, plan.ids)

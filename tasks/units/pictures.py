@@ -83,7 +83,7 @@ def _facade(plan: Plan, group: StoreGroup, unit: Unit) -> tuple[bytes, Record]:
     has none."""
     _, facade, staged = unit.arguments
     (made,) = read_records(group, "facades", np.array([facade]))
-    stored = StoredFacade(group, plan.scene.placement, facade, int(plan.facades.chart[facade]), made, exemplars=())
+    stored = StoredFacade(group, plan.scene.placement, int(plan.facades.chart[facade]), made, exemplars=())
     joined, listed = BytesIO(), []
     for stage in stages_of(stored):
         if stage.report is None or not (staged or stage.report.name == TEXTURE):

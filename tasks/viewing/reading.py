@@ -96,7 +96,7 @@ class View:
         """Facade number `index`."""
         chart = int(self.tables.facades.chart[index])
         exemplars = [record["unit"] if record else "" for record in self.journals["exemplars"]]
-        return StoredFacade(self.group, self.tables.placement, index, chart, self.records[index], exemplars)
+        return StoredFacade(self.group, self.tables.placement, chart, self.records[index], exemplars)
 
     def overview(self) -> dict[str, Any]:
         """The block as a map: lines in metres from `origin`, y up; every facade with its catalogue columns; the ids of those

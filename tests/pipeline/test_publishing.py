@@ -19,7 +19,7 @@ from catalogs.block import read_block
 from catalogs.published.files import amiss
 from catalogs.published.snapshot import Snapshot, current
 from catalogs.query import query
-from facade_core.atlas.encoded import page_path, picture_path, read_encoded, tile_paths
+from facade_core.atlas.encoded import HIERARCHIES, forget_encoded, page_path, picture_path, read_encoded, tile_paths
 from facade_core.atlas.journal import forget_record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.export.glb import header_of, with_copyright
@@ -244,7 +244,7 @@ def test_publishing_copies_pictures_and_draws_none(
     group = open_root(session)
     for path in ("atlas/seed", "atlas/colour", "facade_maps/labels", "facade_maps/evidence"):
         group[path][:] = 0
-    group["hierarchies/data"][:] = ""
+    forget_encoded(group, HIERARCHIES, set())
     session.commit("nothing to draw from")
     made = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
     publish_block.fn(made, folder / "in" / "block.yaml")

@@ -1,0 +1,46 @@
+"""The variations of a facade out of a store: bytes as they were coded, or why there are none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+import zarr
+
+from facade_core.atlas.encoded import encoded_digest, encoded_of, hierarchy_path, write_encoded
+from facade_core.errors import StoreError
+from facade_core.export.facade_stages import StoredFacade
+from facade_core.types import Element
+from facade_core.variation import encode
+
+
+def stored(group: Any, record: dict[str, Any]) -> StoredFacade:
+    return StoredFacade(group, None, 0, record, ())  # type: ignore[arg-type]  # no raster is read
+
+
+def test_a_store_has_the_file_as_it_is() -> None:
+    image = np.random.default_rng(0).integers(0, 256, (40, 30, 3), dtype=np.uint8)
+    coded = encode(image, [Element("window", 5, 5, 15, 20)])
+    group = zarr.open_group(zarr.storage.MemoryStore(), mode="w")
+    path = hierarchy_path(7)
+    write_encoded(group, path, coded.to_bytes(), "variations")
+    record: Any = {
+        "status": "done",
+        "variation_levels": 1,
+        "variation_file": path,
+        "variation_digest": encoded_digest(coded.to_bytes()),
+    }
+    assert group[path][:].tobytes() == coded.to_bytes()
+    assert encoded_of("facades", 0, record) == {path: record["variation_digest"]}
+    np.testing.assert_array_equal(stored(group, record).level(0), coded.photo)
+    group[path][3] ^= 1
+    with pytest.raises(StoreError, match="the next run makes it again"):
+        _ = stored(group, record).hierarchy
+
+
+def test_variations_of_an_earlier_version_are_made_again() -> None:
+    record: Any = {"status": "done", "variation_levels": 3}
+    assert encoded_of("facades", 0, record) == {}
+    with pytest.raises(StoreError, match="an earlier version made the variations of this facade"):
+        stored(None, record).level(0)
