@@ -117,6 +117,8 @@ def from_photo(
     outside: np.ndarray | None = None,
     private: np.ndarray | None = None,
     clean: bool = False,
+    entrances: Sequence[float] = (),
+    front: bool = False,
     seed: int = 0,
 ) -> Facade:
     """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade; nor does what is
@@ -124,10 +126,22 @@ def from_photo(
 
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
     number plate; but for what is `kept` (h, w) bool, known to be of the facade. A clean photo is known to show the facade
-    alone. Raises ImageError where less than LEAST_SEEN of the facade is seen.
+    alone. entrances: where a map has doors, as shares of the width; front: whether it is on a street, and entered there
+    (`complete`). Raises ImageError where less than LEAST_SEEN of the facade is seen.
     """
     seconds: dict[str, float] = {}
-    made = _completed(image, hidden, seconds, kept=kept, outside=outside, private=private, clean=clean, seed=seed)
+    made = _completed(
+        image,
+        hidden,
+        seconds,
+        kept=kept,
+        outside=outside,
+        private=private,
+        clean=clean,
+        entrances=entrances,
+        front=front,
+        seed=seed,
+    )
     with _timed(seconds, "lattice"):
         split = lattice(made.labels)
     with _timed(seconds, "encode"):
@@ -159,6 +173,8 @@ def _completed(
     outside: np.ndarray | None,
     private: np.ndarray | None,
     clean: bool,
+    entrances: Sequence[float] = (),
+    front: bool = False,
     seed: int,
 ) -> _Made:
     """What `from_photo` makes before the lattice and the variations; its stages' seconds go to `seconds`."""
@@ -186,7 +202,15 @@ def _completed(
             if observed:
                 seen = visible_boxes(reached(hidden, observed)) + [(e.x0, e.y0, e.x1, e.y1) for e in observed]
                 shown = replace(parsing, occluded=hidden | parsing.occluded)
-                completion = complete(observed, (0, 0, width, height), seen, seed=seed, evidence=shown)[0]
+                completion = complete(
+                    observed,
+                    (0, 0, width, height),
+                    seen,
+                    seed=seed,
+                    evidence=shown,
+                    entrances=[share * width for share in entrances],
+                    front=front,
+                )[0]
                 layout = list(completion.elements)
         with _timed(seconds, "inpaint"):
             result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)

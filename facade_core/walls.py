@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import shapely
 from shapely.affinity import translate
 
@@ -12,8 +14,9 @@ from facade_core.street.scene import Scene
 from facade_core.texture import Wall
 
 
-def wall_of(scene: Scene, facades: Facades, facade: int) -> Wall:
-    """The wall that a facade is, or is a part of: all that are laid out as one with it, from left to right."""
+def wall_of(scene: Scene, facades: Facades, facade: int, entrances: Sequence[float] = ()) -> Wall:
+    """The wall that a facade is, or is a part of: all that are laid out as one with it, from left to right. entrances: where a
+    map has doors in it, metres from the left."""
     own = facades.laid_out_with(facade)
     parts = [
         translate(free_part(scene.charts, scene.mesh, int(facades.chart[one]))[1], xoff=float(facades.along[one]))
@@ -32,4 +35,5 @@ def wall_of(scene: Scene, facades: Facades, facade: int) -> Wall:
         seams=tuple(facades.along[own][1:].tolist()),
         corner=turns_corner(scene.charts, facades, facade),
         door=has_back_door(facades, facade),
+        entrances=tuple(entrances),
     )

@@ -32,7 +32,7 @@ _CLASSES = {
         Aerial, Area, Building, Fault, Finish, Ground, Part, Pose, PosedPanorama, Roof, Shell, Street, Way,
     )
 }  # fmt: skip
-FORMAT = 1
+FORMAT = 2
 
 
 def write_extract(path: Path, values: Mapping[str, Any]) -> None:

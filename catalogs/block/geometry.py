@@ -31,7 +31,7 @@ from catalogs.frames import (
     outside,
 )
 from catalogs.readers.files import read_buildings, read_centrelines, read_ground
-from catalogs.readers.vectors.shops import read_shops
+from catalogs.readers.vectors.places import read_places
 from facade_core.errors import BlockFileError
 from facade_core.types import Building, Ground, Street
 
@@ -52,7 +52,7 @@ FOLLOWED_M = 1000.0
 class Geometry:
     """What a block is made of. crs: its frame; extent: (xmin, ymin, xmax, ymax) around the buildings and their surroundings;
     shops: where a map has some within it, and where its streets make some likely, (x, y) in the frame, None where no map
-    tells."""
+    tells; entrances: where a map has some."""
 
     crs: CRS
     built: Buildings
@@ -62,6 +62,7 @@ class Geometry:
     notes: tuple[str, ...]
     faults: tuple[Fault, ...]
     shops: tuple[tuple[float, float], ...] | None = None
+    entrances: tuple[tuple[float, float], ...] = ()
 
 
 def read_geometry(keys: BlockKeys, files: Files, file: BlockFile, corrections: Corrections = NONE) -> Geometry:
@@ -80,17 +81,18 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile, corrections: C
     if not built.items:
         raise _nothing("buildings", keys, files, bounds, built.faults, file)
     extent = extent_of(built.items)
-    shops = _shops(files, frame, extent)
+    shops, entrances = _places(files, frame, extent)
     around = shapely.box(*extent) if area is None else area.buffer(AROUND_M, join_style="mitre")
     lying = _lying(keys, files, sources, file)
     if centrelines is None:
         ground = file.read("ground.path", block_ground, lying, frame, around, area)
-        return Geometry(frame, built, (), ground, extent, notes, built.faults, shops)
+        return Geometry(frame, built, (), ground, extent, notes, built.faults, shops, entrances)
     ground = file.read("streets.path", block_ground, [centrelines, *lying], frame, around, area)
     if shops is not None:
         shops += tuple(likely_shops(built.items, ground.ways, shops))
     streets, cut, broken = _streets(keys, files, centrelines, frame, area, extent, file)
-    return Geometry(frame, built, streets, ground, extent, notes + cut, (*built.faults, *broken), shops)
+    faults = (*built.faults, *broken)
+    return Geometry(frame, built, streets, ground, extent, notes + cut, faults, shops, entrances)
 
 
 def _building_sources(keys: BlockKeys, files: Files, file: BlockFile) -> list[Source]:
@@ -178,17 +180,21 @@ def _streets(
     return streets, notes_by_reason(reasons), faults
 
 
-def _shops(
+def _places(
     files: Files, frame: CRS, extent: tuple[float, float, float, float]
-) -> tuple[tuple[float, float], ...] | None:
-    """Where the map that the buildings are from has shops, (x, y) in the frame; None where none is a map."""
+) -> tuple[tuple[tuple[float, float], ...] | None, tuple[tuple[float, float], ...]]:
+    """Where the map that the buildings are from has shops, (x, y) in the frame, None where none is a map; and entrances."""
     maps = [path for path in files["buildings.path"] if path.suffix == ".pbf"]
-    found = [places for places in map(read_shops, maps) if places is not None]
+    found = [places for places in map(read_places, maps) if places is not None]
     if not found:
-        return None
-    places = np.column_stack(between("EPSG:4326", frame)(*np.concatenate(found).T))
-    inside = (places >= extent[:2]).all(axis=1) & (places <= extent[2:]).all(axis=1)
-    return tuple((x, y) for x, y in places[inside].tolist())
+        return None, ()
+
+    def inside(places: list[np.ndarray]) -> tuple[tuple[float, float], ...]:
+        there = np.column_stack(between("EPSG:4326", frame)(*np.concatenate(places).T))
+        kept = (there >= extent[:2]).all(axis=1) & (there <= extent[2:]).all(axis=1)
+        return tuple((x, y) for x, y in there[kept].tolist())
+
+    return inside([one.shops for one in found]), inside([one.entrances for one in found])
 
 
 def _bounds(centrelines: Centrelines) -> Bounds | None:

@@ -20,6 +20,8 @@ if TYPE_CHECKING:
 
 # A map puts a shop into its building, or so far before it, metres.
 SHOP_M = 15.0
+# An entrance is in the nearest wall, at most so far: maps put it on the outline.
+ENTRANCE_M = 1.5
 # Ground is drawn of ways and areas that come so near to what the block holds; pictures are of use that were taken so near to a
 # building of its own. Metres.
 GROUND_M, PICTURE_M = 120.0, 150.0
@@ -97,6 +99,7 @@ class Whole:
         near = shapely.union_all([one.footprint for one in mine]).buffer(PICTURE_M)
         pictured = np.sort(self._panoramas.query(near, predicate="covers"))
         names = {name for one in mine for name in (one.id, file_stem(one.id))}
+        entrances = [place for place, is_own in zip(block.entrances, self._at(mine), strict=True) if is_own]
         photos = {facade for name in names for facade in self._photos.get(name, ())}
         kept, textures = _with_textures(kept, block.textures)
         return replace(
@@ -104,6 +107,7 @@ class Whole:
             buildings=tuple(kept),
             streets=tuple(lines),
             shops=None,
+            entrances=tuple(entrances),
             ground=self._ground(around),
             photos={facade: block.photos[facade] for facade in sorted(photos)},
             panoramas=tuple(block.panoramas[i] for i in pictured.tolist()),
@@ -112,6 +116,11 @@ class Whole:
             faults=tuple(fault for fault in block.faults if fault.kind not in ("building", "street", "photo")),
             part=part,
         )
+
+    def _at(self, buildings: Sequence[Building]) -> list[bool]:
+        """Which entrances of the city lie at some of its buildings."""
+        near = shapely.union_all([one.footprint for one in buildings]).buffer(ENTRANCE_M)
+        return shapely.covers(near, shapely.points(np.array(self.block.entrances).reshape(-1, 2))).tolist()
 
     def _ground(self, around: shapely.Polygon) -> Ground:
         ground = self.block.ground

@@ -42,13 +42,13 @@ class Block:
 
     crs is horizontal, projected and in metres (x east, y north); buildings, streets, panoramas and terrain are in it. Without
     streets they are derived from the gaps between the buildings when the block is ingested. ground: what a map says of it;
-    shops: where some are or are likely, (x, y), None where none tells. photos: facade id -> file, as taken from the street
-    unless photos_rectified; privacy: what is kept of things in front; textures: the pictures that the buildings' own texture
-    indices count; aerial: the block from straight above; roof_material: a picture of one, and its metres per pixel;
-    materials: pictures whose grain takes the place of what is shipped. notes says what was left out or assumed, one line each;
-    faults are the units that are broken. corrections: what people corrected, of the file beside the block file. part: what is
-    its own where it is a part of a city. digest is the sha256 of all of that: of what was read, not of files, their names or
-    dates.
+    shops: where some are or are likely, (x, y), None where none tells; entrances: where a map has some. photos: facade id ->
+    file, as taken from the street unless photos_rectified; privacy: what is kept of things in front; textures: the pictures
+    that the buildings' own texture indices count; aerial: the block from straight above; roof_material: a picture of one, and
+    its metres per pixel; materials: pictures whose grain takes the place of what is shipped. notes says what was left out or
+    assumed, one line each; faults are the units that are broken. corrections: what people corrected, of the file beside the
+    block file. part: what is its own where it is a part of a city. digest is the sha256 of all of that: of what was read, not
+    of files, their names or dates.
     """
 
     name: str
@@ -56,6 +56,7 @@ class Block:
     buildings: tuple[Building, ...]
     streets: tuple[Street, ...]
     shops: tuple[tuple[float, float], ...] | None
+    entrances: tuple[tuple[float, float], ...]
     ground: Ground
     terrain: Elevation | None
     exemplars: tuple[Path, ...]
@@ -126,6 +127,7 @@ def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) 
         buildings=built.items,
         streets=geometry.streets,
         shops=geometry.shops,
+        entrances=geometry.entrances,
         ground=geometry.ground,
         terrain=terrain,
         exemplars=exemplars,
@@ -152,7 +154,7 @@ def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) 
 
 # What a part of a city is beside its settings; the frame and the extent of the city, in which terrain is read, come with it.
 OF_PART = (
-    "buildings", "streets", "ground", "exemplars", "photos", "panoramas", "textures", "aerial", "faults", "part",
+    "buildings", "streets", "entrances", "ground", "exemplars", "photos", "panoramas", "textures", "aerial", "faults", "part",
 )  # fmt: skip
 
 

@@ -14,21 +14,26 @@ from facade_core.layout.evidence import weighed
 from facade_core.layout.grids import boxes, grids
 from facade_core.layout.model import LayoutModel, shipped
 from facade_core.layout.picking import aligned, pick
-from facade_core.layout.proposals import Box, frame, propose
+from facade_core.layout.proposals import Box, Proposals, frame, propose
 from facade_core.layout.ranking import probability
-from facade_core.layout.rectangles import DOOR
+from facade_core.layout.rectangles import DOOR, iou, overlaps
 from facade_core.layout.scores import score
 from facade_core.layout.styles import sample_layouts
+from facade_core.layout.whole import made_whole
 from facade_core.types import Completion, Element, Parsing
 
-# A window, balcony, door or shop is picked when it is likelier than this: about half of the F1 that is reached for its
-# label, where F1 is largest. Alternatives pick more, and fewer.
-_LIKELY = np.array([0.25, 0.15, 0.09, 0.11])
+# An alternative picks what is this share as likely as what is picked (`examples.likely`): more, or fewer.
 _SHARES = (1.0, 0.7, 1.5, 2.0, 0.3, 8.0)
-# In an alternative, what one way of carrying grids on proposes is picked down to this share of it.
-_DOUBTED = 0.4
-# Two completions are distinct when at least this share of their proposals differs.
-_DISTINCT = 0.08
+# In alternatives, what one way of carrying grids on proposes is picked down to these shares of it.
+_DOUBTED = (0.4, 0.1)
+# Of guesses alike, as likely to be right by half their area, that is picked on which most ways agree.
+_AGREED = 0.03
+# What the picture makes less likely by this factor fills no gap.
+_DENIED = 0.5
+# A door that a map has is there.
+_MAPPED = 0.9
+# An alternative that is like one chosen before is worth so much less.
+_ALIKE = 0.5
 # Weight of the statistical model beside the share that is likely right.
 _PLAUSIBLE = 0.02
 
@@ -42,6 +47,8 @@ def complete(
     seed: int = 0,
     model: LayoutModel | None = None,
     evidence: Parsing | None = None,
+    entrances: Sequence[float] = (),
+    front: bool = False,
 ) -> list[Completion]:
     """Propose up to n distinct whole layouts of a partly seen facade, best first (the task of Fan et al. 2014).
 
@@ -49,7 +56,9 @@ def complete(
     the part that is seen; all in one unit, y down. Every completion starts with the observed elements, unchanged and
     in their order (exact duplicates once), then the proposals: inside the domain, clear of the observed region, of the
     observed elements and of each other; only a window and a balcony may overlap. evidence: a parse of the image that the
-    domain covers; what it shows of a proposed element beside the occluder makes it more or less likely.
+    domain covers; what it shows of a proposed element beside the occluder makes it more or less likely. entrances: where a map
+    has doors, across the domain; front: on a street, where one enters: with no door in sight the likeliest is there, however
+    unlikely, and beside one none but those of the map. What is proposed has as confidence how likely it is.
 
     Proposals come from extended, pooled and mirrored grids, doors and shops where the database has them; boosted trees say how
     likely each is, and the likely ones that do not exclude each other are picked; at most one door, or as many as are seen.
@@ -74,7 +83,7 @@ def complete(
         return [Completion((), score([], domain, model=chosen))]
     if not seen:
         return _imagined(domain, chosen, n, seed)
-    layouts = candidates(seen, domain, region, chosen, evidence=evidence, alternatives=n > 1)
+    layouts = candidates(seen, domain, region, chosen, evidence, alternatives=n > 1, entrances=entrances, front=front)
     return [Completion((*seen, *layout), value) for layout, value in _distinct(layouts, n)]
 
 
@@ -83,31 +92,48 @@ def candidates(
     domain: Box,
     region: np.ndarray,
     model: LayoutModel,
-    *,
     evidence: Parsing | None,
+    *,
     alternatives: bool,
+    entrances: Sequence[float],
+    front: bool,
 ) -> list[tuple[tuple[Element, ...], float]]:
     """Layouts of the hidden part with their scores, best first; the likeliest only unless alternatives are asked for."""
     things = [e for e in seen if e.label in ELEMENT_CLASSES]
     fitted = grids(things)
-    found = propose(things, fitted, domain, region, model.sizes)
+    found = propose(things, fitted, domain, region, model.usual, entrances)
     facade = frame(things, domain)
     likely = probability(model.trees, describe(found, things, fitted, facade, domain, region))
+    denied = np.zeros(len(likely), bool)
     if evidence is not None:
+        before = likely
         likely = weighed(likely, found.box, found.label, evidence, domain)
+        denied = likely < _DENIED * before
+    likely = np.where(_at(found, entrances), np.maximum(likely, _MAPPED), likely)
     blocked = boxes([e for e in seen if e.label not in (*ELEMENT_CLASSES, "wall")])
-    wanted = _LIKELY[found.label]
-    expected = float(likely[pick(found.box, found.label, likely, likely >= wanted, blocked)].sum()) / 0.8
-    choices = [(likely, likely >= share * wanted) for share in _SHARES]
+    wanted = model.likely[found.label]
+    # unlikely doors under every column would each be worth a try, and together no facade
+    doors = max(1, sum(e.label == "door" for e in things), len(entrances))
+    certain = np.zeros(len(likely), bool)
+    if front and any(e.label == "door" for e in things):
+        doors = len(entrances)
+    elif front:
+        certain = _needed(found, likely, blocked)
+    better = likely + _AGREED * found.support.mean(axis=1)
+    expected = float(likely[pick(found.box, found.label, better, likely >= wanted, blocked)].sum()) / 0.8
+    choices = [(better, likely >= share * wanted) for share in _SHARES]
     # what one way of carrying on the grids proposes, before anything else
     for of_one in found.support.T:
         own = of_one > 0.8
-        choices.append((likely + own, (likely >= wanted) | (own & (likely >= _DOUBTED * wanted))))
-    # unlikely doors under every column would each be worth a try, and together no facade
-    doors = max(1, sum(e.label == "door" for e in things))
+        choices += [(better + own, (likely >= wanted) | (own & (likely >= share * wanted))) for share in _DOUBTED]
     made: dict[tuple[Element, ...], float] = {}
     for preference, free in choices if alternatives else choices[:1]:
-        kept = pick(found.box, found.label, preference, free, blocked)
+        kept = pick(found.box, found.label, preference + 2 * certain, free | certain, blocked)
+        fill, alone = made_whole(found, kept, np.where(denied, 0, better), things, blocked)
+        if fill.any() or alone.any():
+            took = np.zeros(len(likely), bool)
+            took[kept] = True
+            kept = pick(found.box, found.label, preference + 4 * took, (took & ~alone) | fill, blocked)
         kept = kept[(found.label[kept] != DOOR) | (np.cumsum(found.label[kept] == DOOR) <= doors)]
         layout = aligned(found, kept, likely, things, domain, region, blocked)
         right = float(likely[kept].sum())
@@ -118,15 +144,49 @@ def candidates(
     return sorted(made.items(), key=lambda item: -item[1])
 
 
+def _at(found: Proposals, entrances: Sequence[float]) -> np.ndarray:
+    """(N,) bool: the proposals that are the door nearest to one of these places, and at it."""
+    at = np.zeros(len(found.box), bool)
+    middle, width = (found.box[:, 0] + found.box[:, 2]) / 2, found.box[:, 2] - found.box[:, 0]
+    for place in entrances:
+        away = np.where(found.label == DOOR, np.abs(middle - place) / width, np.inf)
+        if len(away) and away.min() < 0.5:
+            at[away.argmin()] = True
+    return at
+
+
+def _needed(found: Proposals, likely: np.ndarray, blocked: np.ndarray) -> np.ndarray:
+    """(N,) bool: the likeliest door that is free, where there is one."""
+    door = found.label == DOOR
+    if len(blocked):
+        door &= ~overlaps(found.box, blocked).any(axis=1)
+    needed = np.zeros(len(door), bool)
+    if door.any():
+        needed[np.where(door, likely, -1.0).argmax()] = True
+    return needed
+
+
 def _distinct(layouts: Sequence[tuple[tuple[Element, ...], float]], n: int) -> list[tuple[tuple[Element, ...], float]]:
-    """The first n that differ from each other in more than a few elements; the others fill up what is missing."""
-    kept: list[int] = []
-    sets = [frozenset(layout) for layout, _ in layouts]
-    for k, own in enumerate(sets):
-        if len(kept) < n and all(len(own ^ sets[j]) > _DISTINCT * len(own | sets[j]) for j in kept):
-            kept.append(k)
-    kept += [k for k in range(len(sets)) if k not in kept][: n - len(kept)]
+    """The best, and then one after the other that of which score and unlikeness to those chosen are most; best first."""
+    kept = [0]
+    alike = np.zeros(len(layouts))
+    value = np.array([value for _, value in layouts])
+    while len(kept) < min(n, len(layouts)):
+        last = layouts[kept[-1]][0]
+        alike = np.maximum(alike, [_likeness(layout, last) for layout, _ in layouts])
+        worth = value - _ALIKE * alike
+        worth[kept] = -np.inf
+        kept.append(int(worth.argmax()))
     return [layouts[k] for k in sorted(kept)]
+
+
+def _likeness(a: Sequence[Element], b: Sequence[Element]) -> float:
+    """The share of two layouts that is in both: elements of one label that overlap by half their union."""
+    if not a or not b:
+        return float(len(a) == len(b))
+    label = [np.array([ELEMENT_CLASSES.index(e.label) for e in layout]) for layout in (a, b)]
+    same = (iou(boxes(a), boxes(b)) >= 0.5) & (label[0][:, None] == label[1])
+    return 2 * float(same.any(axis=1).sum()) / (len(a) + len(b))
 
 
 def _imagined(domain: Box, model: LayoutModel, n: int, seed: int) -> list[Completion]:

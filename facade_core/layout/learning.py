@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 
@@ -32,28 +32,23 @@ from facade_core.layout.densities import (
     Densities,
     fit_mixture,
 )
-from facade_core.layout.descriptors import describe
-from facade_core.layout.grids import boxes, grids
+from facade_core.layout.examples import Layout, Progress, examples, likely, trained
+from facade_core.layout.floors import continuations
+from facade_core.layout.grids import boxes
 from facade_core.layout.model import LayoutModel
 from facade_core.layout.optimisation import POPULATION, random_policies, search, start_of
 from facade_core.layout.policy import LENGTH, roll_out
-from facade_core.layout.proposals import Box, Sizes, frame, propose
-from facade_core.layout.ranking import Trees, train_trees
-from facade_core.layout.rectangles import iou
+from facade_core.layout.proposals import Usual, frame
+from facade_core.layout.ranking import Trees
 from facade_core.layout.scores import door_bin, measured, terms
 from facade_core.layout.statistics import LABELS, PATTERNS
 from facade_core.layout.styles import style_of
 from facade_core.types import Element
 
-Layout = tuple[Sequence[Element], Box]
-Progress = Callable[[str, int, int], None]
-
 # Eq. 20: the share of the elements that is removed, the passes over the database and the step.
 _REMOVED, _PASSES, _RATE = 0.1, 3, 0.08
-# A proposal is right when it overlaps a hidden element of its label by this share of their union.
-_RIGHT = 0.5
-# So many regular facades are made for a hundred of the database, which has few: what is regular is told as surely as it is.
-_REGULAR = 30
+# Floors whose step or height differs by more than this factor from the others are not carried on by anybody.
+_STEP = 2.2
 # Policies are optimised for so many facades of the database.
 _POLICY_FACADES = 30
 
@@ -86,21 +81,26 @@ def learn(
         random_policies(POPULATION, np.random.default_rng(seed)),
         np.bincount([ELEMENT_CLASSES.index(e.label) for es, _ in used for e in es], minlength=LABELS)
         / sum(len(es) for es, _ in used),
-        Sizes(_typical_sizes(used, "door", 3, seed), _typical_sizes(used, "shop", 6, seed)),
-        _ratios(used),
+        Usual(
+            _typical_sizes(used, "door", 3, seed),
+            _typical_sizes(used, "shop", 6, seed),
+            _typical_floors(used, 8, seed),
+            _ratios(used),
+        ),
         np.array([s for s in (style_of(es, frame(es, d), d) for es, d in used) if s is not None]),
         metric_priors(metric),
         Trees(*(np.zeros(0, np.int64),) * 2, np.zeros(0, np.float32), *(np.zeros(0, np.int64),) * 2, np.zeros(0), 0.0),
+        np.ones(LABELS),
         tuple(names),
     )
     report("densities", 1, 1)
     model = replace(model, policies=learn_policies(model, used, seed, report))
     model = replace(model, weights=learn_weights(model, used, seed, report))
-    rows, truth = examples(model, used, seed, report)
-    report("trees", 0, 1)
-    model = replace(model, trees=train_trees(rows, truth, seed=seed))
-    report("trees", 1, 1)
-    return model
+    shown = examples(model, used, seed, report)
+    report("trees", 0, 3)
+    model = replace(model, trees=trained(shown, seed=seed))
+    report("trees", 1, 3)
+    return replace(model, likely=likely(shown, seed=seed, progress=report))
 
 
 def fit_densities(statistics: Sequence[tuple[np.ndarray, np.ndarray, np.ndarray]], seed: int) -> Densities:
@@ -221,35 +221,6 @@ def learn_weights(model: LayoutModel, layouts: Sequence[Layout], seed: int, prog
     return weights
 
 
-def examples(
-    model: LayoutModel, layouts: Sequence[Layout], seed: int, progress: Progress
-) -> tuple[np.ndarray, np.ndarray]:
-    """Rows and truth for the trees: proposals for every facade, for its mirror image and for regular ones, with each kind of
-    part hidden, and which are right."""
-    rows, truth = [], []
-    regular = [cases.regular(np.random.default_rng([seed, 4, k])) for k in range(_REGULAR * len(layouts) // 100)]
-    everything = [*layouts, *((cases.mirror(elements, domain), domain) for elements, domain in layouts), *regular]
-    for k, (elements, domain) in enumerate(everything):
-        # the left half and the upper one teach the same as the right and the lower, so they take turns
-        for turn, kind in enumerate((*cases.MEASURED, ("left", "upper")[k % 2], "region", "sparse")):
-            seen, region = cases.hide(kind, elements, domain, np.random.default_rng([seed, k, turn]))
-            shown = set(seen)
-            hidden = [e for e in elements if e not in shown]
-            if not seen or not hidden:
-                continue
-            visible = np.array(region, float).reshape(-1, 4)
-            fitted = grids(seen)
-            found = propose(seen, fitted, domain, visible, model.sizes)
-            if not len(found.box):
-                continue
-            label = np.array([ELEMENT_CLASSES.index(e.label) for e in hidden])
-            overlap = iou(found.box, boxes(hidden)) * (found.label[:, None] == label)
-            rows.append(describe(found, seen, fitted, frame(seen, domain), domain, visible))
-            truth.append(overlap.max(axis=1) >= _RIGHT)
-        progress("examples", k + 1, len(everything))
-    return np.concatenate(rows), np.concatenate(truth)
-
-
 def metric_priors(layouts: Sequence[Layout]) -> dict[str, float]:
     """Median floor and column pitch in metres."""
     pitches: list[list[float]] = [[], []]
@@ -281,6 +252,22 @@ def _typical_sizes(layouts: Sequence[Layout], label: str, count: int, seed: int)
     values = np.log(np.array(found))
     values = values[values[:, 2] < 0.5]  # what hangs higher is no entrance
     return np.exp(KMeans(min(count, len(values)), n_init=3, random_state=seed).fit(values).cluster_centers_)
+
+
+def _typical_floors(layouts: Sequence[Layout], count: int, seed: int) -> np.ndarray:
+    """(count, 4), or fewer, ways around which floors of the database go on downwards, as `continued` takes them."""
+    from sklearn.cluster import KMeans
+
+    found = []
+    for elements, domain in layouts:
+        facade = frame([e for e in elements if e.label == "window"], domain)
+        found += continuations(facade.floors, facade.floor_size[:, 1])
+    values = np.array(found).reshape(-1, 4)
+    values = values[(np.abs(values) < np.log(_STEP)).all(axis=1)]
+    count = min(count, len(np.unique(values.round(6), axis=0)))
+    if not count:
+        return np.ones((1, 4))
+    return np.exp(KMeans(count, n_init=3, random_state=seed).fit(values).cluster_centers_)
 
 
 def _ratios(layouts: Sequence[Layout]) -> np.ndarray:

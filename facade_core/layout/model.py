@@ -17,12 +17,12 @@ from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import descriptors
 from facade_core.layout.densities import COMPONENTS, DOOR_BINS, MIXTURES, SYMMETRY_BINS, TERMS, Densities
 from facade_core.layout.policy import LENGTH
-from facade_core.layout.proposals import Sizes
+from facade_core.layout.proposals import Usual
 from facade_core.layout.ranking import Trees
 from facade_core.layout.statistics import KINDS, LABELS, PATTERNS
 
 SHIPPED = Path(__file__).parent / "models" / "layouts.json"
-FORMAT = 2
+FORMAT = 3
 _REMEDY = "fetch it again or run `streetloom train layout`"
 
 
@@ -34,11 +34,11 @@ class LayoutModel:
     mean: a term is the mean over its grids, else their sum as in the paper;
     policies (10, 15): the most different of the optimal ones;
     labels (LABELS,): shares of the labels;
-    sizes: doors and shops where none is seen;
-    ratios (K, 2): size to spacing, horizontal and vertical;
+    usual: doors, shops, floors and spacings where none is seen;
     styles (S, STYLE): see `styles`;
     metric: medians in metres;
     trees: the ranking of proposed elements;
+    likely (LABELS,): how likely one must be to be picked;
     training_set: names of what it learned from.
     """
 
@@ -47,11 +47,11 @@ class LayoutModel:
     mean: bool
     policies: np.ndarray
     labels: np.ndarray
-    sizes: Sizes
-    ratios: np.ndarray
+    usual: Usual
     styles: np.ndarray
     metric: Mapping[str, float]
     trees: Trees
+    likely: np.ndarray
     training_set: tuple[str, ...]
 
 
@@ -114,11 +114,13 @@ def _encoded(model: LayoutModel) -> dict[str, Any]:
         "mean": model.mean,
         "policies": model.policies.tolist(),
         "labels": model.labels.tolist(),
-        "doors": model.sizes.door.tolist(),
-        "shops": model.sizes.shop.tolist(),
-        "ratios": model.ratios.tolist(),
+        "doors": model.usual.door.tolist(),
+        "shops": model.usual.shop.tolist(),
+        "floors": model.usual.floors.tolist(),
+        "ratios": model.usual.ratios.tolist(),
         "styles": model.styles.tolist(),
         "metric": dict(model.metric),
+        "likely": model.likely.tolist(),
         "trees": {
             "base": model.trees.base,
             **{name: getattr(model.trees, name).tolist() for name in Trees._fields if name != "base"},
@@ -140,8 +142,12 @@ def _decoded(content: Mapping[str, Any], training_set: tuple[str, ...]) -> Layou
         bool(content["mean"]),
         _array(content, "policies", (None, LENGTH)),
         _array(content, "labels", (LABELS,)),
-        Sizes(_array(content, "doors", (None, 3)), _array(content, "shops", (None, 3))),
-        _array(content, "ratios", (None, 2)),
+        Usual(
+            _array(content, "doors", (None, 3)),
+            _array(content, "shops", (None, 3)),
+            _array(content, "floors", (None, 4)),
+            _array(content, "ratios", (16, 2)),
+        ),
         _array(content, "styles", (None, None)),
         {name: float(value) for name, value in content["metric"].items()},
         Trees(
@@ -150,6 +156,7 @@ def _decoded(content: Mapping[str, Any], training_set: tuple[str, ...]) -> Layou
             value=np.array(trees["value"], float),
             base=float(trees["base"]),
         ),
+        _array(content, "likely", (LABELS,)),
         training_set,
     )
 

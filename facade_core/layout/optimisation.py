@@ -37,7 +37,7 @@ def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: La
     """The observed layout as the policy takes it."""
     box, label, grid = arrays(seen)
     facade = frame(seen, domain)
-    sizes = np.array([(1.0, 1.0), (1.3, 0.5), model.sizes.door[0, :2], model.sizes.shop[0, :2]]) * facade.size
+    sizes = np.array([(1.0, 1.0), (1.3, 0.5), model.usual.door[0, :2], model.usual.shop[0, :2]]) * facade.size
     return Start(
         np.ascontiguousarray(box),
         label,
@@ -48,7 +48,7 @@ def start_of(seen: Sequence[Element], domain: Box, region: np.ndarray, model: La
         np.array(domain, float),
         np.ascontiguousarray(region),
         sizes,
-        model.ratios,
+        model.usual.ratios,
         model.labels,
         float(facade.ground),
     )

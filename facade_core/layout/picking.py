@@ -64,7 +64,10 @@ def aligned(
                 moved[axis], moved[axis + 2] = line
                 if _free(moved, label[i], i, box, label, observed, observed_label, region, blocked, domain):
                     box[i] = moved
-    elements = [Element(ELEMENT_CLASSES[n], *corners) for n, corners in zip(label.tolist(), box.tolist(), strict=True)]
+    elements = [
+        Element(ELEMENT_CLASSES[n], x0, y0, x1, y1, round(chance, 3))
+        for n, (x0, y0, x1, y1), chance in zip(label.tolist(), box.tolist(), likely[kept].tolist(), strict=True)
+    ]
     return tuple(sorted(elements, key=lambda e: (e.y0, e.x0, e.label, e.y1, e.x1)))
 
 

@@ -10,6 +10,7 @@ import numpy as np
 
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.extension import Extension, extend, known, lengthen, mirrored
+from facade_core.layout.floors import continued, filled
 from facade_core.layout.grids import Grid, boxes
 from facade_core.layout.rectangles import (
     BALCONY,
@@ -27,8 +28,13 @@ Box = tuple[float, float, float, float]
 
 # A guess that reaches into what is seen, or out of the domain, by less than this share of its side is moved clear.
 _MOVED = 0.3
+_NONE = np.zeros((0, 5))
+# Of the sixteen quantiles of window size to spacing those that are tried: rows wide apart, usual and close.
+_RATIOS = [3, 8, 12]
 # So many guesses of one variant are looked at: more are no facade's, and each is held against each.
 _MOST = 2000
+# Between shops that are as wide as their columns, in window widths.
+_PIER = 0.3
 # Windows whose centres differ by less than this share of their size stand in one column or floor.
 _ONE_LINE = 0.35
 
@@ -53,12 +59,18 @@ class Proposals:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sizes:
-    """What the database says of doors and shops where none is seen: (K, 3) width and height in window widths and heights, and
-    gap below to the ground line in window heights."""
+class Usual:
+    """What the database says of doors and shops where none is seen, and of rows and columns of which nothing is.
+
+    door, shop (K, 3): width and height in window widths and heights, and gap below to the ground line in window heights;
+    floors (K, 4): how floors go on downwards, see `floors.continued`;
+    ratios (K, 2): quantiles of window size to spacing, horizontal and vertical, ascending.
+    """
 
     door: np.ndarray
     shop: np.ndarray
+    floors: np.ndarray
+    ratios: np.ndarray
 
 
 def propose(
@@ -66,9 +78,11 @@ def propose(
     fitted: Sequence[Grid],
     domain: Box,
     region: np.ndarray,
-    sizes: Sizes,
+    usual: Usual,
+    entrances: Sequence[float] = (),
 ) -> Proposals:
-    """Guesses for what is hidden. fitted: the grids of `seen`; region (M, 4): what is visible."""
+    """Guesses for what is hidden. fitted: the grids of `seen`; region (M, 4): what is visible; entrances: where doors are known
+    to be, across the domain."""
     variants: list[np.ndarray] = []
     shared = known(seen, fitted)
     for how in EXTENSIONS:
@@ -77,10 +91,12 @@ def propose(
     for balanced, mirror in product((False, True), repeat=2):
         variants.append(_pooled(seen, facade, domain, balanced, mirror))
     variants.append(_mirror(seen, domain))
-    variants.append(_ground(seen, facade, domain, DOOR, sizes.door))
-    variants.append(_ground(seen, facade, domain, SHOP, sizes.shop))
+    variants.append(_ground(seen, facade, domain, DOOR, usual.door, entrances))
+    variants.append(_ground(seen, facade, domain, SHOP, usual.shop, ()))
     variants.append(_stretched(seen, fitted, domain))
     variants.append(_stacked(seen, facade, domain))
+    variants += _floors(seen, facade, domain, usual.floors)
+    variants += _pitches(seen, facade, domain, usual.ratios[_RATIOS])
     variants = [guesses[:_MOST] for guesses in variants]
     variant = np.repeat(np.arange(len(variants)), [len(guesses) for guesses in variants])
     raw = np.concatenate(variants)
@@ -116,13 +132,13 @@ def frame(seen: Sequence[Element], domain: Box) -> Frame:
         return Frame(np.zeros(0), np.zeros(0), np.zeros((0, 2)), extent * (0.06, 0.09), ground)
     centre, side = (box[:, :2] + box[:, 2:]) / 2, box[:, 2:] - box[:, :2]
     size = np.median(side, axis=0)
-    columns, _ = _lines(centre[:, 0], _ONE_LINE * size[0])
-    floors, floor = _lines(centre[:, 1], _ONE_LINE * size[1])
+    columns, _ = lines(centre[:, 0], _ONE_LINE * size[0])
+    floors, floor = lines(centre[:, 1], _ONE_LINE * size[1])
     floor_size = np.array([np.median(side[floor == k], axis=0) for k in range(len(floors))])
     return Frame(columns, floors, floor_size, size, ground)
 
 
-def _lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
+def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
     """Means of the runs of values that lie less than `gap` apart, and the run of each value."""
     order = np.argsort(values, kind="stable")
     run = np.empty(len(values), int)
@@ -153,14 +169,59 @@ def _pooled(seen: Sequence[Element], facade: Frame, domain: Box, balanced: bool,
     return np.column_stack([np.full(len(x), WINDOW), x - half[:, 0], y - half[:, 1], x + half[:, 0], y + half[:, 1]])
 
 
+def _cells(x: np.ndarray, widths: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
+    """Windows at every column and row; widths (rows,), heights (rows,)."""
+    x, y, w, h = np.tile(x, len(y)), np.repeat(y, len(x)), np.repeat(widths, len(x)) / 2, np.repeat(heights, len(x)) / 2
+    return np.column_stack([np.full(len(x), WINDOW), x - w, y - h, x + w, y + h])
+
+
+def _floors(seen: Sequence[Element], facade: Frame, domain: Box, how: np.ndarray) -> list[np.ndarray]:
+    """The columns of all windows on floors carried on in each of the ways in which the database's go on."""
+    if len(facade.floors) < 2 or not any(e.label == "window" for e in seen):
+        return [_NONE] * len(how)
+    columns = lengthen(facade.columns.tolist(), float(facade.size[0]), domain[0], domain[2], True, False)
+    found = []
+    for way in how:
+        rows, heights = continued(facade.floors, facade.floor_size[:, 1], way, domain[1], domain[3]).T
+        below = rows > facade.floors[-1]
+        widths = np.where(below, facade.floor_size[-1, 0], facade.floor_size[0, 0])
+        found.append(_cells(columns, widths, rows, heights))
+    return found
+
+
+def _pitches(seen: Sequence[Element], facade: Frame, domain: Box, ratios: np.ndarray) -> list[np.ndarray]:
+    """Rows, and then columns, filled and carried on at other pitches than the median one: the least one seen, and those that
+    the database has for windows of this size."""
+    if not any(e.label == "window" for e in seen):
+        return [_NONE] * (2 * len(ratios) + 2)
+    own = (facade.columns, facade.floors)
+    usual = [
+        lengthen(lines.tolist(), size, domain[axis], domain[axis + 2], axis == 0, False)
+        for axis, (lines, size) in enumerate(zip(own, facade.size.tolist(), strict=True))
+    ]
+    found = []
+    for axis in (1, 0):
+        size = float(facade.size[axis])
+        least = float(np.diff(own[axis]).min()) if len(own[axis]) > 1 else size / float(ratios[len(ratios) // 2, axis])
+        for pitch in (max(least, 1.05 * size), *(size / ratios[:, axis])):
+            lines = list(usual)
+            lines[axis] = filled(own[axis], float(pitch), size, domain[axis], domain[axis + 2])
+            nearest = np.abs(lines[1][:, None] - facade.floors).argmin(axis=1)
+            width, height = facade.floor_size[nearest].T
+            found.append(_cells(lines[0], width, lines[1], height))
+    return found
+
+
 def _mirror(seen: Sequence[Element], domain: Box) -> np.ndarray:
     found = _array(e for e in seen if e.label in ELEMENT_CLASSES)
     found[:, 1:] = _mirrored_boxes(found[:, 1:], domain)
     return found
 
 
-def _ground(seen: Sequence[Element], facade: Frame, domain: Box, label: int, sizes: np.ndarray) -> np.ndarray:
-    """Doors or shops on the ground line: under every column, between two, and in the facade's middle."""
+def _ground(
+    seen: Sequence[Element], facade: Frame, domain: Box, label: int, sizes: np.ndarray, at: Sequence[float]
+) -> np.ndarray:
+    """Doors or shops on the ground line: at known places, under every column, between two, and in the facade's middle."""
     same = boxes([e for e in seen if e.label == ELEMENT_CLASSES[label]])
     columns = np.array([(domain[0] + domain[2]) / 2])
     if len(facade.columns):
@@ -170,6 +231,7 @@ def _ground(seen: Sequence[Element], facade: Frame, domain: Box, label: int, siz
             mirrored(facade.columns, width, domain[0] + domain[2]).tolist(), width, domain[0], domain[2], False, False
         )
         columns = np.concatenate([carried, (carried[1:] + carried[:-1]) / 2, both, columns])
+    columns = np.concatenate([np.array(at, float), columns])
     if len(same):
         size = np.median(same[:, 2:] - same[:, :2], axis=0)
         own = np.array([[*size, max(0.0, facade.ground - float(np.median(same[:, 3])))]])
@@ -177,6 +239,12 @@ def _ground(seen: Sequence[Element], facade: Frame, domain: Box, label: int, siz
         own = sizes * np.array([facade.size[0], facade.size[1], facade.size[1]])
     x = np.repeat(columns, len(own))
     w, h, gap = np.tile(own, (len(columns), 1)).T
+    if label == SHOP and len(facade.columns) > 1:
+        # as wide as one or two columns less a pier
+        pitch, (_, tall, low) = float(np.median(np.diff(facade.columns))), np.median(own, axis=0)
+        for wide in (pitch - _PIER * facade.size[0], 2 * pitch - _PIER * facade.size[0]):
+            x, w = np.append(x, columns), np.append(w, np.full(len(columns), wide))
+            h, gap = np.append(h, np.full(len(columns), tall)), np.append(gap, np.full(len(columns), low))
     foot = facade.ground - gap
     return np.column_stack([np.full(len(x), label), x - w / 2, foot - h, x + w / 2, foot])
 

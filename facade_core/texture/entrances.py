@@ -71,11 +71,12 @@ def door_place(
     size: tuple[float, float],
     across: np.ndarray,
     seams: Sequence[float],
+    entrances: Sequence[float],
     rng: np.random.Generator,
 ) -> float | None:
-    """Where the middle of a back's door is, metres from the left: in a bay by chance, not in the outer fifths of the wall if it
-    can be; None where there is no room. free: of a wall of size (width, height); across: the borders of bays and of windows, as
-    `on_wall` has them; seams: where the wall bends."""
+    """Where the middle of a back's door is, metres from the left: in the bay nearest to where a map has it, else in one by
+    chance, not in the outer fifths of the wall if it can be; None where there is no room. free: of a wall of size (width,
+    height); across: the borders of bays and of windows, as `on_wall` has them; seams: where the wall bends."""
     width, height = size
     middles = (across[1:-1:3] + across[2::3]) / 2 if len(across) > 2 else np.array([width / 2])
     reach = DOOR_M[0] / 2 + BESIDE_M
@@ -87,6 +88,8 @@ def door_place(
         and all(abs(seam - middle) > reach for seam in seams)
         and open_.covers(shapely.box(middle - reach, height - DOOR_M[1], middle + reach, height - 0.05))
     ]
+    if entrances and fits:
+        return min(fits, key=lambda middle: abs(middle - entrances[0]))
     inner = [middle for middle in fits if 0.2 * width < middle < 0.8 * width] or fits
     return inner[int(rng.integers(len(inner)))] if inner else None
 

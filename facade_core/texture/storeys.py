@@ -28,7 +28,8 @@ class Wall:
     shows doors and shops; plain: whether it is a back, without what adorns a front. free: where it stands against no
     neighbour, x right and y down. raised: whether its building begins above the ground, and so with an upper floor.
     seams: where one of several walls ends and the next begins, metres from the left. corner: whether it is narrow and turns the
-    corner between two that are on streets; door: whether it is a back by which the building is entered.
+    corner between two that are on streets; door: whether it is a back by which the building is entered. entrances: where a map
+    has doors in it, metres from the left.
     """
 
     width: float
@@ -43,6 +44,7 @@ class Wall:
     seams: tuple[float, ...] = ()
     corner: bool = False
     door: bool = False
+    entrances: tuple[float, ...] = ()
 
     @classmethod
     def alone(cls, height: float, width: float, floors: int) -> Wall:

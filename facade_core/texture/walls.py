@@ -10,7 +10,7 @@ import shapely
 from numpy.lib.stride_tricks import sliding_window_view
 
 from facade_core.errors import ImageError
-from facade_core.labels import BALCONY, WALL
+from facade_core.labels import BALCONY, SHOP, WALL
 from facade_core.texture.compose import compose
 from facade_core.texture.entrances import DOOR_M, door_place, put_door, turn_corner
 from facade_core.texture.genetic import POPULATION
@@ -100,7 +100,11 @@ def on_wall(
     ground = len(stack[-1].heights)
     if wall.corner:
         _bare_ground(style, stack[-1], source, plain)
-    middle = door_place(wall.free, (wall.width, wall.height), across, wall.seams, rng) if wall.door else None
+    if wall.street and not blank and on_ground(style, stack[-1]):
+        _enter(style, wall, source, across, ground)
+    back = wall.door or (wall.plain and bool(wall.entrances) and not wall.raised)
+    size_m = wall.width, wall.height
+    middle = door_place(wall.free, size_m, across, wall.seams, wall.entrances, rng) if back else None
     if middle is not None and not blank:
         beside = np.flatnonzero((across[:-1] < middle + DOOR_M[0]) & (across[1:] > middle - DOOR_M[0]))
         own = 3 * plain + np.arange(3) if ground == 3 else np.array([3 * plain + 1])
@@ -121,6 +125,23 @@ def on_wall(
     if middle is not None:
         put_door(image, labels, middle, pixel, rng)
     return image, labels
+
+
+def _enter(style: Style, wall: Wall, source: np.ndarray, across: np.ndarray, ground: int) -> None:
+    """Show, in `source` as of `_leave_out`, a bay of the exemplar that has a door where the map has one and no bay beside shows
+    a door or a shop; ground: the rows of the ground floor."""
+    doors = np.flatnonzero(style.doors)
+    if not len(doors):
+        return
+    cuts, band = style.exemplar.bay_cuts, slice(style.exemplar.ground_top, style.exemplar.bottom)
+    shop = [(style.labels[band, a:b] == SHOP).any() for a, b in pairwise(cuts)]
+    entered = np.array([*(style.doors | np.array(shop)), False])  # the last: bare wall
+    for place in wall.entrances:
+        own = int(np.clip(np.searchsorted(across[3::3], place), 0, source.shape[2] // 3 - 1))
+        shown = np.minimum(source[1, -1, ::3] // 3, len(entered) - 1)
+        walled = shown[own] == len(entered) - 1
+        if not walled and not entered[shown[max(0, own - 1) : own + 2]].any():
+            source[1, -ground:, 3 * own : 3 * own + 3] = 3 * doors[own % len(doors)] + np.arange(3)
 
 
 def _bare_ground(style: Style, storey: Storey, source: np.ndarray, plain: int) -> None:

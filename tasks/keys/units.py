@@ -111,6 +111,7 @@ def facade_keys(
     house += [bool(table.raised[facade]), int(table.house[facade])]
     house += [turns_corner(plan.scene.charts, table, facade), has_back_door(table, facade)]
     parts: dict[str, Any] = {
+        "entrances": [float(table.along[facade]), *imagery.entrances] if imagery.entrances else [],
         "settings": [table.id[facade], run.seed, run.texture.texels_per_metre],
         "geometry": [f"{plan.ids[chart]:016x}", shape, size],
     }

@@ -8,11 +8,12 @@ import numpy as np
 import shapely
 
 from catalogs.block import Block
-from catalogs.block.part import Part
+from catalogs.block.part import ENTRANCE_M, Part
 from facade_core.atlas.encoded import HIERARCHIES, forget_encoded, hierarchy_path
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.fronts import outlines_as_walls
+from facade_core.geometry.walls import LEVEL_M
 from facade_core.naming import number_of
 from facade_core.plan import Plan
 from facade_core.style import Library, Walls, choose_exemplars
@@ -77,6 +78,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         own,
         chosen,
         shops.tolist(),
+        entrances_of(plan, block.entrances),
         corrected_of(plan, block)[0],
     )
 
@@ -98,6 +100,21 @@ def panoramas_of(plan: Plan) -> list[list[tuple[int, Pose]]]:
         [(panorama, plan.poses[panorama]) for panorama in plan.sightings.of(facade)[:VIEWS].tolist()]
         for facade in range(len(plan.facades))
     ]
+
+
+def entrances_of(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:
+    """Where each facade's wall, as it is laid out, is entered by the map: metres from where its run begins, ascending."""
+    facades = plan.facades
+    found: dict[int, set[float]] = {}
+    low = np.flatnonzero((np.abs(facades.foot) < LEVEL_M) & ~facades.raised)
+    if len(places) and len(low):
+        walls = shapely.linestrings(plan.scene.charts.at_shares(facades.chart[low], _FOOT)[..., :2])
+        points = shapely.points(np.array(places).reshape(-1, 2))
+        of, wall = shapely.STRtree(walls).query_nearest(points, max_distance=ENTRANCE_M, all_matches=False)
+        at = shapely.line_locate_point(walls[wall], points[of]) + facades.along[low[wall]]
+        for facade, metres in zip(low[wall].tolist(), at.tolist(), strict=True):
+            found.setdefault(int(facades.run[facade]), set()).add(round(metres, 2))
+    return [tuple(sorted(found.get(run, ()))) for run in facades.run.tolist()]
 
 
 def shops_of(plan: Plan, places: Sequence[tuple[float, float]] | None) -> np.ndarray:

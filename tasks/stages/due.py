@@ -38,6 +38,7 @@ REASONS = {
     "exemplar": "exemplar changed",
     "own": "own texture changed",
     "aerial": "picture from above changed",
+    "entrances": "entrances of the map changed",
     "beside": "surroundings changed",
     "between": "surroundings changed",
     "above": "surroundings changed",

@@ -20,6 +20,7 @@ from facade_core.correction import texels_of, with_elements
 from facade_core.detect import looked_for, shop_names
 from facade_core.errors import FacadeError, ImageError
 from facade_core.facade import HIDDEN_SHARE, Facade, count_columns, from_exemplar, from_photo
+from facade_core.geometry.walls import STREET
 from facade_core.labels import SHOP, WINDOW
 from facade_core.parse.certainty import share_of
 from facade_core.plan import Plan
@@ -148,6 +149,7 @@ def _make(
         (int(placement.height[chart]), int(placement.width[chart])),
         float(placement.texels_per_metre[chart]),
     )
+    along, width = float(facades.along[facade]), float(facades.width[facade])
     seed = unit_seed(run, facades.id[facade], "facade")
     said = imagery.corrected
     kept = texels_of(said.keep, size)
@@ -164,6 +166,10 @@ def _make(
                         outside=evidence.outside,
                         private=evidence.seen.hidden(size),
                         clean=evidence.clean,
+                        entrances=[
+                            (place - along) / width for place in imagery.entrances if along < place < along + width
+                        ],
+                        front=int(facades.role[facade]) == STREET,
                         seed=seed,
                     )
                 except ImageError as error:
@@ -187,12 +193,12 @@ def _make(
     index, name = imagery.exemplar
     given = _style(group, index, True, styles)
     style, metres_per_texel = given if imagery.shops else _style(group, index, False, styles)
-    first, along = facades.id[int(facades.run[facade])], float(facades.along[facade])
+    first = facades.id[int(facades.run[facade])]
     result = from_exemplar(
         style,
-        wall_of(plan.scene, facades, facade),
+        wall_of(plan.scene, facades, facade, imagery.entrances),
         size,
-        part=(along, along + float(facades.width[facade])),
+        part=(along, along + width),
         metres_per_pixel=metres_per_texel,
         like=given[0],
         house=unit_seed(run, str(facades.house[facade]), "house"),

@@ -23,6 +23,7 @@ class Imagery:
         exemplar: (index, name) of the one chosen for it.
         shops: whether a wall that is made of that keeps its shops: no where the map has none.
         corrected: what somebody said of it.
+        entrances: where the map has doors in it, metres from the left of the wall as it is laid out.
     """
 
     photo: Path | None = None
@@ -33,6 +34,7 @@ class Imagery:
     exemplar: tuple[int, str] | None = None
     shops: bool = True
     corrected: Corrected = AS_FOUND
+    entrances: tuple[float, ...] = ()
 
     def sources(self) -> tuple[str, ...]:
         """What the facade can be made from, in the order of trying: where one fails or shows too little, the next.
@@ -52,6 +54,7 @@ def imagery_of(
     textured: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
     shops: Sequence[int],
+    entrances: Sequence[tuple[float, ...]],
     corrected: Mapping[int, Corrected],
 ) -> list[Imagery]:
     """The imagery of every facade; `names` are the facades' ids, `photos` is by name of the file, `captured` by
@@ -66,6 +69,7 @@ def imagery_of(
             exemplar=exemplars.get(i),
             shops=shops[i] != 0,
             corrected=corrected.get(i, AS_FOUND),
+            entrances=entrances[i],
         )
         for i, name in enumerate(names)
     ]

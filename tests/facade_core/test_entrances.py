@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -16,6 +18,7 @@ from facade_core.synth import facade as paint
 from facade_core.texture import Style, Wall, on_wall, style_of, without_shops
 from facade_core.types import Building, Street
 from facade_core.walls import wall_of
+from tasks.kinds.facades import entrances_of
 
 MPP = 0.05
 # One corner cut off at the crossing, and a nook with a narrow wall across it at the other end.
@@ -108,3 +111,41 @@ def test_what_is_too_narrow_for_a_shop_has_none(style: Style) -> None:
 def test_a_back_that_is_covered_at_the_ground_has_no_door(style: Style) -> None:
     wall = Wall(8, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 8, 10), door=True)
     assert not (on_wall(style, wall, metres_per_pixel=MPP)[1] == DOOR).any()
+
+
+def doors_of(labels: np.ndarray) -> list[float]:
+    """The middles of the doors, metres from the left."""
+    parts, _ = ndimage.label(labels == DOOR)
+    return [(at[1].start + at[1].stop) / 2 * MPP for at in ndimage.find_objects(parts)]
+
+
+def test_a_front_shows_a_door_where_the_map_has_one() -> None:
+    painted = paint((16.2, 14.0), floors=5, columns=5, style="brick", metres_per_pixel=MPP, seed=8)
+    style = style_of(*without_shops(painted.image, painted.labels))
+    assert style.doors.any()
+    wide = replace(Wall.alone(14, 30, 5), entrances=())
+    before = doors_of(on_wall(style, wide, metres_per_pixel=MPP, seed=3)[1])
+    place = max(np.linspace(3, 27, 25).tolist(), key=lambda x: min(abs(x - door) for door in before))
+    labels = on_wall(style, replace(wide, entrances=(place,)), metres_per_pixel=MPP, seed=3)[1]
+    after = doors_of(labels)
+    assert len(after) == len(before) + 1
+    assert min(abs(door - place) for door in after) < 2.0
+    again = on_wall(style, replace(wide, entrances=(before[0],)), metres_per_pixel=MPP, seed=3)[1]
+    assert len(doors_of(again)) == len(before), "one that shows is the map's"
+
+
+def test_a_back_has_its_door_where_the_map_has_it(style: Style) -> None:
+    wall = Wall(16, 16, 0, 16, 5, street=False, plain=True, free=shapely.box(0, 0, 16, 16))
+    assert not doors_of(on_wall(style, wall, metres_per_pixel=MPP)[1])
+    for place in (3.0, 13.0):
+        (door,) = doors_of(on_wall(style, replace(wall, entrances=(place,)), metres_per_pixel=MPP)[1])
+        assert abs(door - place) < 2.5
+
+
+def test_entrances_of_a_map_are_told_by_wall(plan: Plan) -> None:
+    found = entrances_of(plan, [(9.0, -0.4), (15.0, 0.2), (9.0, -5.0), (5.0, 14.0)])
+    told = {plan.facades.id[i]: places for i, places in enumerate(found) if places}
+    assert len(told) == 2, "of the front and of a back; what is 5 m off is nobody's"
+    front, back = sorted(told.values(), key=len, reverse=True)
+    assert front == pytest.approx((3.0, 9.0)) or front == pytest.approx((7.5, 13.5))
+    assert len(back) == 1

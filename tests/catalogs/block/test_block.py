@@ -25,7 +25,8 @@ def test_a_block_in_full(read: Read, folder: Path) -> None:
     assert block.notes[0] == "crs not given: EPSG:32635 (WGS 84 / UTM zone 35N) chosen"
     assert len(block.buildings) == 79  # 64 outlines, some of which their parts replace
     assert block.shops
-    assert all(300_000 < x < 500_000 and 6_600_000 < y < 6_700_000 for x, y in block.shops)
+    assert all(300_000 < x < 500_000 and 6_600_000 < y < 6_700_000 for x, y in (*block.shops, *block.entrances))
+    assert block.entrances
     assert {"Mikonkatu", "Kalevankatu", "Mannerheimintie"} <= {s.name for s in block.streets}
     assert block.exemplars == (folder / "facades" / "0.png", folder / "facades" / "1.png")
     assert block.texture == TextureSettings(texels_per_metre=25.0)

@@ -193,6 +193,7 @@ def test_every_value_of_a_block_counts(tmp_path: Path) -> None:
         "buildings": block.buildings[:1],
         "streets": (*block.streets, *block.streets, "one"),
         "shops": ((1.0, 2.0),),
+        "entrances": ((1.0, 2.0),),
         "ground": replace(block.ground, ways=(*block.ground.ways, "one")),
         "terrain": replace(block.terrain, heights=block.terrain.heights + 1),
         "exemplars": (picture,),

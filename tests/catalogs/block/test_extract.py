@@ -44,6 +44,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Whole:
             textures=pictures,
             ground=ground,
             shops=((place.x, place.y),),
+            entrances=tuple(one.footprint.exterior.coords[0][:2] for one in block.buildings),
             photos={f"{first.id}-0": block.exemplars[0], f"{others[0].id}-0": block.exemplars[1]},
             panoramas=(PosedPanorama("p", block.exemplars[0], Pose(place.x, place.y, None, 12.5)),),
             faults=(Fault("x.png", "exemplar", "is torn; mend it"), Fault("h", "building", "is none; remove it")),
@@ -81,6 +82,7 @@ def test_a_part_has_what_is_its_own_and_what_is_around(whole: Whole) -> None:
     assert (part.part.buildings, part.part.streets) == (("a", "b"), (whole.segments[0].id,))
     assert [one.id for one in part.part.beyond] == ["c"]
     assert part.part.shops == (1, 0, 0)
+    assert part.entrances == whole.block.entrances[:2], "of its own buildings alone"
     assert len(part.part.fronts) == 3
     assert list(part.photos) == ["a-0"]
     assert len(part.panoramas) == 1

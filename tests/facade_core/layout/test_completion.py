@@ -3,7 +3,13 @@ import pytest
 
 from facade_core.errors import LayoutError, ModelError
 from facade_core.labels import CLASSES
-from facade_core.layout import complete
+from facade_core.layout import complete, grids
+from facade_core.layout.floors import continuations, continued
+from facade_core.layout.grids import boxes
+from facade_core.layout.model import shipped
+from facade_core.layout.proposals import Proposals, propose
+from facade_core.layout.rectangles import iou
+from facade_core.layout.whole import made_whole
 from facade_core.types import Element, Parsing
 
 DOMAIN = (0.0, 0.0, 200.0, 160.0)
@@ -76,6 +82,58 @@ def test_no_door_is_added_beside_the_one_that_is_seen_but_one():
     seen = see(facade(), LEFT)
     for option in complete(seen, DOMAIN, LEFT, n=5):
         assert sum(e.label == "door" for e in option.elements) <= 2
+
+
+def test_floors_that_grow_downwards_are_proposed():
+    floors, heights = np.array([60.0, 120.0]), np.array([30.0, 30.0])
+    below = continued(floors, heights, np.array([1.2, 1.1, 1.5, 1.3]), 40, 400)
+    np.testing.assert_allclose(below, [(192, 45), (258, 39), (324, 39)])
+    (grown,) = continuations(np.array([0.0, 10, 22, 33]), np.array([5.0, 5, 10, 8]))[:1]
+    np.testing.assert_allclose(np.exp(grown), (1.2, 1.1, 2.0, 1.6))
+    whole = [box("window", 40 * x + 20, 40 + y, 16, 30) for y in (60, 121, 184, 250, 319, 392) for x in range(6)]
+    domain, region = (0.0, 0.0, 240.0, 500.0), [(0.0, 0.0, 240.0, 250.0)]
+    seen = see(whole, region)
+    found = propose(seen, grids(seen), domain, np.array(region), shipped().usual)
+    hidden = boxes([e for e in whole if e not in seen])
+    assert iou(hidden, found.box[found.label == 0]).max(axis=1).min() > 0.5
+
+
+def test_a_front_has_a_door_however_unlikely():
+    region = [(0.0, 0.0, 200.0, 90.0)]
+    seen = see([e for e in facade() if e.label == "window"], region)
+    (best,) = complete(seen, DOMAIN, region, front=True)
+    sound(best, seen, DOMAIN, region)
+    (door,) = (e for e in best.elements if e.label == "door")
+    assert door.y1 > 150
+    assert 0 < door.confidence < 0.5
+    shown = [*facade()[:10], facade()[-1]]
+    (best,) = complete(shown, DOMAIN, [*region, (50.0, 130.0, 70.0, 160.0)], front=True)
+    assert sum(e.label == "door" for e in best.elements) == 1, "one that is seen is enough"
+
+
+def test_a_door_is_where_the_map_has_it():
+    region = [(0.0, 0.0, 200.0, 125.0)]
+    seen = [e for e in facade() if e.label != "door"]
+    for place in (33.0, 120.0):
+        (best,) = complete(seen, DOMAIN, region, entrances=(place,), front=True)
+        sound(best, seen, DOMAIN, region)
+        (door,) = (e for e in best.elements if e.label == "door")
+        assert (door.x0 + door.x1) / 2 == pytest.approx(place, abs=2)
+        assert door.confidence >= 0.9
+
+
+def test_rows_are_full_and_nothing_stands_alone_in_one():
+    found = Proposals(
+        np.array([(30 * c, 40 * r, 30 * c + 12, 40 * r + 22) for r in range(4) for c in range(6)], float),
+        np.zeros(24, np.int8),
+        np.ones((24, 1), np.float32),
+    )
+    kept = np.array([k for k in range(18) if k != 3] + [20])  # a gap in the first row, one window in the last
+    fill, alone = made_whole(found, kept, np.full(24, 0.2), [], np.zeros((0, 4)))
+    assert np.flatnonzero(fill).tolist() == [3]
+    assert np.flatnonzero(alone).tolist() == [20]
+    fill, _ = made_whole(found, kept, np.where(np.arange(24) == 3, 0.0, 0.2), [], np.zeros((0, 4)))
+    assert not fill.any(), "what the picture denies"
 
 
 def test_hidden_top_floor_is_found():
@@ -197,10 +255,17 @@ def test_hidden_halves_of_real_facades(data):
     from benchmarks.layout import held_out
     from benchmarks.layout.baselines import median_pitch, ours
     from benchmarks.layout.figures import run
-    from facade_core.layout.model import shipped
 
-    records = held_out(data / "layouts" / "cmp.jsonl", shipped())[::8]
+    records = held_out(data / "layouts" / "cmp.jsonl", shipped())[::4]
     report, plain = (run(records, method) for method in (ours(shipped(), 1), median_pitch))
     assert report["all"]["f1@0.5"] >= 1.2 * plain["all"]["f1@0.5"]
     for kind in ("right", "lower", "region", "sparse"):
         assert report[kind]["overlaps"] == report[kind]["outside"] == 0
+
+
+def test_a_parse_of_the_finished_picture_finds_the_completed_layout():
+    from benchmarks.layout import painted
+
+    made = painted((("brick", 5), ("haussmann", 7), ("jugend", 7)))
+    assert made["found again"]["all"] >= 0.9
+    assert made["found again"]["touched by a hole"] >= 0.85

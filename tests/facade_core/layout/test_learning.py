@@ -35,7 +35,9 @@ def test_what_is_learned(trained):
     assert trained.labels[0] > 0.8
     assert trained.labels.sum() == pytest.approx(1)
     assert trained.training_set == tuple(str(k) for k in range(12))
-    assert trained.sizes.door[0, 0] == pytest.approx(20 / 16, rel=0.05)
+    assert trained.usual.floors.shape[1] == 4
+    assert ((trained.likely >= 0.05) & (trained.likely <= 0.5)).all()
+    assert trained.usual.door[0, 0] == pytest.approx(20 / 16, rel=0.05)
 
 
 def test_a_saved_model_completes_alike(trained, tmp_path):

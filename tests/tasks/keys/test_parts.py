@@ -112,6 +112,7 @@ class Inputs:
     rectified: bool = True
     exemplar: tuple[int, str] = (0, "brick")
     exemplars: dict[int, str] = field(default_factory=lambda: {0: "e0", 1: "e1"})
+    entrances: tuple[float, ...] = ()
     files: dict[str, bytes] = field(default_factory=dict)
 
     def path(self, name: str) -> Path:
@@ -125,7 +126,9 @@ class Inputs:
 
     def imagery(self) -> Imagery:
         panoramas = ((self.path("panorama.jpg"), self.pose),)
-        return Imagery(self.path("photo.jpg"), self.rectified, panoramas, exemplar=self.exemplar)
+        return Imagery(
+            self.path("photo.jpg"), self.rectified, panoramas, exemplar=self.exemplar, entrances=self.entrances
+        )
 
     def plan(self) -> Plan:
         return planned(*sorted(self.kinds))
@@ -198,6 +201,7 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
             "the house": (of_kinds("higher"), {"geometry", "between", "beside"}),
             "which exemplar": (of_inputs(exemplar=(1, "plaster")), {"exemplar"}),
             "the exemplar": (of_inputs(exemplars={0: "f0", 1: "f1"}), {"exemplar"}),
+            "entrances": (of_inputs(entrances=(4.5,)), {"entrances"}),
             "storey": (of_run(storey=4.0), set()),
         }
         | NOWHERE,

@@ -1,0 +1,76 @@
+"""Forty completions side by side, to be judged by eye: whole and plausible, or not."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from PIL import Image, ImageDraw
+
+from catalogs.learning.layouts import LayoutRecord
+from facade_core.layout import cases, complete
+from facade_core.layout.model import LayoutModel
+from facade_core.layout.proposals import Box
+from facade_core.types import Element
+
+OF_A_KIND, COLUMNS, SIDE, GAP = 10, 8, 240, 10
+COLOURS = {"window": (52, 104, 196), "balcony": (222, 132, 32), "door": (36, 148, 66), "shop": (190, 52, 150)}
+
+
+def sheet(records: Sequence[LayoutRecord], model: LayoutModel, out: Path) -> None:
+    """Draw, row by row, ten completions each of right half, lower half and a region hidden, and of few elements seen, of
+    facades spread over `records`, fronts: what was seen pale, on white; what was completed full, on grey."""
+    tiles: list[Image.Image] = []
+    for turn, kind in enumerate(cases.MEASURED):
+        usable = []
+        for i, record in enumerate(records):
+            elements, domain = list(record.elements), record.domain
+            seen, region = cases.hide(kind, elements, domain, np.random.default_rng([0, i]))
+            if seen and len(seen) < len(elements):
+                usable.append((seen, domain, region))
+        for k in range(OF_A_KIND):
+            seen, domain, region = usable[((4 * k + turn) * len(usable) // (4 * OF_A_KIND))]
+            made = complete(seen, domain, region, model=model, front=True)[0].elements[len(dict.fromkeys(seen)) :]
+            tiles.append(_drawn(seen, made, domain, region, f"{len(tiles) + 1} {kind}"))
+    rows = [tiles[k : k + COLUMNS] for k in range(0, len(tiles), COLUMNS)]
+    height = sum(max(tile.height for tile in row) + GAP for row in rows)
+    page = Image.new("RGB", (COLUMNS * (SIDE + GAP), height), "white")
+    top = 0
+    for row in rows:
+        for k, tile in enumerate(row):
+            page.paste(tile, (k * (SIDE + GAP), top))
+        top += max(tile.height for tile in row) + GAP
+    page.quantize(64).save(out, optimize=True)
+
+
+def _drawn(
+    seen: Sequence[Element], made: Sequence[Element], domain: Box, region: Sequence[Box], name: str
+) -> Image.Image:
+    x0, y0, x1, y1 = domain
+    scale = SIDE / max(x1 - x0, y1 - y0)
+    tile = Image.new("RGB", (SIDE, 14 + round((y1 - y0) * scale)), "white")
+    pen = ImageDraw.Draw(tile)
+
+    def at(box: Box) -> tuple[float, float, float, float]:
+        return (
+            (box[0] - x0) * scale,
+            14 + (box[1] - y0) * scale,
+            (box[2] - x0) * scale - 1,
+            13 + (box[3] - y0) * scale,
+        )
+
+    pen.text((2, 1), name, fill="black")
+    pen.rectangle(at(domain), fill=(226, 226, 226))
+    for box in region:
+        left, top, right, bottom = at(box)
+        pen.rectangle((left, top, max(left, right), max(top, bottom)), fill="white")
+    for elements, pale in ((seen, True), (made, False)):
+        for label in ("shop", "window", "door", "balcony"):
+            for e in elements:
+                if e.label == label:
+                    left, top, right, bottom = at((e.x0, e.y0, e.x1, e.y1))
+                    colour = tuple((c + 2 * 255) // 3 if pale else c for c in COLOURS[label])
+                    pen.rectangle((left, top, max(left, right), max(top, bottom)), fill=colour, outline=COLOURS[label])
+    pen.rectangle(at(domain), outline="black")
+    return tile

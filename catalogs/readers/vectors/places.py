@@ -1,0 +1,47 @@
+"""Where a map has shops and the like, which show a shop window on the ground floor, and where one enters buildings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+import shapely
+
+from catalogs.broken import is_machines
+
+# Amenities behind shop windows, beside all that is tagged shop=*.
+AMENITIES = ("bank", "bar", "cafe", "fast_food", "ice_cream", "pharmacy", "pub", "restaurant")
+_VACANT = ("no", "vacant")
+# What is no door, or none of those that one sees and enters by.
+_NO_DOOR = ("no", "garage", "emergency", "exit")
+
+
+class Places(NamedTuple):
+    """Nodes of a map, each (n, 2) lon/lat (EPSG:4326), sorted: shops, cafes and the like; entrances."""
+
+    shops: np.ndarray
+    entrances: np.ndarray
+
+
+def read_places(path: Path) -> Places | None:
+    """The shops and entrances of a .pbf; None where these cannot be told."""
+    from pyrosm import OSM
+
+    wanted = {"shop": True, "amenity": list(AMENITIES), "entrance": True}
+    try:
+        frame = OSM(str(path)).get_data_by_custom_criteria(wanted, keep_ways=False, keep_relations=False)
+    except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
+        if is_machines(error):
+            raise
+        return None
+    if frame is None:
+        return Places(np.zeros((0, 2)), np.zeros((0, 2)))
+    frame = frame[frame.geometry.notna()].reindex(columns=["geometry", "shop", "amenity", "entrance"])
+    shops = (frame["shop"].notna() | frame["amenity"].isin(AMENITIES)) & ~frame["shop"].isin(_VACANT)
+    entrances = frame["entrance"].notna() & ~frame["entrance"].isin(_NO_DOOR)
+    return Places(*(_coordinates(frame["geometry"][chosen].to_numpy()) for chosen in (shops, entrances)))
+
+
+def _coordinates(points: np.ndarray) -> np.ndarray:
+    return np.unique(shapely.get_coordinates(points).reshape(-1, 2), axis=0)
