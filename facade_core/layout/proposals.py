@@ -33,6 +33,8 @@ _NONE = np.zeros((0, 5))
 _RATIOS = [3, 8, 12]
 # So many guesses of one variant are looked at: more are no facade's, and each is held against each.
 _MOST = 2000
+# Of all variants together so many are compared with each other; one of 225 windows has 5,500.
+_ALL = 15_000
 # Between shops that are as wide as their columns, in window widths.
 _PIER = 0.3
 # Windows whose centres differ by less than this share of their size stand in one column or floor.
@@ -97,7 +99,8 @@ def propose(
     variants.append(_stacked(seen, facade, domain))
     variants += _floors(seen, facade, domain, usual.floors)
     variants += _pitches(seen, facade, domain, usual.ratios[_RATIOS])
-    variants = [guesses[:_MOST] for guesses in variants]
+    most = _MOST if sum(map(len, variants)) <= _ALL else _ALL // len(variants)
+    variants = [guesses[:most] for guesses in variants]
     variant = np.repeat(np.arange(len(variants)), [len(guesses) for guesses in variants])
     raw = np.concatenate(variants)
     raw[:, 1:], inside = _moved_clear(raw[:, 1:], domain, region)
@@ -170,7 +173,10 @@ def _pooled(seen: Sequence[Element], facade: Frame, domain: Box, balanced: bool,
 
 
 def _cells(x: np.ndarray, widths: np.ndarray, y: np.ndarray, heights: np.ndarray) -> np.ndarray:
-    """Windows at every column and row; widths (rows,), heights (rows,)."""
+    """Windows at every column and row; widths (rows,), heights (rows,). Of rows beyond what is looked at none is made: where a
+    spacing is tiny they are millions."""
+    rows = _MOST // max(len(x), 1) + 1
+    x, y, widths, heights = x[:_MOST], y[:rows], widths[:rows], heights[:rows]
     x, y, w, h = np.tile(x, len(y)), np.repeat(y, len(x)), np.repeat(widths, len(x)) / 2, np.repeat(heights, len(x)) / 2
     return np.column_stack([np.full(len(x), WINDOW), x - w, y - h, x + w, y + h])
 
