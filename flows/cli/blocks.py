@@ -1,0 +1,121 @@
+"""The commands that make a block to run."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from flows.cli.box import WithBox
+from flows.cli.imagery import ended, fetched_for_block
+from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
+from flows.cli.say import say
+
+if TYPE_CHECKING:
+    from tasks.examples.new_block import Geometry
+
+
+@click.command("new-block", cls=WithBox)
+@click.argument("block_file", metavar="BLOCK.yaml", type=NEW_FILE)
+@click.option("--osm", type=EXISTING_FILE, help="Map extract with buildings and streets (.osm.pbf).")
+@click.option("--buildings", type=EXISTING_FILE, help="Instead: buildings of any format that a block file names.")
+@click.option(
+    "--streets", type=EXISTING_FILE, help="Their streets.  [default: derived from the gaps between buildings]"
+)
+@click.option("--crs", metavar="CRS", help="What these count in, such as EPSG:28992, where they do not say it.")
+@click.option("--bbox", nargs=4, type=float, metavar="W S E N", help="Longitudes and latitudes.")
+@click.option("--around", nargs=2, type=float, metavar="LON LAT", help="Instead: the middle of a square.")
+@click.option(
+    "--size",
+    type=click.FloatRange(min=50.0, max=5000.0),
+    default=200.0,
+    show_default=True,
+    help="Its side in metres; without --bbox and --around, of the square that is built up most.",
+)
+@click.option("--photos", type=EXISTING_FOLDER, help="Panoramas with a pose, or photos named after a facade.")
+@click.option("--poses", type=EXISTING_FILE, help="Where panoramas were taken, if they do not say so themselves.")
+@click.option("--exemplars", type=EXISTING_FOLDER, help="Rectified facade pictures.  [default: painted ones]")
+@click.option("--imagery", metavar="SOURCE", help="Then fetch panoramas, as `streetloom fetch-imagery --from SOURCE`.")
+def new_block(
+    block_file: Path,
+    osm: Path | None,
+    buildings: Path | None,
+    streets: Path | None,
+    crs: str | None,
+    bbox: tuple[float, ...] | None,
+    around: tuple[float, float] | None,
+    size: float,
+    photos: Path | None,
+    poses: Path | None,
+    exemplars: Path | None,
+    imagery: str | None,
+) -> None:
+    """Write a block file for a part of a map, and say what was found there.
+
+    \b
+    Examples:
+      streetloom new-block mine.yaml --osm city.osm.pbf
+      streetloom new-block mine.yaml --osm city.osm.pbf --around 24.947 60.166 --size 300
+      streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --photos photos/
+      streetloom new-block mine.yaml --buildings houses.gpkg --streets roads.gpkg --crs EPSG:3067
+      streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --imagery panoramax
+    """
+    from catalogs.buildings.densest import square_around
+    from flows.cli.console import progress
+    from tasks.examples.new_block import new_block as write
+
+    if bbox and around:
+        raise click.UsageError("give --bbox or --around, not both")
+    area = bbox or (square_around(*around, size) if around else size)
+    with progress(quiet=not sys.stderr.isatty()):
+        found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
+    for line in found.lines():
+        say(line)
+    if imagery is not None:
+        ended(fetched_for_block(block_file, imagery))
+    say(f"ready: streetloom run {block_file}")
+
+
+def _geometry(osm: Path | None, buildings: Path | None, streets: Path | None, crs: str | None) -> Geometry:
+    """The files of new-block's options; click.UsageError where they are none, or say two things."""
+    from tasks.examples.new_block import Geometry
+
+    if osm is None and buildings is None:
+        raise click.UsageError("give a map as --osm FILE.osm.pbf, or buildings of another format as --buildings FILE")
+    if osm is not None and (buildings or streets):
+        raise click.UsageError("--osm holds buildings and streets; give it, or --buildings and --streets")
+    if osm is None:
+        assert buildings is not None
+        return Geometry(buildings, streets, crs)
+    if osm.suffix.lower() != ".pbf":
+        raise click.UsageError(
+            f"--osm: {osm} is no .osm.pbf; give it as --buildings {osm}, and its streets as --streets"
+        )
+    return Geometry(osm, osm, crs)
+
+
+@click.command()
+@click.argument("name", required=False)
+@click.option("--out", type=FOLDER, default=Path("blocks"), show_default=True, help="Where the data and the block go.")
+def fetch(name: str | None, out: Path) -> None:
+    """Fetch a real example block and its public data; without NAME, list them.
+
+    \b
+    Examples:
+      streetloom fetch
+      streetloom fetch delfshaven --out blocks
+    """
+    from catalogs.examples.sources import SOURCES
+    from flows.cli.console import progress
+    from tasks.examples.fetch import fetch_block
+
+    if name is None:
+        for known, source in SOURCES.items():
+            say(f"{known:<14} {len(source.files):>2} files  {source.licence}")
+        return
+    with progress(quiet=not sys.stderr.isatty()):
+        block, source = fetch_block(name, out)
+    say(f"licence: {source.licence}")
+    say(f"ready: streetloom run {block}")
