@@ -58,7 +58,7 @@ docs: setup  ## The documentation as a site in out/site, without a network; open
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/docs.txt
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --site-dir out/site
 
-bench: setup  ## What the demo's block takes; README names the command of each other figure
+bench: setup  ## What the demo's block takes; docs/figures.md names the command of each other figure
 	$(BIN)/streetloom bench block --json
 
 constraints: setup  ## Pin anew what pyproject.toml asks for

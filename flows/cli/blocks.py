@@ -64,12 +64,13 @@ def new_block(
     """
     from catalogs.buildings.densest import square_around
     from flows.cli.console import progress
+    from flows.cli.interrupts import undone_on_interrupt
     from tasks.examples.new_block import new_block as write
 
     if bbox and around:
         raise click.UsageError("give --bbox or --around, not both")
     area = bbox or (square_around(*around, size) if around else size)
-    with progress(quiet=not sys.stderr.isatty()):
+    with undone_on_interrupt(), progress(quiet=not sys.stderr.isatty()):
         found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
     for line in found.lines():
         say(line)

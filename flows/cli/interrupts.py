@@ -5,16 +5,35 @@ from __future__ import annotations
 import os
 import signal
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import NoReturn
 
 ENDING = (signal.SIGINT, signal.SIGTERM)
 INTERRUPTED = "interrupted; what is done is kept, run the same command to go on"
+UNDONE = "interrupted; nothing of it is left"
 
 
 def end_early(said: str = INTERRUPTED) -> None:
     """Exit with 128 + signal and one line as soon as the interpreter heeds a signal; until `end_on_interrupt` takes over."""
     for number in ENDING:
         signal.signal(number, lambda received, _: _end(received, said))
+
+
+@contextmanager
+def undone_on_interrupt() -> Iterator[None]:
+    """What is within ends on a signal as on an error, so that it takes away what it began; then exit as `end_early` does."""
+
+    def stop(received: int, _: object) -> NoReturn:
+        raise KeyboardInterrupt(received)
+
+    for number in ENDING:
+        signal.signal(number, stop)
+    try:
+        yield
+    except KeyboardInterrupt as interrupt:
+        _end(interrupt.args[0] if interrupt.args else signal.SIGINT, UNDONE)
+    end_early()
 
 
 def end_on_interrupt() -> None:

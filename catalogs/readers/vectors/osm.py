@@ -203,7 +203,7 @@ def _features(path: Path, *layers: Callable[[Any], Any]) -> Iterator[tuple[str, 
     from pyrosm import OSM
 
     try:
-        osm = OSM(str(path))
+        osm = OSM(str(path), progress=False)
         frames = [layer(osm) for layer in layers]
     except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
         if is_machines(error):

@@ -30,7 +30,9 @@ def read_places(path: Path) -> Places | None:
 
     wanted = {"shop": True, "amenity": list(AMENITIES), "entrance": True}
     try:
-        frame = OSM(str(path)).get_data_by_custom_criteria(wanted, keep_ways=False, keep_relations=False)
+        frame = OSM(str(path), progress=False).get_data_by_custom_criteria(
+            wanted, keep_ways=False, keep_relations=False
+        )
     except Exception as error:  # pyrosm lets zlib, struct, protobuf and its own errors through
         if is_machines(error):
             raise

@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 import json
+import signal
+import subprocess
+import sys
 import warnings
 from pathlib import Path
 
@@ -141,3 +144,18 @@ def test_block_files_of_the_package_are_block_files() -> None:
     }
     facts = json.loads((BLOCKS / "amsterdam_poses_and_walls.json").read_text())
     assert len(facts["camera_positions"]) == 4
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_one_that_is_interrupted_leaves_nothing(osm: Geometry, tmp_path: Path, number: int) -> None:
+    program = f"""
+import os
+import tasks.examples.new_block as made
+made.plan_of = lambda block: os.kill(os.getpid(), {int(number)})
+from flows.cli.commands import main
+main(["new-block", "new/mine.yaml", "--osm", {str(osm.buildings)!r}, "--bbox", *map(str, {BOX})])
+"""
+    ended = subprocess.run([sys.executable, "-c", program], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert ended.returncode == 128 + number, ended.stderr
+    assert ended.stderr.strip() == "streetloom: interrupted; nothing of it is left"
+    assert list(tmp_path.iterdir()) == []
