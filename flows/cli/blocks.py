@@ -8,10 +8,10 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.box import WithBox
 from flows.cli.imagery import ended, fetched_for_block
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.say import say
+from flows.cli.usage import WithBox
 
 if TYPE_CHECKING:
     from tasks.examples.new_block import Geometry

@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.box import WithBox
 from flows.cli.paths import EXISTING_FILE, FOLDER
 from flows.cli.say import note, say
+from flows.cli.usage import WithBox
 
 if TYPE_CHECKING:
     from tasks.fetching import Fetched

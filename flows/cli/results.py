@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.box import WithBox
 from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalPath
 from flows.cli.say import note, say
+from flows.cli.usage import WithBox
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
 if TYPE_CHECKING:
