@@ -10,9 +10,10 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
-from facade_core.export.balconies import balconies_on, balcony
+from facade_core.export.balconies import BalconyFace, balconies_on, balcony
 from facade_core.export.body import Body, body_of
 from facade_core.export.cityjson import Face
+from facade_core.export.ledges import ledge, ledges_on
 from facade_core.export.models import Drawn
 from facade_core.export.openings import openings_in
 from facade_core.export.patches import Patch, Patches, components, joined, triangulated
@@ -60,11 +61,13 @@ class Part:
 
 @dataclass(frozen=True)
 class Modelled:
-    """A building: its body; what stands out of it (eaves, gutters, dormers ...); its balconies, each with the facade."""
+    """A building: its body; what stands out of it (eaves, gutters, dormers ...); its balconies and ledges, each with the
+    facade."""
 
     body: Part
     beside: tuple[Part, ...]
     balconies: tuple[tuple[str, Part], ...]
+    ledges: tuple[tuple[str, Part], ...] = ()
 
 
 def modelled(
@@ -79,9 +82,9 @@ def modelled(
     """One building, on the grid around `origin` (3,).
 
     triangles: the building's, of the mesh that is drawn. facades: chart -> id of the facade there; layouts: chart -> its
-    elements in metres, y down, of which windows and doors are set back in the wall and balconies stand before it. What closes
-    the body where the mesh has no surface, the ground below among it, has no texture. assumed: the roof is, so that the panes
-    in it are drawn and no openings that anybody knows of: they count as roof.
+    elements in metres, y down, of which windows and doors are set back in the wall, balconies and ledges stand before it.
+    What closes the body where the mesh has no surface, the ground below among it, has no texture. assumed: the roof is, so
+    that the panes in it are drawn and no openings that anybody knows of: they count as roof.
     """
     source, mesh = drawn.source, drawn.source.mesh
     surfaces = Surfaces()
@@ -94,17 +97,23 @@ def modelled(
     body = body_of(source, triangles, semantics, ground, origin)
     faces: list[Face] = []
     balconies: list[tuple[str, Part]] = []
+    ledges: list[tuple[str, Part]] = []
     behind = [_triangles(body.shell)] if layouts else []
     for patch in body.shell.patches:
         chart, elements = patch.chart, layouts.get(patch.chart, ())
         if elements and source.charts.kind[chart] == WALL:
             faces += _opened(drawn, body.shell, patch, elements, surfaces, behind)
-            balconies += [(facades[chart], part) for part in _balconies(drawn, body.shell, patch, elements, facades)]
+            wall = _in_frame(drawn, [body.shell.points[list(ring)] for ring in patch.rings], chart)
+            if wall.is_valid:
+                balconies += [
+                    (facades[chart], _before(drawn, chart, balcony(box))) for box in balconies_on(wall, elements)
+                ]
+                ledges += [(facades[chart], _before(drawn, chart, ledge(box))) for box in ledges_on(wall, elements)]
         else:
             rings = tuple(body.shell.points[list(ring)] for ring in patch.rings)
             faces.append(face_of(drawn, rings, patch.semantic if patch.semantic >= 0 else closing, chart))
     beside = tuple(_stands_out(drawn, pieces, surfaces.all) for pieces in _together(body))
-    return Modelled(Part(faces, surfaces.all, body.closed), beside, tuple(balconies))
+    return Modelled(Part(faces, surfaces.all, body.closed), beside, tuple(balconies), tuple(ledges))
 
 
 def face_of(
@@ -149,23 +158,14 @@ def _opened(
     return [face_of(drawn, [*rings, *holes], patch.semantic, chart), *faces]
 
 
-def _balconies(
-    drawn: Drawn, shell: Patches, patch: Patch, elements: Sequence[Element], facades: Mapping[int, str]
-) -> list[Part]:
-    """The balconies before a wall's polygon, each a closed body."""
-    charts, chart = drawn.source.charts, patch.chart
-    wall = _in_frame(drawn, [shell.points[list(ring)] for ring in patch.rings], chart)
-    parts = []
-    for box in balconies_on(wall, elements) if wall.is_valid else []:
-        surfaces = Surfaces()
-        faces = []
-        for rings, looks, kind in balcony(box):
-            points = [
-                charts.points(chart, ring[:, 0], ring[:, 1]) + ring[:, 2:] * charts.normal()[chart] for ring in rings
-            ]
-            faces.append(face_of(drawn, points, surfaces.shared(kind), chart, looks))
-        parts.append(Part(faces, surfaces.all, False))
-    return parts
+def _before(drawn: Drawn, chart: int, body: Sequence[BalconyFace]) -> Part:
+    """A closed body before a wall, corners as metres right and down in the chart's frame and out of it."""
+    charts, surfaces = drawn.source.charts, Surfaces()
+    faces = []
+    for rings, looks, kind in body:
+        points = [charts.points(chart, ring[:, 0], ring[:, 1]) + ring[:, 2:] * charts.normal()[chart] for ring in rings]
+        faces.append(face_of(drawn, points, surfaces.shared(kind), chart, looks))
+    return Part(faces, surfaces.all, False)
 
 
 def _in_frame(drawn: Drawn, rings: Sequence[np.ndarray], chart: int) -> Polygon:

@@ -144,7 +144,7 @@ def export(
     glb           block and buildings, metres around an origin that its extras state with the CRS; y up
     3dtiles       on the earth (EPSG:4978); heights over the ellipsoid by geoid_separation of the block file
     cityjson(seq) LoD2, in the block's CRS; a Solid for each building whose surfaces close
-    lod3          the same, windows and doors set back in the walls, balconies before them
+    lod3          the same, windows and doors set back in the walls, balconies and ledges before them
     citygml       lod3 as CityGML 2.0, textures as its theme rgbTexture
     gpkg          facades, walls, buildings, roofs, ground, streets, in the block's CRS
     usd           z up, metres around an origin that the layer's customLayerData states; lit (`make usd-setup`)

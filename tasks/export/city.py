@@ -90,7 +90,7 @@ def _objects(
     for page, image in enumerate(images):
         (folder / image).write_bytes(page_jpeg(drawn, page))
         advance("export", 1)
-    layouts = facade_layouts(found) if openings else {}
+    layouts = facade_layouts(found, buildings) if openings else {}
     triangles = grouped(source.charts.building[source.mesh.chart])
     taken = set(found.names.values())
 
@@ -138,6 +138,7 @@ def building_objects(
     wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.beside]
     if layouts:
         wanted += [("balcony", {"class": "balcony", "facade": facade}, part) for facade, part in made.balconies]
+        wanted += [("ledge", {"class": "ledge", "facade": facade}, part) for facade, part in made.ledges]
     installations: dict[str, Any] = {}
     for number, (kind, attributes, part) in enumerate(wanted):
         installations[_free(f"{name}-{kind}-{number}", taken)] = {
@@ -205,18 +206,25 @@ def _roof(row: Mapping[str, Any]) -> dict[str, Any]:
     return {"roofType": row["roof_shape"], "eavesHeight": eaves, "roofHeight": height, "roofConfidence": confidence}
 
 
-def facade_layouts(found: Published) -> dict[int, list[Element]]:
-    """The elements of every finished facade by its chart, in metres."""
-    density = found.plan.scene.placement.texels_per_metre
-    chosen = found.rectified(found.choose(()))
-    chart = {i: int(found.plan.facades.chart[i]) for i in chosen}
-    return {
-        chart[i]: [
-            replace(e, **{side: getattr(e, side) / float(density[chart[i]]) for side in ("x0", "y0", "x1", "y1")})
-            for e in found.elements(i)
+def facade_layouts(found: Published, buildings: np.ndarray) -> dict[int, list[Element]]:
+    """The elements of the finished facades of some buildings by their charts, in metres, with the ledges that pictures show."""
+    from facade_core.export.facade_stages import chart_raster
+    from facade_core.export.ledges import ledges_of
+
+    placement = found.plan.scene.placement
+    layouts = {}
+    for index in found.rectified(buildings):
+        chart = int(found.plan.facades.chart[index])
+        density = float(placement.texels_per_metre[chart])
+        elements = [
+            replace(e, **{side: getattr(e, side) / density for side in ("x0", "y0", "x1", "y1")})
+            for e in found.elements(index)
         ]
-        for i in chosen
-    }
+        seed, labels = (
+            chart_raster(found.group, placement, chart, name) for name in ("atlas/seed", "facade_maps/labels")
+        )
+        layouts[chart] = [*elements, *ledges_of(seed, labels, elements, density)]
+    return layouts
 
 
 def origin_of(found: Published) -> np.ndarray:

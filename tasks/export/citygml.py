@@ -37,7 +37,7 @@ def write_citygml(found: Published, buildings: np.ndarray, folder: Path) -> tupl
         (folder / image).write_bytes(page_jpeg(drawn, page))
         advance("export", 1)
     triangles = grouped(source.charts.building[source.mesh.chart])
-    layouts = facade_layouts(found)
+    layouts = facade_layouts(found, buildings)
     ids = {index: ncname(found.names[index]) for index in buildings.tolist()}
     mine = np.concatenate([triangles[index] for index in shown.tolist() if index in triangles])
     corners = source.mesh.vertices[source.mesh.triangles[mine].ravel()]
@@ -74,6 +74,7 @@ def _building(
     installations = []
     wanted: list[tuple[str, dict[str, str], Any]] = [("roof", {}, part) for part in made.beside]
     wanted += [("balcony", {"facade": facade}, part) for facade, part in made.balconies]
+    wanted += [("ledge", {"facade": facade}, part) for facade, part in made.ledges]
     for number, (kind, said, part) in enumerate(wanted):
         textured.prefix = f"{id}-{kind}-{number}"
         installations.append((textured.prefix, kind, said, surfaces_of(textured, part.faces, part.surfaces, lod)[0]))
