@@ -152,7 +152,6 @@ def _make(
     along, width = float(facades.along[facade]), float(facades.width[facade])
     seed = unit_seed(run, facades.id[facade], "facade")
     said = imagery.corrected
-    kept = texels_of(said.keep, size)
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
         with refusing(refused):
@@ -161,8 +160,8 @@ def _make(
                 try:
                     result = from_photo(
                         evidence.image,
-                        (evidence.hidden | texels_of(said.hide, size)) & ~kept,
-                        kept=kept,
+                        evidence.hidden | texels_of(said.hide, size),
+                        kept=texels_of(said.keep, size),
                         outside=evidence.outside,
                         private=evidence.seen.hidden(size),
                         clean=evidence.clean,

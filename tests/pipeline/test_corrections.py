@@ -137,6 +137,8 @@ def test_walls_that_are_none_exemplars_heights_and_what_is_in_front(folder: Path
     import_corrections(folder / "out", own(folder, {"building_id": "b", "height": 12.0}), who="anna")
     made(folder)
     assert record(folder, "a-0")["source"] == "translator"
+    texture(folder / "in" / "block.yaml", folder / "fresh")
+    assert digests_of(folder / "fresh") == digests_of(folder / "out"), "nothing is left of the photo that it had"
     assert query(folder / "out", where="id = 'b-2'")["height_m"].tolist() == [12.0]
 
 
