@@ -41,8 +41,7 @@ def with_elements(facade: Facade, shares: Sequence[tuple[str, float, float, floa
     height, width = facade.labels.shape
     layout = tuple(Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares)
     made_up = facade.provenance != PHOTO
-    gone = [e for e in facade.elements if not any(_same(e, other) for other in layout)]
-    new = [e for e in layout if not any(_same(e, other) for other in facade.elements)]
+    gone, new = unlike(facade.elements, layout), unlike(layout, facade.elements)
     image = facade.image.copy()
     stays = np.zeros((height, width), bool)  # a railing stays before a window that goes
     for e in facade.elements:
@@ -120,8 +119,16 @@ def _within(e: Element, rim: int, size: tuple[int, int]) -> tuple[slice, slice]:
     return slice(y0, y1), slice(x0, x1)
 
 
-def _same(a: Element, b: Element) -> bool:
-    return a.label == b.label and max(abs(a.x0 - b.x0), abs(a.y0 - b.y0), abs(a.x1 - b.x1), abs(a.y1 - b.y1)) <= SAME
+def unlike(elements: Sequence[Element], others: Sequence[Element], *, moved: float = SAME) -> list[Element]:
+    """The elements that none of the others is, of one class and with no side farther off than `moved`."""
+    return [
+        a
+        for a in elements
+        if not any(
+            a.label == b.label and max(abs(a.x0 - b.x0), abs(a.y0 - b.y0), abs(a.x1 - b.x1), abs(a.y1 - b.y1)) <= moved
+            for b in others
+        )
+    ]
 
 
 def _labels(labels: np.ndarray, layout: Sequence[Element]) -> np.ndarray:

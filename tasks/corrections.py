@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from catalogs.block.corrections import (
     OF_BUILDINGS,
@@ -23,7 +22,9 @@ from catalogs.block.corrections import (
 from catalogs.frames import LONLAT, between
 from catalogs.published.places import Folder
 from catalogs.readers.annotations import Said, pictures_of, read_annotations
+from facade_core.correction import unlike
 from facade_core.errors import InputError
+from facade_core.types import Element
 from tasks.published.opened import Published, published
 from tasks.store.standing import recorded_source
 
@@ -125,18 +126,13 @@ class _Told:
     def _same(self, one: Correction, stands: Any) -> bool:
         if one.what != "elements" or one.value is None or stands is None:
             return one.value == stands
-        height, width = self._size(one.id)
-        scale = np.array([width, height, width, height])
-        left = [(label, np.array(box) * scale) for label, *box in stands]
-        for label, *box in one.value:
-            place = np.array(box) * scale
-            match = next(
-                (i for i, (of, at) in enumerate(left) if of == label and np.abs(at - place).max() <= MOVED), None
-            )
-            if match is None:
-                return False
-            del left[match]
-        return not left
+        said, there = (self._drawn(one.id, layout) for layout in (one.value, stands))
+        return len(said) == len(there) and not (unlike(said, there, moved=MOVED) or unlike(there, said, moved=MOVED))
+
+    def _drawn(self, facade: str, shares: Sequence[Sequence[Any]]) -> list[Element]:
+        """Elements in shares of a wall, in its texels."""
+        height, width = self._size(facade)
+        return [Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares]
 
     def _elements(self, facade: str) -> list[Any]:
         height, width = self._size(facade)
