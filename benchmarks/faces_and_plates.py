@@ -23,7 +23,7 @@ from catalogs.learning.datasets import LabelledFacade
 from facade_core.detect import Seen, look
 from facade_core.detect.faces import find_faces, ious
 from facade_core.detect.seen import find_plates
-from facade_core.facade import things_in_front
+from facade_core.in_front import things_in_front
 from facade_core.parse import parse
 from facade_core.types import Box
 from tasks.units.evidence import LOWERMOST, UPPERMOST

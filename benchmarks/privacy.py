@@ -27,7 +27,8 @@ from benchmarks import faces_and_plates, in_front, shop_signs
 from catalogs.learning.datasets import CMP, ECP, LabelledFacade, read, split
 from facade_core.detect import looked_for
 from facade_core.errors import ImageError
-from facade_core.facade import from_photo, things_in_front
+from facade_core.facade import from_photo
+from facade_core.in_front import things_in_front
 from facade_core.parse import parse
 from facade_core.synth import exemplars
 from facade_core.texture import exemplar_scale

@@ -13,6 +13,7 @@ import shapely
 
 from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED, UNSEEN
 from facade_core.errors import ImageError
+from facade_core.in_front import THING_RIM, grown, no_spill, things_in_front
 from facade_core.layout import complete
 from facade_core.layout.visible import reached, visible_boxes
 from facade_core.parse import elements, lattice, parse
@@ -29,13 +30,6 @@ from facade_core.variation import Hierarchy, coded, encode, exchange_in_photo, v
 LEAST_SEEN = 0.05
 # An element hidden by more than this share was not observed.
 HIDDEN_SHARE = 0.3
-# What the parser sees in front of a facade counts from this share of the image on, and hides a rim of this share of
-# its side more: leaves and mirrors reach beyond what a mask holds.
-LEAST_THING, THING_RIM = 0.0005, 0.006
-# The parser, which sees a hole filled from its border, takes some of that border for a thing: what reaches no farther than
-# this share from the hole is none.
-SPILL = 0.05
-
 # Pixels of the longer side at which an exemplar that comes with labels is counted and looked at: windows are large there.
 COUNTED = 640
 
@@ -182,7 +176,7 @@ def _completed(
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
         parsing = parse(np.dstack([image, alpha]))
-        found = np.zeros_like(hidden) if clean else _no_spill(parsing.occluded, hidden)
+        found = np.zeros_like(hidden) if clean else no_spill(parsing.occluded, hidden)
         if kept is not None:
             found &= ~kept
         in_front, masked = things_in_front(found)
@@ -191,7 +185,7 @@ def _completed(
         masked_share = float((in_front & ~hidden).mean())
         hidden = hidden | in_front
         if outside is not None:
-            hidden |= _grown(outside, THING_RIM)
+            hidden |= grown(outside, THING_RIM)
     _require_seen(hidden, "beside sky, trees, cars and the like")
     with _timed(seconds, "elements"):
         observed = [e for e in elements(parsing) if share_of(hidden, e) <= HIDDEN_SHARE]
@@ -231,36 +225,6 @@ def _require_seen(hidden: np.ndarray, what: str) -> None:
             f"only {seen:.1%} of the facade is seen {what}, and {LEAST_SEEN:.0%} are the least; give a photo that shows more "
             "of it, or none"
         )
-
-
-def things_in_front(occluded: np.ndarray) -> tuple[np.ndarray, tuple[Box, ...]]:
-    """The parser's mask (h, w) bool of what stands in front, without specks and with a rim; and the boxes of its parts."""
-    from skimage.measure import label, regionprops
-
-    parts = label(occluded)
-    things = [thing for thing in regionprops(parts) if thing.area >= LEAST_THING * occluded.size]
-    kept = np.isin(parts, [thing.label for thing in things])
-    return _grown(kept, THING_RIM), tuple(
-        (thing.bbox[1], thing.bbox[0], thing.bbox[3], thing.bbox[2]) for thing in things
-    )
-
-
-def _no_spill(occluded: np.ndarray, hidden: np.ndarray) -> np.ndarray:
-    """What the parser takes for in front (h, w) bool, without the parts that only line a hole (h, w) bool. A car that the
-    hole's border crosses is no such part: it is believed up to there."""
-    from skimage.measure import label
-
-    parts = label(occluded & ~hidden)
-    beyond = np.unique(parts[~_grown(hidden, SPILL)])
-    return np.isin(parts, beyond[beyond > 0])
-
-
-def _grown(mask: np.ndarray, share: float) -> np.ndarray:
-    """A mask (h, w) bool and a rim of this share of its side around it."""
-    import cv2
-
-    rim = 1 + round(share * np.sqrt(mask.size))
-    return cv2.dilate(mask.astype(np.uint8), np.ones((2 * rim + 1, 2 * rim + 1), np.uint8)).astype(bool)
 
 
 def prepare_exemplar(

@@ -13,7 +13,7 @@ import numpy as np
 from catalogs.readers.pictures.opening import LEAST_SIDE
 from facade_core.detect import Seen, look, look_around
 from facade_core.errors import ImageError
-from facade_core.facade import things_in_front
+from facade_core.in_front import things_in_front
 from facade_core.parse import parse
 from facade_core.plan import Plan
 from facade_core.rectify import View, fuse_views, own_texture, rectify, rectify_view

@@ -12,7 +12,8 @@ import pytest
 import facade_core.facade
 from facade_core.atlas import INPAINTED, PHOTO, SYNTHESISED
 from facade_core.errors import ImageError
-from facade_core.facade import _no_spill, count_columns, from_exemplar, from_photo, prepare_exemplar
+from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar
+from facade_core.in_front import no_spill
 from facade_core.labels import SKY, WALL, WINDOW
 from facade_core.synth import facade as paint
 from facade_core.texture import Wall, on_wall, style_of
@@ -204,7 +205,7 @@ def test_a_thing_that_a_hole_crosses_is_hidden_up_to_it_and_what_lines_the_hole_
     hidden[190:] = True  # where a rectified photo shows nothing
     occluded[150:, 40:120] = True  # a car
     occluded[184:, 150:180] = True  # the filling, seen as a thing
-    believed = _no_spill(occluded, hidden)
+    believed = no_spill(occluded, hidden)
     assert believed[150:190, 40:120].all()
     assert not believed[:, 130:].any()
     assert not believed[hidden].any()
