@@ -19,6 +19,7 @@ from catalogs.block.corrections import (
     corrections_file,
     read_corrections,
 )
+from catalogs.block.yaml_files import read_yaml
 from catalogs.frames import LONLAT, between
 from catalogs.published.places import Folder
 from catalogs.readers.annotations import Said, pictures_of, read_annotations
@@ -64,7 +65,7 @@ def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when
     before = read_corrections(block)
     with published(out) as found:
         said = read_annotations(path, pictures_of(list(found.plan.facades.id)))
-        told = _Told(found, before)
+        told = _Told(found, before, of_part="part" in read_yaml(block))
         new = [
             one
             for id, what, value in said
@@ -81,8 +82,8 @@ def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when
 class _Told:
     """What stands of a block now: as published, or as somebody corrected it."""
 
-    def __init__(self, found: Published, before: Corrections) -> None:
-        self.found, self.before = found, before
+    def __init__(self, found: Published, before: Corrections, *, of_part: bool) -> None:
+        self.found, self.before, self.of_part = found, before, of_part
         self.facades = {id: index for index, id in enumerate(found.plan.facades.id)}
         self.buildings = {id: index for index, id in found.names.items()}
         self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
@@ -105,6 +106,10 @@ class _Told:
             raise InputError(
                 f"{path}: {id}: there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
             )
+        if self.of_part and what in ("height", "levels"):
+            raise InputError(
+                f"{path}: {id}: {what} of a city's buildings is corrected in the map that the city's file names"
+            )
         if not self._differs(one):
             return None
         self._conflict(one)
@@ -113,7 +118,7 @@ class _Told:
     def _differs(self, one: Correction) -> bool:
         stands = self.before.value(one.id, one.what)
         if one.value is None or stands is not None:
-            return bool(one.value is None and stands is not None) or not self._same(one, stands)
+            return not self._same(one, stands)
         if one.what == "elements":
             return not self._same(one, self._elements(one.id))
         table, building = self.found.buildings, self.buildings.get(one.id)

@@ -101,7 +101,7 @@ def read_corrections(block: Path) -> Corrections:
         try:
             said = json.loads(line)
             one = checked(Correction(**said | {"place": _pair(said.get("place"))}))
-        except (ValueError, TypeError, InputError) as error:
+        except (ValueError, TypeError, AttributeError, InputError) as error:
             why = " ".join(str(error).split())[:120]
             raise InputError(f"{path}: line {number} is no correction ({why}); mend or remove it") from error
         found.setdefault(one.id, {})[one.what] = one

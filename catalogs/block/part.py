@@ -73,6 +73,7 @@ class Whole:
         for facade in block.photos:
             self._photos.setdefault(facade.rpartition("-")[0], []).append(facade)
         places = [shapely.Point(one.pose.x, one.pose.y) for one in block.panoramas]
+        self._entrances = shapely.STRtree(shapely.points(np.array(block.entrances).reshape(-1, 2)))
         self._panoramas = shapely.STRtree(places)
         self._ways = shapely.STRtree([way.line for way in block.ground.ways])
         self._areas = shapely.STRtree([area.outline for area in block.ground.areas])
@@ -99,7 +100,8 @@ class Whole:
         near = shapely.union_all([one.footprint for one in mine]).buffer(PICTURE_M)
         pictured = np.sort(self._panoramas.query(near, predicate="covers"))
         names = {name for one in mine for name in (one.id, file_stem(one.id))}
-        entrances = [place for place, is_own in zip(block.entrances, self._at(mine), strict=True) if is_own]
+        beside = shapely.union_all([one.footprint for one in mine]).buffer(ENTRANCE_M)
+        entrances = np.sort(self._entrances.query(beside, predicate="covers"))
         photos = {facade for name in names for facade in self._photos.get(name, ())}
         kept, textures = _with_textures(kept, block.textures)
         return replace(
@@ -107,7 +109,7 @@ class Whole:
             buildings=tuple(kept),
             streets=tuple(lines),
             shops=None,
-            entrances=tuple(entrances),
+            entrances=tuple(block.entrances[i] for i in entrances.tolist()),
             ground=self._ground(around),
             photos={facade: block.photos[facade] for facade in sorted(photos)},
             panoramas=tuple(block.panoramas[i] for i in pictured.tolist()),
@@ -116,11 +118,6 @@ class Whole:
             faults=tuple(fault for fault in block.faults if fault.kind not in ("building", "street", "photo")),
             part=part,
         )
-
-    def _at(self, buildings: Sequence[Building]) -> list[bool]:
-        """Which entrances of the city lie at some of its buildings."""
-        near = shapely.union_all([one.footprint for one in buildings]).buffer(ENTRANCE_M)
-        return shapely.covers(near, shapely.points(np.array(self.block.entrances).reshape(-1, 2))).tolist()
 
     def _ground(self, around: shapely.Polygon) -> Ground:
         ground = self.block.ground

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -28,8 +27,6 @@ def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
     if path.suffix.lower() == ".gpkg":
         return _buildings(path)
     try:
-        if path.suffix.lower() == ".jsonl":
-            return [(one["id"], one["what"], one["value"]) for one in map(json.loads, path.read_text().splitlines())]
         document = load_json(path)
         if isinstance(document, dict) and {"images", "annotations"} <= document.keys():
             return _coco(document, facades)

@@ -9,7 +9,7 @@ import shapely
 
 from catalogs.block import Block
 from catalogs.block.part import ENTRANCE_M, Part
-from facade_core.atlas.encoded import HIERARCHIES, forget_encoded, hierarchy_path
+from facade_core.atlas.encoded import HIERARCHIES, forget_encoded
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.fronts import outlines_as_walls
@@ -210,9 +210,9 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
     for index, name in enumerate(names):
         if records[index] is None and name in keys:
             records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
-    # files stay where they are; those of facades that are gone do not
-    charts = change.after.ids[change.after.facades.chart]
-    forget_encoded(change.group, HIERARCHIES, {hierarchy_path(int(chart)).rpartition("/")[2] for chart in charts})
+    # files stay where they are; those that no record tells of do not: of facades that are gone, or have no variations now
+    told = {record["variation_file"].rpartition("/")[2] for record in records if record and "variation_file" in record}
+    forget_encoded(change.group, HIERARCHIES, told)
     return records
 
 

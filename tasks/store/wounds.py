@@ -62,10 +62,11 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
         "surfaces": _without_texels(session, records["surfaces"]),
     }
     for stage in ENCODING:
+        lost = set(found.get(stage, ()))
         found[stage] = [
             unit
             for unit, record in enumerate(records[stage])
-            if unit in set(found.get(stage, ())) or not all(path in group for path in encoded_of(stage, unit, record))
+            if unit in lost or not all(path in group for path in encoded_of(stage, unit, record))
         ]
     return {stage: units for stage, units in found.items() if units}
 

@@ -66,7 +66,7 @@ def imagery_of(
             panoramas=tuple(panoramas[i]),
             captured={path: captured[path] for path, _ in panoramas[i] if path in captured},
             textured=bool(textured[i]),
-            exemplar=exemplars.get(i),
+            exemplar=exemplars.get(i) if corrected.get(i, AS_FOUND).facade else None,
             shops=shops[i] != 0,
             corrected=corrected.get(i, AS_FOUND),
             entrances=entrances[i],
