@@ -41,6 +41,8 @@ def _uneven(grain: Grain) -> float:
     """How much stronger a grain is in its strongest part than in most."""
     light = np.sqrt(grain.shares).mean(axis=2)
     step = len(light) // PARTS
+    if step == 0:  # plain colour
+        return 1.0
     parts = np.square(light - light.mean())[: step * PARTS, : step * PARTS].reshape(PARTS, step, PARTS, step)
     energy = parts.mean(axis=(1, 3))
     return float(energy.max() / max(float(np.median(energy)), 1e-9))

@@ -95,7 +95,7 @@ def _profile(image: np.ndarray, free: np.ndarray) -> np.ndarray:
     if not len(known):
         return np.tile(np.median(image.reshape(-1, 3), axis=0), (len(image), 1))
     medians = np.array([np.median(image[row][free[row]], axis=0) for row in known.tolist()])
-    nearest = np.abs(np.arange(len(image))[:, None] - known).argmin(axis=1)
+    nearest = np.searchsorted((known[1:] + known[:-1]) / 2, np.arange(len(image)))
     return medians[nearest]
 
 

@@ -23,7 +23,7 @@ from facade_core.layout.whole import made_whole
 from facade_core.types import Completion, Element, Parsing
 
 # An alternative picks what is this share as likely as what is picked (`examples.likely`): more, or fewer.
-_SHARES = (1.0, 0.7, 1.5, 2.0, 0.3, 8.0)
+_SHARES = (1.0, 0.7, 1.5, 2.0, 0.3)
 # In alternatives, what one way of carrying grids on proposes is picked down to these shares of it.
 _DOUBTED = (0.4, 0.1)
 # Of guesses alike, as likely to be right by half their area, that is picked on which most ways agree.
@@ -135,6 +135,8 @@ def candidates(
             took[kept] = True
             kept = pick(found.box, found.label, preference + 4 * took, (took & ~alone) | fill, blocked)
         kept = kept[(found.label[kept] != DOOR) | (np.cumsum(found.label[kept] == DOOR) <= doors)]
+        if made and not len(kept):  # to complete nothing is no alternative
+            continue
         layout = aligned(found, kept, likely, things, domain, region, blocked)
         right = float(likely[kept].sum())
         value = 2 * right / max(len(kept) + max(expected, right), 1e-9)

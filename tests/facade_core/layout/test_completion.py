@@ -154,6 +154,14 @@ def test_alternatives_are_distinct_ranked_and_sound():
     assert options == complete(seen, DOMAIN, LEFT, n=3)
 
 
+@pytest.mark.parametrize(("columns", "floors"), [(6, 5), (5, 4)])
+def test_no_alternative_completes_nothing(columns, floors):
+    seen = [box("window", 10 + 20 * i, 10 + 30 * j, 10, 16) for i in range(columns // 2) for j in range(floors)]
+    domain, region = (0.0, 0.0, 20.0 * columns, 30.0 * floors), [(0.0, 0.0, 10.0 * columns, 30.0 * floors)]
+    options = complete(seen, domain, region, n=5)
+    assert min(len(option.elements) for option in options) > len(seen)
+
+
 def test_random_regions_stay_sound():
     rng = np.random.default_rng(3)
     for _ in range(20):
