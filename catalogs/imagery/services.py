@@ -12,6 +12,7 @@ from urllib.parse import urlsplit
 
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
+from catalogs.imagery.account import POSES, is_fetched, read_account
 from catalogs.imagery.fetching import Get
 from catalogs.imagery.mapillary import API as MAPILLARY
 from catalogs.imagery.mapillary import mapillary_offers
@@ -92,6 +93,8 @@ def _folder(folder: Path, poses: Path | None) -> Service:
         frame, lonlat = CRS.from_user_input(wanted.frame), CRS.from_user_input(LONLAT)
         found = read_panoramas(folder, poses or _beside(folder), frame)
         yield from found.faults
+        # of pictures that this fetched before, who took them and what for they may be used
+        told_of = {one.file: one for one in read_account(folder).kept.values()} if is_fetched(folder) else {}
         west, south, east, north = wanted.box
         for one in found.items:
             pose = one.pose
@@ -99,15 +102,22 @@ def _folder(folder: Path, poses: Path | None) -> Service:
             place = in_frame(stated, pose.view, lonlat, {})
             if west <= place.x <= east and south <= place.y <= north:
                 told = SourcePose(LONLAT, place.x, place.y, pose.z, place.heading, pose.pitch, pose.roll)
-                yield Offer(one.id, str(one.path), told, captured=one.captured, licence=wanted.licence)
+                before = told_of.get(one.path.name)
+                yield Offer(
+                    one.id,
+                    str(one.path),
+                    told,
+                    captured=one.captured,
+                    author=before.author if before else None,
+                    licence=(before.licence if before else None) or wanted.licence,
+                    licence_url=before.licence_url if before else None,
+                )
 
-    return Service(folder.name, search, _copied)
+    return Service(str(folder.resolve()), search, _copied)  # two folders of one name are two sources
 
 
 def _beside(folder: Path) -> Path | None:
     """The poses file that lies with the pictures, as this writes one."""
-    from catalogs.imagery.account import POSES
-
     return folder / POSES if (folder / POSES).is_file() else None
 
 

@@ -128,6 +128,22 @@ def test_a_box_without_a_block_brings_all_of_it_or_the_newest(served: Imagery, t
     assert names(tmp_path / "some") == {"near-0", "near-1"}
 
 
+def test_who_took_a_picture_is_told_from_folder_to_folder_and_folders_of_one_name_are_two(
+    served: Imagery, tmp_path: Path
+) -> None:
+    (west, south), (east, north) = (LONLAT.transform(EAST + x, NORTH + x) for x in (-50.0, 50.0))
+    box = (west, south, east, north)
+    for name in ("a", "b"):
+        fetch_for_box(box, tmp_path / name / "pictures", stac(served.stac()))
+        found = fetch_for_box(box, tmp_path / "all", service_of(str(tmp_path / name / "pictures"), None))
+        told = json.loads((tmp_path / "all" / "poses.json").read_text())["poses"]
+        assert {(one["author"], one["licence"]) for one in told.values()} == {("anna", "CC-BY-SA-4.0")}
+        assert "licences   CC-BY-SA-4.0" in "\n".join(found.lines())
+    assert {json.loads(line)["source"] for line in (tmp_path / "all" / "fetched.jsonl").read_text().splitlines()} == {
+        str(tmp_path / name / "pictures") for name in ("a", "b")
+    }
+
+
 def test_the_command_tells_of_pictures_that_cannot_be_had_and_ends_by_what_became(
     served: Imagery, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
