@@ -46,10 +46,11 @@ from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases, grids, load
 from facade_core.layout.densities import TERMS
 from facade_core.layout.extension import Extension
+from facade_core.layout.frames import frame
 from facade_core.layout.grids import boxes
 from facade_core.layout.model import SHIPPED, LayoutModel
 from facade_core.layout.optimisation import search, start_of
-from facade_core.layout.proposals import frame, propose
+from facade_core.layout.proposals import propose
 from facade_core.layout.rectangles import WINDOW, iou
 from facade_core.layout.scores import terms
 

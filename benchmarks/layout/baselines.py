@@ -10,12 +10,12 @@ from catalogs.learning.layouts import LayoutRecord
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import complete, grids
 from facade_core.layout.extension import Extension, extend, known
+from facade_core.layout.frames import Box
 from facade_core.layout.grids import boxes
 from facade_core.layout.model import LayoutModel
 from facade_core.layout.optimisation import search, start_of, value_of
 from facade_core.layout.picking import pick
 from facade_core.layout.policy import roll_out
-from facade_core.layout.proposals import Box
 from facade_core.layout.rectangles import iou, may_overlap, overlaps
 from facade_core.types import Element
 

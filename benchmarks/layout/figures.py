@@ -12,8 +12,8 @@ from benchmarks.layout.baselines import Method, rows_of
 from catalogs.learning.layouts import LayoutRecord
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases
+from facade_core.layout.frames import Box, frame
 from facade_core.layout.grids import boxes
-from facade_core.layout.proposals import Box, frame
 from facade_core.layout.rectangles import iou, may_overlap, overlaps
 from facade_core.types import Element
 

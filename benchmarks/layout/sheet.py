@@ -10,8 +10,8 @@ from PIL import Image, ImageDraw
 
 from catalogs.learning.layouts import LayoutRecord
 from facade_core.layout import cases, complete
+from facade_core.layout.frames import Box
 from facade_core.layout.model import LayoutModel
-from facade_core.layout.proposals import Box
 from facade_core.types import Element
 
 OF_A_KIND, COLUMNS, SIDE, GAP = 10, 8, 240, 10

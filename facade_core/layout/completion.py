@@ -11,10 +11,11 @@ from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.checks import check_domain, check_elements, checked_region
 from facade_core.layout.descriptors import describe
 from facade_core.layout.evidence import weighed
+from facade_core.layout.frames import Box, frame
 from facade_core.layout.grids import boxes, grids
 from facade_core.layout.model import LayoutModel, shipped
 from facade_core.layout.picking import aligned, pick
-from facade_core.layout.proposals import Box, Proposals, frame, propose
+from facade_core.layout.proposals import Proposals, propose
 from facade_core.layout.ranking import probability
 from facade_core.layout.rectangles import DOOR, iou, overlaps
 from facade_core.layout.scores import score

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.labels import ELEMENT_CLASSES
+from facade_core.layout.frames import Box, Frame
 from facade_core.layout.grids import Grid, boxes
-from facade_core.layout.proposals import EXTENSIONS, Box, Frame, Proposals
+from facade_core.layout.proposals import EXTENSIONS, Proposals
 from facade_core.layout.rectangles import SHOP, iou
 from facade_core.types import Element
 

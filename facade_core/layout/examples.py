@@ -10,10 +10,11 @@ import numpy as np
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout import cases
 from facade_core.layout.descriptors import describe
+from facade_core.layout.frames import Box, frame
 from facade_core.layout.grids import boxes, grids
 from facade_core.layout.model import LayoutModel
 from facade_core.layout.picking import pick
-from facade_core.layout.proposals import Box, frame, propose
+from facade_core.layout.proposals import propose
 from facade_core.layout.ranking import Trees, probability, train_trees
 from facade_core.layout.rectangles import iou
 from facade_core.types import Element

@@ -34,11 +34,12 @@ from facade_core.layout.densities import (
 )
 from facade_core.layout.examples import Layout, Progress, examples, likely, trained
 from facade_core.layout.floors import continuations
+from facade_core.layout.frames import frame
 from facade_core.layout.grids import boxes
 from facade_core.layout.model import LayoutModel
 from facade_core.layout.optimisation import POPULATION, random_policies, search, start_of
 from facade_core.layout.policy import LENGTH, roll_out
-from facade_core.layout.proposals import Usual, frame
+from facade_core.layout.proposals import Usual
 from facade_core.layout.ranking import Trees
 from facade_core.layout.scores import door_bin, measured, terms
 from facade_core.layout.statistics import LABELS, PATTERNS

@@ -14,6 +14,7 @@ import numpy as np
 
 from facade_core.kernels import njit
 from facade_core.layout.densities import Densities
+from facade_core.layout.frames import Box, frame
 from facade_core.layout.model import LayoutModel
 from facade_core.layout.placement import Start, beside_gaps, spacings
 from facade_core.layout.policy import (
@@ -24,7 +25,6 @@ from facade_core.layout.policy import (
     OBSERVED_SPACING,
     roll_out,
 )
-from facade_core.layout.proposals import Box, frame
 from facade_core.layout.scores import arrays, log_scores
 from facade_core.layout.statistics import measure
 from facade_core.types import Element

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 import numpy as np
 
 from facade_core.labels import ELEMENT_CLASSES
+from facade_core.layout.frames import Box
 from facade_core.layout.grids import boxes
-from facade_core.layout.proposals import Box, Proposals
+from facade_core.layout.proposals import Proposals
 from facade_core.layout.rectangles import may_overlap, overlaps
 from facade_core.types import Element
 

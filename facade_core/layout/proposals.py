@@ -11,6 +11,7 @@ import numpy as np
 from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.extension import Extension, extend, known, lengthen, mirrored
 from facade_core.layout.floors import continued, filled
+from facade_core.layout.frames import Box, Frame, frame
 from facade_core.layout.grids import Grid, boxes
 from facade_core.layout.rectangles import (
     BALCONY,
@@ -24,8 +25,6 @@ from facade_core.layout.rectangles import (
 )
 from facade_core.types import Element
 
-Box = tuple[float, float, float, float]
-
 # A guess that reaches into what is seen, or out of the domain, by less than this share of its side is moved clear.
 _MOVED = 0.3
 _NONE = np.zeros((0, 5))
@@ -37,8 +36,6 @@ _MOST = 2000
 _ALL = 15_000
 # Between shops that are as wide as their columns, in window widths.
 _PIER = 0.3
-# Windows whose centres differ by less than this share of their size stand in one column or floor.
-_ONE_LINE = 0.35
 
 EXTENSIONS = (
     *(Extension(mirrored, balanced, False, False) for mirrored, balanced in product((False, True), repeat=2)),
@@ -109,44 +106,6 @@ def propose(
     kept = _distinct(raw)
     support = best_agreement(raw[kept], raw, variant, len(variants))
     return Proposals(raw[kept, 1:], raw[kept, 0].astype(np.int8), support)
-
-
-@dataclass(frozen=True, slots=True, eq=False)
-class Frame:
-    """The facade's columns and floors as its windows show them: centres, and the windows' median size.
-
-    floor_size (floors, 2): median width and height of the windows of a floor; ground: where doors and shops stand.
-    """
-
-    columns: np.ndarray
-    floors: np.ndarray
-    floor_size: np.ndarray
-    size: np.ndarray
-    ground: float
-
-
-def frame(seen: Sequence[Element], domain: Box) -> Frame:
-    """The frame of what is seen; sizes come from all elements where no window is seen, from the domain without any."""
-    standing = [e.y1 for e in seen if e.label in ("door", "shop")]
-    ground = max(standing) if standing and max(standing) > domain[3] - 0.15 * (domain[3] - domain[1]) else domain[3]
-    box = boxes([e for e in seen if e.label == "window"] or seen)
-    if not len(box):
-        extent = np.array([domain[2] - domain[0], domain[3] - domain[1]])
-        return Frame(np.zeros(0), np.zeros(0), np.zeros((0, 2)), extent * (0.06, 0.09), ground)
-    centre, side = (box[:, :2] + box[:, 2:]) / 2, box[:, 2:] - box[:, :2]
-    size = np.median(side, axis=0)
-    columns, _ = lines(centre[:, 0], _ONE_LINE * size[0])
-    floors, floor = lines(centre[:, 1], _ONE_LINE * size[1])
-    floor_size = np.array([np.median(side[floor == k], axis=0) for k in range(len(floors))])
-    return Frame(columns, floors, floor_size, size, ground)
-
-
-def lines(values: np.ndarray, gap: float) -> tuple[np.ndarray, np.ndarray]:
-    """Means of the runs of values that lie less than `gap` apart, and the run of each value."""
-    order = np.argsort(values, kind="stable")
-    run = np.empty(len(values), int)
-    run[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
-    return np.bincount(run, values) / np.bincount(run), run
 
 
 def _array(elements: Iterator[Element]) -> np.ndarray:

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
-from facade_core.layout.proposals import Frame
+from facade_core.layout.frames import Frame
 from facade_core.types import Element
 
 Box = tuple[float, float, float, float]

@@ -6,13 +6,12 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from facade_core.layout.frames import ONE_LINE, lines
 from facade_core.layout.grids import boxes
-from facade_core.layout.proposals import Proposals, lines
+from facade_core.layout.proposals import Proposals
 from facade_core.layout.rectangles import WINDOW, overlaps
 from facade_core.types import Element
 
-# Windows whose centres differ by less than this share of their size stand in one row or column.
-_ONE_LINE = 0.35
 # A cell is filled where at least this share of its row and of its column is taken; a row of which less is, and none seen,
 # is none.
 _FULL, _ALONE = 0.5, 0.26
@@ -32,7 +31,7 @@ def made_whole(
     if not len(own):
         return fill, alone
     centre, size = (box[:, :2] + box[:, 2:]) / 2, np.median(box[:, 2:] - box[:, :2], axis=0)
-    (x, column), (y, row) = (lines(centre[:, axis], _ONE_LINE * float(size[axis])) for axis in (0, 1))
+    (x, column), (y, row) = (lines(centre[:, axis], ONE_LINE * float(size[axis])) for axis in (0, 1))
     taken = np.zeros((len(y), len(x)), bool)
     taken[row, column] = True
     free = (found.label == WINDOW) & (likely > 0)
@@ -41,7 +40,7 @@ def made_whole(
     index = np.flatnonzero(free)
     index = index[np.argsort(-likely[index], kind="stable")]
     middle = (found.box[index, :2] + found.box[index, 2:]) / 2
-    away = [np.abs(middle[:, axis, None] - at) < _ONE_LINE * size[axis] for axis, at in ((0, x), (1, y))]
+    away = [np.abs(middle[:, axis, None] - at) < ONE_LINE * size[axis] for axis, at in ((0, x), (1, y))]
     cell = np.full(taken.shape, -1)
     for r, c in np.argwhere(~taken).tolist():
         there = np.flatnonzero(away[0][:, c] & away[1][:, r])
