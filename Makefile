@@ -5,7 +5,7 @@ DEMO_FLAGS ?=
 # A run starts some interpreters, a test many more: without bytecode each of them compiles all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients docs check bench constraints clean
+.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench constraints clean
 
 demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -58,6 +58,13 @@ docs: setup  ## The documentation as a site in out/site, without a network; open
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/docs.txt
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --site-dir out/site
 
+review: setup  ## What is installed, as a bill of materials (out/sbom.json, CycloneDX), and what is known against it, where a database is reached
+	$(BIN)/uv venv --quiet --clear --python $(BIN)/python .venv/review
+	$(BIN)/uv pip install --quiet --python .venv/review/bin/python --require-hashes -r deploy/constraints/review.txt
+	@mkdir -p out
+	.venv/review/bin/cyclonedx-py environment $(BIN)/python --pyproject pyproject.toml --output-reproducible --of JSON -o out/sbom.json
+	.venv/review/bin/pip-audit --disable-pip --require-hashes -r deploy/constraints/runtime.txt
+
 bench: setup  ## What the demo's block takes; docs/figures.md names the command of each other figure
 	$(BIN)/streetloom bench block --json
 
@@ -82,6 +89,8 @@ constraints: setup  ## Pin anew what pyproject.toml asks for
 	$(BIN)/uv pip compile --group docs --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade \
 		-c deploy/constraints/constraints.txt -o deploy/constraints/docs.txt
+	$(BIN)/uv pip compile --group review --universal --python-version 3.11 --generate-hashes \
+		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/review.txt
 	echo "uv" | $(BIN)/uv pip compile - --universal --python-version 3.11 --generate-hashes \
 		--no-emit-index-url --no-annotate --no-header --upgrade -o deploy/constraints/installer.txt
 

@@ -36,7 +36,7 @@ MIPMAPS = 4 / 3
 def measure(folder: Path) -> dict[str, Any]:
     """Of the tiles of an export."""
     files = sorted((folder / "tiles").glob("*.glb"))
-    found = {file.name: _tile(file.read_bytes()) for file in files}
+    found = {file.name: _tile(file.read_bytes(), file.parent) for file in files}
     finest = {name: one for name, one in found.items() if name.startswith("full")}
     return {
         "all": _sum(found),
@@ -56,13 +56,17 @@ def _sum(tiles: Mapping[str, Mapping[str, float]]) -> dict[str, Any]:
     }
 
 
-def _tile(glb: bytes) -> dict[str, float]:
+def _tile(glb: bytes, folder: Path) -> dict[str, float]:
+    """Of one, whose pictures may lie beside its folder."""
     document, start = header_of(io.BytesIO(glb))
     sizes, held = [], 0.0
     for image in document["images"]:
-        view = document["bufferViews"][image["bufferView"]]
-        data = glb[start + view.get("byteOffset", 0) :][: view["byteLength"]]
-        if image["mimeType"] == "image/ktx2":
+        if "uri" in image:
+            data = (folder / image["uri"]).read_bytes()
+        else:
+            view = document["bufferViews"][image["bufferView"]]
+            data = glb[start + view.get("byteOffset", 0) :][: view["byteLength"]]
+        if image.get("mimeType") == "image/ktx2":
             size, texel = struct.unpack_from("<II", data, 20), 1
         else:
             size, texel = Image.open(io.BytesIO(data)).size, 4

@@ -7,7 +7,9 @@ from typing import Any
 
 import numpy as np
 
-# glTF's numbers for the targets of views.
+# glTF's numbers for component types.
+BYTE, UNSIGNED_SHORT, UNSIGNED_INT, FLOAT = 5120, 5123, 5125, 5126
+# For the targets of views.
 VERTICES, INDICES = 34962, 34963
 
 

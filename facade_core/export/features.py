@@ -8,9 +8,13 @@ from typing import Any
 
 import numpy as np
 
+from facade_core.export.buffers import FLOAT, UNSIGNED_SHORT, Buffer
+
 # What stands for an unknown value, by type: none of them is one that a column has.
 NO_TEXT, NO_INTEGER, NO_NUMBER = "", -(2**31), -9999.0
 CLASS = "part"
+# The sets of ids of a vertex: its part's row and its building's.
+LABELS = ("part", "building")
 # Appends data to a model's buffer; returns the index of the view on them.
 AddView = Callable[[bytes], int]
 
@@ -82,12 +86,23 @@ class Features:
         return {"schema": schema, "propertyTables": [table]}
 
 
-def feature_ids(counts: Mapping[str, int]) -> dict[str, Any]:
-    """EXT_mesh_features of a primitive with a set of ids for each label; counts: ids in each set. All are rows of the one
-    table, but only the first set says so: CesiumJS takes a table for one set alone."""
-    return {
-        "featureIds": [
-            {"featureCount": count, "attribute": number, "label": label, **({} if number else {"propertyTable": 0})}
-            for number, (label, count) in enumerate(counts.items())
-        ]
+def feature_ids(ids: np.ndarray, rows: int, buffer: Buffer) -> tuple[dict[str, int], dict[str, Any]]:
+    """The attributes of a primitive's vertices that name their rows, and EXT_mesh_features of it, a set for each label.
+
+    ids (v, labels), of a table of so many rows. All sets are of the one table, but only the first says so: CesiumJS takes a
+    table for one set alone."""
+    kind, component = ("<u2", UNSIGNED_SHORT) if rows <= np.iinfo("<u2").max else ("<f4", FLOAT)
+    attributes = {
+        f"_FEATURE_ID_{number}": buffer.accessor(ids[:, number : number + 1].astype(kind), component, "SCALAR")
+        for number in range(len(LABELS))
     }
+    sets = [
+        {
+            "featureCount": len(np.unique(ids[:, number])),
+            "attribute": number,
+            "label": label,
+            **({} if number else {"propertyTable": 0}),
+        }
+        for number, label in enumerate(LABELS)
+    ]
+    return attributes, {"featureIds": sets}

@@ -11,13 +11,12 @@ from typing import Any, BinaryIO
 
 import numpy as np
 
-from facade_core.export.buffers import INDICES, VERTICES, Buffer
+from facade_core.export.buffers import BYTE, FLOAT, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, VERTICES, Buffer
 from facade_core.export.looks import Look, Time, materials_of
 
-# glTF's numbers for component types, filters and wrapping.
-UNSIGNED_INT, FLOAT = 5125, 5126
-# Of component types, as numpy has them.
-BYTE_KINDS = {5120: "i1", 5121: "u1", 5122: "<i2", 5123: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
+# Component types as numpy has them.
+BYTE_KINDS = {BYTE: "i1", 5121: "u1", 5122: "<i2", UNSIGNED_SHORT: "<u2", UNSIGNED_INT: "<u4", FLOAT: "<f4"}
+# glTF's numbers for filters and wrapping.
 LINEAR, LINEAR_MIPMAP_LINEAR, CLAMP_TO_EDGE = 9729, 9987, 33071
 # Of models of pictures alone.
 UNLIT = {"extensionsUsed": ["KHR_materials_unlit"]}

@@ -9,7 +9,7 @@ import shapely
 from shapely import Polygon
 
 from facade_core.export.balconies import BalconyFace
-from facade_core.factored.bands import Band, bands_of, free_of
+from facade_core.mouldings import Band, bands_of, free_of
 from facade_core.types import Element
 
 # A ledge stands out so far; it is so high at least and at most, and so long at least, metres.

@@ -19,6 +19,7 @@ from facade_core.export.panes import Chances, Opening, glass, glow, leaning, ope
 from facade_core.export.substances import BRICK, OF_MATERIAL, PHOTOGRAPHED, PLASTER, ROUGHNESS, of_labels
 from facade_core.geometry.charts import GROUND, WINDOW
 from facade_core.labels import WINDOW as WINDOW_LABEL
+from facade_core.light import srgb
 from facade_core.street.contact import contact
 from facade_core.street.daylight import LEAST
 from facade_core.street.field import LEAST_OPEN
@@ -153,7 +154,7 @@ class _Charts:
         return Maps(
             _bytes(normals(height, density / 2, turn) / 2 + np.float32(0.5)),
             _bytes(orm),
-            None if shown is None or not shown.any() else _bytes(srgb(shown)),
+            None if shown is None or not shown.any() else srgb(shown),
         )
 
     def chances(self, chart: int) -> Chances:
@@ -180,12 +181,6 @@ class _Charts:
                 lit = np.zeros((*labels.shape, 3), np.float32) if lit is None else lit
                 lit[opening.box][clear] = through(opening, light, grey, clear)[clear]
         return panes, leans, lit
-
-
-def srgb(linear: np.ndarray) -> np.ndarray:
-    """Linear light, 0 to 1, as sRGB has it."""
-    low = np.minimum(linear, np.float32(1))
-    return np.where(low < 0.0031308, 12.92 * low, 1.055 * np.maximum(low, 1e-6) ** np.float32(1 / 2.4) - 0.055)
 
 
 def _bytes(values: np.ndarray) -> np.ndarray:

@@ -8,18 +8,16 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.buffers import INDICES, Buffer
+from facade_core.export.buffers import BYTE, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, Buffer
 from facade_core.export.encoders import Encoder
-from facade_core.export.features import Features, feature_ids
-from facade_core.export.glb import FLOAT, SAMPLERS, UNSIGNED_INT, glb_of, tangents
+from facade_core.export.features import LABELS, Features, feature_ids
+from facade_core.export.glb import SAMPLERS, glb_of, tangents
 from facade_core.export.looks import Look, Time, materials_of
 
-# glTF's numbers for the component types of quantised data, and the largest of each.
-BYTE, UNSIGNED_SHORT = 5120, 5123
+# The largest of the component types of quantised data.
 BYTE_MOST, SHORT_MOST = 127, 65535
 # Positions lie on a grid of a power of two of this many metres at least, which tiles of one size share: no cracks between them.
 FINEST_M = 2.0**-10
-LABELS = ("part", "building")
 
 
 @dataclass(frozen=True)
@@ -53,7 +51,6 @@ def tile_glb(
     low, step = quantised_frame(everything)
     used, index = np.unique(np.concatenate([batch.rows for batch in batches]), return_inverse=True)
     index = index.reshape(-1, len(LABELS))
-    short = len(used) <= SHORT_MOST
     primitives = []
     start = 0
     for number, batch in enumerate(batches):
@@ -71,26 +68,22 @@ def tile_glb(
         if batch.tangent is not None:
             along = np.round(tangents(batch.tangent) * BYTE_MOST).astype("i1")
             attributes["TANGENT"] = buffer.accessor(along, BYTE, "VEC4", normalized=True)
-        counts = {}
-        for column, label in enumerate(LABELS):
-            values = ids[:, column : column + 1].astype("<u2" if short else "<f4")
-            attributes[f"_FEATURE_ID_{column}"] = buffer.accessor(values, UNSIGNED_SHORT if short else FLOAT, "SCALAR")
-            counts[label] = len(np.unique(values))
+        named, mesh_features = feature_ids(ids, len(used), buffer)
         wide = len(batch.position) > SHORT_MOST
         triangles = batch.triangles.astype("<u4" if wide else "<u2").reshape(-1, 1)
         primitives.append(
             {
-                "attributes": attributes,
+                "attributes": attributes | named,
                 "indices": buffer.accessor(
                     triangles, UNSIGNED_INT if wide else UNSIGNED_SHORT, "SCALAR", target=INDICES
                 ),
                 "material": number,
-                "extensions": {"EXT_mesh_features": feature_ids(counts)},
+                "extensions": {"EXT_mesh_features": mesh_features},
             }
         )
     metadata = features.metadata(used, buffer.view)
     images = [{"bufferView": buffer.view(picture), "mimeType": encoder.mime} for picture in shown.pictures]
-    named = [encoder.extension] if encoder.extension else []
+    required = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
         "extensionsUsed": [
@@ -99,7 +92,7 @@ def tile_glb(
             "EXT_structural_metadata",
             *shown.used,
         ],
-        "extensionsRequired": ["KHR_mesh_quantization", *named],
+        "extensionsRequired": ["KHR_mesh_quantization", *required],
         "extensions": {"EXT_structural_metadata": metadata},
         "scene": 0,
         "scenes": [{"nodes": [0]}],

@@ -8,14 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.export.buffers import INDICES, Buffer
+from facade_core.export.buffers import FLOAT, INDICES, UNSIGNED_INT, UNSIGNED_SHORT, Buffer
 from facade_core.export.encoders import Encoder
-from facade_core.export.features import Features, feature_ids
-from facade_core.export.glb import FLOAT, SAMPLERS, UNSIGNED_INT, glb_of
+from facade_core.export.features import LABELS, Features, feature_ids
+from facade_core.export.glb import SAMPLERS, glb_of
 from facade_core.export.looks import Look, materials_of
-from facade_core.export.tile_glb import LABELS
+from facade_core.export.tile_glb import SHORT_MOST
 
-UNSIGNED_SHORT, SHORT_MOST = 5123, 65535
 REPEAT = 10497
 
 
@@ -50,7 +49,6 @@ def factored_glb(
     rows = np.column_stack([features.of_chart[chart], features.of_owner[chart]])
     used, index = np.unique(rows, return_inverse=True)
     index = index.reshape(-1, len(LABELS))
-    short = len(used) <= SHORT_MOST
     shown = sorted({texture for parts in nodes.values() for texture in parts})
     meshes, start = [], 0
     for name, parts in nodes.items():
@@ -69,20 +67,14 @@ def factored_glb(
                     np.rint(part.colour * SHORT_MOST).astype("<u2"), UNSIGNED_SHORT, "VEC3", normalized=True
                 ),
             }
-            counts = {}
-            for column, label in enumerate(LABELS):
-                values = ids[:, column : column + 1].astype("<u2" if short else "<f4")
-                attributes[f"_FEATURE_ID_{column}"] = buffer.accessor(
-                    values, UNSIGNED_SHORT if short else FLOAT, "SCALAR"
-                )
-                counts[label] = len(np.unique(values))
+            named, mesh_features = feature_ids(ids, len(used), buffer)
             triangles = part.triangles.astype("<u4").reshape(-1, 1)
             primitives.append(
                 {
-                    "attributes": attributes,
+                    "attributes": attributes | named,
                     "indices": buffer.accessor(triangles, UNSIGNED_INT, "SCALAR", target=INDICES),
                     "material": shown.index(texture),
-                    "extensions": {"EXT_mesh_features": feature_ids(counts)},
+                    "extensions": {"EXT_mesh_features": mesh_features},
                 }
             )
         meshes.append({"name": name, "primitives": primitives})
@@ -97,11 +89,11 @@ def factored_glb(
         one | {"sampler": int(repeated[texture])}
         for one, texture in zip(materials.document["textures"], shown, strict=True)
     ]
-    named = [encoder.extension] if encoder.extension else []
+    required = [encoder.extension] if encoder.extension else []
     document: dict[str, Any] = {
         "asset": {"version": "2.0", "generator": "Streetloom", **({"copyright": copyright} if copyright else {})},
-        "extensionsUsed": [*sorted({*materials.used, *named}), "EXT_mesh_features", "EXT_structural_metadata"],
-        **({"extensionsRequired": named} if named else {}),
+        "extensionsUsed": [*sorted({*materials.used, *required}), "EXT_mesh_features", "EXT_structural_metadata"],
+        **({"extensionsRequired": required} if required else {}),
         "extensions": {"EXT_structural_metadata": metadata},
         "scene": 0,
         "scenes": [{"nodes": list(range(len(meshes))), "extras": dict(extras)}],

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.factored.bands import Band, bands_of, free_of, like
-from facade_core.factored.light import linear, smoothed, srgb
 from facade_core.factored.repeat import Grain, repeating
 from facade_core.factored.units import Rectangle, Unit, surround, units_of
+from facade_core.light import linear, smoothed, srgb
+from facade_core.mouldings import Band, bands_of, free_of, like
 from facade_core.types import Element
 from facade_core.variation import encode
 

@@ -15,7 +15,7 @@ from facade_core.factored.glb import Part
 from facade_core.factored.pictures import Shown
 from facade_core.factored.wall import Piece, Pieces
 from facade_core.geometry.charts import DOOR, GROUND, WINDOW
-from facade_core.grouping import grouped
+from facade_core.grouping import Grouped, grouped
 
 # What is no facade has this share of its texels a metre, which are fewer the farther off streets pass (ADR 0063); at most, and
 # no fewer than so many: ground, and all else (roofs, walls between houses).
@@ -84,9 +84,10 @@ def _part(rows: Sequence[tuple[Any, ...]], frame: Frame) -> Part:
 
 
 def rest(
-    source: Textured, charts: np.ndarray, before: int, frame: Frame
+    source: Textured, triangles_of: Grouped, charts: np.ndarray, before: int, frame: Frame
 ) -> tuple[list[np.ndarray], dict[int, dict[int, Part]]]:
-    """The pages of charts that are not factored, `before` of which are other pictures; and their parts, by building."""
+    """The pages of charts that are not factored, before which are so many other pictures; and their parts, by building.
+    triangles_of: the mesh's by chart."""
     kind = source.charts.kind
     density = (source.texels / source.extent).max(axis=1)
     share, most = np.where((kind == GROUND)[:, None], (GROUND_SHARE, GROUND_MOST), (REST_SHARE, REST_MOST)).T
@@ -102,7 +103,7 @@ def rest(
     drawn, mesh = pages.drawn, source.mesh
     place = np.full(len(source.charts), -1, np.int64)
     place[charts] = np.arange(len(charts))
-    mine = np.flatnonzero(place[mesh.chart] >= 0)
+    mine = triangles_of.of_any(charts)
     page = drawn.layout.page[place[mesh.chart[mine]]]
     owner = source.charts.building[mesh.chart[mine]].astype(np.int64)
     count = len(drawn.layout.pages)

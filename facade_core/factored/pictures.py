@@ -7,12 +7,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from facade_core.export.encoders import MIPMAPS
 from facade_core.export.packing import CELL, pack_pages
 from facade_core.factored.alike import alike
 from facade_core.factored.library import Library
-from facade_core.factored.light import linear, srgb
 from facade_core.factored.repeat import Grain
 from facade_core.factored.wall import Key, Piece, Pieces
+from facade_core.light import linear, srgb
 from facade_core.resizing import resized
 
 # No element is shown with more texels a metre, where it is largest.
@@ -119,6 +120,6 @@ def _on_pages(
     return pages, where
 
 
-def held(pictures: Sequence[np.ndarray]) -> int:
+def held(pictures: Sequence[np.ndarray]) -> float:
     """Bytes that pictures take of a graphics card: four a texel, and a third more for their mipmaps."""
-    return sum(image.shape[0] * image.shape[1] for image in pictures) * 16 // 3
+    return sum(image.shape[0] * image.shape[1] for image in pictures) * 4 * MIPMAPS

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.factored.light import linear, smoothed
+from facade_core.light import linear, smoothed
 
 # The picture has the side of these, pixels, that is nearest to so many metres of its example.
 SIDES, REPEAT_M = (64, 128, 256), 4.0

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.factored.bands import Band, bands_of, free_of
 from facade_core.factored.library import Library, band_like, look_of, wall_around
-from facade_core.factored.light import linear, smoothed
 from facade_core.factored.units import units_of
+from facade_core.light import linear, smoothed
+from facade_core.mouldings import Band, bands_of, free_of
 from facade_core.types import Element
 
 # The light on a wall is meant over so much, metres.

@@ -4,7 +4,7 @@ beside the tiles, and all of them share those of walls and elements."""
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -18,6 +18,7 @@ from facade_core.factored.glb import factored_glb
 from facade_core.factored.parts import joined, parts_of, rest, together
 from facade_core.factored.pictures import Shown, held
 from facade_core.factored.wall import Pieces
+from facade_core.grouping import Grouped
 
 # Panes are set back once that covers so many pixels.
 BACK_PIXELS = 2.0
@@ -39,14 +40,18 @@ class Leaves:
     encoder: Encoder
     copyright: str
     write: Callable[[str, bytes], None]
-    texture_bytes: int = 0
+    texture_bytes: float = 0.0
     triangles: int = 0
+    triangles_of: Grouped = field(init=False)
+
+    def __post_init__(self) -> None:
+        self.triangles_of = Grouped(self.source.mesh.chart)
 
     def of(self, cell: Cell) -> list[Level]:
         """The levels of a cell, the coarsest first; one where nothing is factored, as they would be the same."""
         mine = np.intersect1d(charts_of(self.source, cell), self.others)
         before = len(self.names)
-        pages, parts = rest(self.source, mine, before, self.frame)
+        pages, parts = rest(self.source, self.triangles_of, mine, before, self.frame)
         self.texture_bytes += held(pages)
         names = [f"pictures/rest{cell.path and '-'}{cell.path}-{k}.jpg" for k in range(len(pages))]
         for name, page in zip(names, pages, strict=True):

@@ -13,13 +13,13 @@ from shapely import Polygon
 
 from facade_core.export.openings import EDGE_M, NARROWEST_M, SMALLEST_OPENING_M2
 from facade_core.export.recess import cut
-from facade_core.factored.bands import Band
 from facade_core.factored.library import mean_in
-from facade_core.factored.light import linear
 from facade_core.factored.repeat import REPEAT_M
 from facade_core.factored.seen import Seen
 from facade_core.factored.units import Rectangle, Unit
 from facade_core.geometry.charts import Charts
+from facade_core.light import linear
+from facade_core.mouldings import Band
 
 # What of the sky the sides of an opening see: they are darker by this.
 IN_REVEAL = 0.7

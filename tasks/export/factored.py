@@ -35,6 +35,7 @@ def write_factored(
     from facade_core.factored.parts import joined, parts_of, rest
     from facade_core.factored.pictures import held, pictures_of
     from facade_core.factored.wall import NEAR
+    from facade_core.grouping import Grouped
 
     start = time.monotonic()
     source = found.textured
@@ -44,7 +45,7 @@ def write_factored(
     pictures = pictures_of(whole, made.libraries)
     frame = local_frame(found.plan.scene.mesh)
     others = np.setdiff1d(source.chosen(shown), made.charts)
-    pages, parts = rest(source, others, len(pictures.pictures), frame)
+    pages, parts = rest(source, Grouped(source.mesh.chart), others, len(pictures.pictures), frame)
     for building, pieces in sorted(pieces_of.items()):
         parts[building] = parts_of(pieces, pictures, frame) | parts.get(building, {})
     used = encoder("jpeg")
@@ -83,7 +84,7 @@ def write_factored_tiles(
     from dataclasses import replace
 
     from facade_core.export.cells import COARSE, quadtree
-    from facade_core.export.encoders import encoder
+    from facade_core.export.encoders import MIPMAPS, encoder
     from facade_core.export.models import local_frame, part_of
     from facade_core.export.shells import simplified_shells
     from facade_core.export.tiles import count_tiles, write_tileset
@@ -147,7 +148,7 @@ def write_factored_tiles(
     advance("export", sum(map(leaves.bare, cells.leaves())))
     for name, value in tiled.tilesets.items():
         (folder / name).write_text(json.dumps(value, indent=1, allow_nan=False) + "\n")
-    coarse = tiled.texels * 16 // 3
+    coarse = tiled.texels * used.texel_bytes * MIPMAPS
     told = _figures(pictures, joined(near.values()), leaves.texture_bytes) | {
         "texture_mb_of_coarse_tiles": round(coarse / 1e6, 1),
         "texture_mb": round((held(pictures.pictures) + leaves.texture_bytes + coarse) / 1e6, 1),
@@ -164,7 +165,7 @@ def write_factored_tiles(
     return ["tileset.json"], [*notes, *made.notes]
 
 
-def _figures(pictures: Shown, whole: Pieces, rest_bytes: int) -> dict[str, Any]:
+def _figures(pictures: Shown, whole: Pieces, rest_bytes: float) -> dict[str, Any]:
     """What pictures come to on a graphics card, and what elements keep of theirs."""
     from facade_core.factored.pictures import held
 

@@ -39,16 +39,17 @@ def laid(found: Published, buildings: np.ndarray, details: Sequence[Detail], mor
     """The facades of some buildings as walls of libraries, at each of some details; more: units of work that follow."""
     from facade_core.factored.seen import Seen
     from facade_core.factored.wall import Pieces, lay
+    from facade_core.grouping import grouped
 
     source = found.textured
     planes = _planes(found, buildings)
     libraries, of, notes = _libraries(found, list(planes))
     begin_stage("export", len(planes) + more)
+    of_building = grouped(source.charts.building[source.mesh.chart])
     by_detail: list[dict[int, Pieces]] = [{} for _ in details]
     for index, own in planes.items():
         building = int(found.plan.facades.building[index])
-        mine = source.charts.building[source.mesh.chart] == building
-        behind = [source.mesh.vertices[source.mesh.triangles[mine]]]
+        behind = [source.mesh.vertices[source.mesh.triangles[of_building[building]]]]
         seen = Seen(_facade(found, index), libraries[of[index]])
         for detail, pieces in zip(details, by_detail, strict=True):
             lay(seen, own, source.charts, of[index], detail, list(behind), pieces.setdefault(building, Pieces()))

@@ -18,7 +18,7 @@ from facade_core.export.bumps import STEEPEST, SUNK_SEES, heights, normals, sunk
 from facade_core.export.encoders import ENCODERS
 from facade_core.export.glb import glb_bytes
 from facade_core.export.grounds import Grounds
-from facade_core.export.lit import Lighting, Texels, relit, srgb
+from facade_core.export.lit import Lighting, Texels, relit
 from facade_core.export.looks import NIGHT, STRENGTH, Time, look_of
 from facade_core.export.models import Textured, layout_of, local_frame, nodes_of, page_pictures
 from facade_core.export.panes import Chances, glass, glow, openings
@@ -134,11 +134,6 @@ def test_windows_are_lit_by_who_they_are() -> None:
     assert all(0 < one.max() <= 1 for one in shone)
     warm = np.array([one[..., 0].mean() > one[..., 2].mean() for one in shone])
     assert 0.7 < warm.mean() < 1, "warm and cool"
-
-
-def test_srgb_is_the_standards() -> None:
-    values = np.array([0.0, 0.001, 0.2, 1.0], np.float32)
-    np.testing.assert_allclose(srgb(values), [0, 0.01292, 0.48453, 1], atol=1e-4)
 
 
 def test_ground_is_of_what_its_map_says(houses: Scene) -> None:

@@ -7,8 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from facade_core.factored.light import linear
 from facade_core.labels import ROOF, WALL
+from facade_core.light import linear
 
 # What is lower is a moulding (a cornice, a string course, a plinth's edge), metres.
 LOW_M = 0.7
