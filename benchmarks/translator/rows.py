@@ -27,6 +27,8 @@ ROWS = {
 }
 # Where the rows of a panorama begin that show facades, as a share of its height: no road and little sky.
 FACADES_FROM = 0.28
+# Where those begin that show the ground.
+GROUND_FROM = 0.63
 PLACES = ("toulouse", "strasbourg_stra_1")
 SIDE = 128
 
@@ -46,15 +48,8 @@ def measure(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
             score(name, network(_file(models, name), ROWS[name]), blending)
     for name in ("PUT 1", "PUT 2", "PUT 3", "PUT 4"):
         score(name, network(_file(models, name), ROWS[name]), "weighted")
-    swatches = Swatches(scene, streets, seed=7)
-    score("exemplar (swatches)", lambda panorama, _: swatches.translate(panorama), "weighted")
-    score("shipped network", shipped, "weighted")
-    score("untextured", lambda _, bare: bare.rgb, "weighted")
-    table = {
-        name: {kind: interval(values) for kind, values in scores.items() if kind != "difference"}
-        | {"difference_between_consecutive": interval(scores["difference"])}
-        for name, scores in by_row.items()
-    }
+    by_row |= _untrained(scene, own, streets, shipped, real)
+    table = _table(by_row)
     return {
         "budget": {"steps": BUDGET.steps, "of_them_warm": BUDGET.warm, "width": BUDGET.width, "crop": BUDGET.crop},
         "real": PLACES,
@@ -62,6 +57,38 @@ def measure(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
         "crops": int(8 * sum(len(between(views)) for views in own)),
         "rows": table,
         "orderings": {kind: _orderings(by_row, kind) for kind in ("full", "crop")},
+    }
+
+
+def shipped_alone(data: Path, shipped: Translate) -> dict[str, Any]:
+    """The rows of what is shipped: the network, swatches and no texture."""
+    scene, own, streets = ingolstadt(data)
+    return {"real": PLACES, "streets": len(own), "rows": _table(_untrained(scene, own, streets, shipped, _real(data)))}
+
+
+def _untrained(
+    scene: Scene,
+    own: list[list[Viewpoint]],
+    streets: Any,
+    shipped: Translate,
+    real: dict[str, np.ndarray],
+) -> dict[str, dict[str, Any]]:
+    swatches = Swatches(scene, streets, seed=7)
+    translators: dict[str, Translate] = {
+        "exemplar (swatches)": lambda panorama, _: swatches.translate(panorama),
+        "shipped network": shipped,
+        "untextured": lambda _, bare: bare.rgb,
+    }
+    return {
+        f"{name}, weighted": _scores(scene, own, translate, "weighted", real) for name, translate in translators.items()
+    }
+
+
+def _table(by_row: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    return {
+        name: {kind: interval(values) for kind, values in scores.items() if kind != "difference"}
+        | {"difference_between_consecutive": interval(scores["difference"])}
+        for name, scores in by_row.items()
     }
 
 
@@ -94,7 +121,7 @@ def _scores(
     """Per street: kernel distances of crops of its views to real ones, and the difference of consecutive outputs."""
     from facade_core.street.translator_distance import features, kernel_distance
 
-    found: dict[str, list[float]] = {"full": [], "crop": [], "difference": []}
+    found: dict[str, list[float]] = {"full": [], "crop": [], "ground": [], "difference": []}
     for views in own:
         walked = walk(scene, views, translate, blending)
         pictures = [_look(scene, walked.window, viewpoint) for viewpoint in between(views)]
@@ -114,7 +141,7 @@ def full_crops(panorama: np.ndarray) -> list[np.ndarray]:
     import cv2
 
     small = cv2.resize(panorama, (512, 256), interpolation=cv2.INTER_AREA)
-    return [small[top : top + SIDE, left : left + SIDE] for top in (26, 51) for left in range(0, 512, SIDE)]
+    return [small[top : top + SIDE, left : left + SIDE] for top in (26, 97) for left in range(0, 512, SIDE)]
 
 
 def facade_crops(panorama: np.ndarray) -> list[np.ndarray]:
@@ -123,15 +150,25 @@ def facade_crops(panorama: np.ndarray) -> list[np.ndarray]:
     return [panorama[top : top + SIDE, left : left + SIDE] for left in range(0, 1024, SIDE)]
 
 
-KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {"full": full_crops, "crop": facade_crops}
+def ground_crops(panorama: np.ndarray) -> list[np.ndarray]:
+    """Eight crops of the rows of a panorama (512, 1024, 3) that show the ground from 1 to 6 m off."""
+    top = round(GROUND_FROM * len(panorama))
+    return [panorama[top : top + SIDE, left : left + SIDE] for left in range(0, 1024, SIDE)]
+
+
+KINDS: dict[str, Callable[[np.ndarray], list[np.ndarray]]] = {
+    "full": full_crops,
+    "crop": facade_crops,
+    "ground": ground_crops,
+}
 
 
 def _real(data: Path) -> dict[str, np.ndarray]:
     """Features of crops of the panoramas that no network has learnt from, turned ten ways each."""
     from facade_core.street.translator_distance import features
-    from tasks.training.translator import Places, panoramas
+    from tasks.training.translator import Places, in_folders, panoramas
 
-    held_out = panoramas([data / "panoramas"], Places(PLACES))[1]
+    held_out = panoramas(in_folders([data / "panoramas"]), Places(PLACES))[1]
     turned = [np.roll(image, shift, axis=1) for image in held_out for shift in range(0, 128, 13)]
     return {kind: features([crop for image in turned for crop in cut(image)]) for kind, cut in KINDS.items()}
 
@@ -158,16 +195,16 @@ def train_rows(data: Path, models: Path, *, seed: int = 0) -> dict[str, float]:
     import torch
 
     from facade_core.street import translator_steps, translator_training
-    from tasks.training.translator import Places, panoramas, renderings
+    from tasks.training.translator import Places, in_folders, panoramas, renderings
 
     missing = [
         name for name in ("full", "CUT", "PUT 4", "PUT 3", "PUT 2", "PUT 1") if not _file(models, name).is_file()
     ]
     if not missing:
         return {}
-    blocks = Path(__file__).parents[2] / "catalogs" / "blocks"
+    blocks = Path(__file__).parents[2] / "catalogs" / "examples" / "blocks"
     folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
-    learnt, judged, _ = panoramas(folders, Places(("strasbourg_stra_1",), ("toulouse",)))
+    learnt, judged, _ = panoramas(in_folders(folders), Places(("strasbourg_stra_1",), ("toulouse",)))
     rendered, rendered_judged = renderings([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
     domains = translator_steps.Domains(rendered, learnt, rendered_judged, judged)
     seconds = {}

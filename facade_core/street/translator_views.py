@@ -17,8 +17,9 @@ from facade_core.street.window import Window
 
 # Widths that panoramas are looked at: windows of a facade are as large in one as those of a nearer facade in the other.
 WIDTHS = (512, 1024)
-# Rows of a panorama, as shares of its height, that show the street: sky and the nadir mask of cameras lie beyond.
-USED = (0.1, 0.7)
+# Rows of a panorama, as shares of its height, that show the street: zenith and what carries cameras lie beyond. The
+# lowest row shows ground 1 m off under a camera at 2.5 m.
+USED = (0.1, 0.88)
 # What renderings without texture range between.
 _GREYS = (110, 240)
 

@@ -94,18 +94,21 @@ def train_material_examples(data: Path, out: Path) -> None:
 
 
 @train.command("translator")
+@click.option("--real", type=EXISTING_FOLDER, multiple=True, help="Folder of street panoramas, twice as wide as high.")
 @click.option(
-    "--real",
+    "--from",
+    "runs",
     type=EXISTING_FOLDER,
-    required=True,
     multiple=True,
-    help="Folder of street panoramas, twice as wide as high.",
+    help="A run: its cameras' panoramas, and its block to render.",
 )
 @click.option(
     "--blocks", type=EXISTING_FILE, multiple=True, help="Block file to render streets of, besides procedural ones."
 )
 @click.option(
-    "--judge-by", required=True, multiple=True, help="Beginning of names of panoramas that judge checkpoints."
+    "--judge-by",
+    multiple=True,
+    help="Beginning of names of panoramas that judge checkpoints; without it every fifth does.",
 )
 @click.option("--leave-out", multiple=True, help="Beginning of names of panoramas that take no part at all.")
 @click.option("--out", type=FOLDER, required=True, help="Where translator.onnx and .json go, and where a run goes on.")
@@ -114,6 +117,7 @@ def train_material_examples(data: Path, out: Path) -> None:
 @click.option("--seed", default=0, show_default=True, help="0 is the shipped network's.")
 def train_translation_network(
     real: tuple[Path, ...],
+    runs: tuple[Path, ...],
     blocks: tuple[Path, ...],
     judge_by: tuple[str, ...],
     leave_out: tuple[str, ...],
@@ -129,6 +133,7 @@ def train_translation_network(
 
     \b
     Examples:
+      streetloom train translator --from out/mine --out translator/
       streetloom train translator --real my-city/ --judge-by oldtown --out translator/
       streetloom train translator --real ../shared/data/panoramas --real ../shared/data/city/amsterdam/panoramas
         --judge-by strasbourg_stra_1 --leave-out toulouse --blocks catalogs/examples/blocks/helsinki.yaml
@@ -144,7 +149,9 @@ def train_translation_network(
     if steps is not None:
         course = replace(course, steps=steps)
     with progress(quiet=False):
-        model = train_translator(real, blocks, out, seed=seed, course=course, places=Places(judge_by, leave_out))
+        model = train_translator(
+            real, blocks, out, seed=seed, course=course, places=Places(judge_by, leave_out), runs=runs
+        )
     say(model)
 
 

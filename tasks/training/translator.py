@@ -24,6 +24,7 @@ from facade_core.synth.relief import relief
 from facade_core.synth.street_truth import synthetic_street
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
+from tasks.store.standing import recorded_source
 from tasks.training.parser import stage_progress
 
 # Texels are only counted in the renderings, not shown: few are enough.
@@ -31,22 +32,52 @@ TEXELS_PER_METRE = 4.0
 # Viewpoints that are rendered one after another, and how often in each block.
 RUN, RUNS = 4, 16
 PROCEDURAL = 8
-# Every so-manieth run of renderings is for judging.
+# Every so-manieth run of renderings is for judging, and of panoramas where none is named for it.
 EVERY = 5
 
 
 @dataclass(frozen=True)
 class Places:
-    """Which panoramas to judge checkpoints by, and which to leave out altogether: beginnings of their files' names."""
+    """Which panoramas to judge checkpoints by, and which to leave out altogether: beginnings of their files' names. Without any
+    to judge by, every fifth does."""
 
-    judged: tuple[str, ...]
+    judged: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
 
 
+@dataclass(frozen=True)
+class Street:
+    """Of a run: its block file, and the panoramas of its cameras, `(name, file)`."""
+
+    block: Path
+    pictures: tuple[tuple[str, Path], ...]
+
+
+def street_of(run: Path) -> Street:
+    """What the run in a folder was made of. Raises InputError where it does not say, or has no panoramas."""
+    source = recorded_source(run)
+    if source is None:
+        raise InputError(f"{run}: no run of a block; name the folder that one was written to")
+    found = tuple((f"{run.resolve().name}/{one.path.name}", one.path) for one in read_block(source).panoramas)
+    if not found:
+        raise InputError(
+            f"{source}: its imagery has no panoramas, which are what is learnt from; add some, or use --real"
+        )
+    return Street(source, found)
+
+
 def train_translator(
-    real: Sequence[Path], blocks: Sequence[Path], out: Path, *, seed: int, course: Course, places: Places
+    real: Sequence[Path],
+    blocks: Sequence[Path],
+    out: Path,
+    *,
+    seed: int,
+    course: Course,
+    places: Places,
+    runs: Sequence[Path] = (),
 ) -> Path:
-    """Train on panoramas in the folders `real`, and on renderings of block files and of procedural streets.
+    """Train on panoramas in the folders `real` and of the cameras of runs, and on renderings of block files, those of the runs
+    too, and of procedural streets.
 
     Writes translator.onnx and translator.json into `out`, and beside them translator.state, where an interrupted run goes on,
     and a picture of every checkpoint. Raises InputError without panoramas to learn from or to judge by, ModelError
@@ -55,7 +86,11 @@ def train_translator(
     from facade_core.street import translator_export
 
     translator_training.require_torch()  # before minutes of rendering
-    learnt, judged, names = panoramas(real, places)
+    streets = [street_of(run) for run in runs]
+    blocks = [*blocks, *(street.block for street in streets)]
+    learnt, judged, names = panoramas(
+        [*in_folders(real), *(picture for street in streets for picture in street.pictures)], places
+    )
     out.mkdir(parents=True, exist_ok=True)
     rendered, rendered_judged = renderings(blocks, seed=seed)
     domains = Domains(rendered, learnt, rendered_judged, judged)
@@ -74,29 +109,42 @@ def train_translator(
     return path
 
 
-def panoramas(folders: Sequence[Path], places: Places) -> tuple[list[np.ndarray], list[np.ndarray], list[str]]:
+def in_folders(folders: Sequence[Path]) -> list[tuple[str, Path]]:
+    """The pictures in some folders and below, `(name, file)`."""
+    return [
+        (f"{folder.name}/{path.name}", path)
+        for folder in folders
+        for path in sorted(folder.rglob("*"))
+        if path.suffix.lower() in (".jpg", ".jpeg", ".png")
+    ]
+
+
+def panoramas(
+    pictures: Sequence[tuple[str, Path]], places: Places
+) -> tuple[list[np.ndarray], list[np.ndarray], list[str]]:
     """Panoramas to learn from and to judge by, (h, w, 3) uint8 of the largest of WIDTHS, and the names of the first."""
     from PIL import Image
 
-    learnt, judged, names = [], [], []
-    for folder in folders:
-        for path in sorted(p for p in folder.rglob("*") if p.suffix.lower() in (".jpg", ".jpeg", ".png")):
-            with opened(path) as picture:
-                if picture.width != 2 * picture.height or path.name.startswith(places.left_out or ("\0",)):
-                    continue
-                small = picture.convert("RGB").resize((max(WIDTHS), max(WIDTHS) // 2), Image.Resampling.BOX)
-            if path.name.startswith(places.judged):
-                judged.append(np.asarray(small))
-            else:
-                learnt.append(np.asarray(small))
-                names.append(f"{folder.name}/{path.name}")
+    found = []
+    for name, path in pictures:
+        with opened(path) as picture:
+            if picture.width != 2 * picture.height or (places.left_out and path.name.startswith(places.left_out)):
+                continue
+            small = picture.convert("RGB").resize((max(WIDTHS), max(WIDTHS) // 2), Image.Resampling.BOX)
+        found.append((name, path, np.asarray(small)))
+    judges = [
+        path.name.startswith(places.judged) if places.judged else number % EVERY == 0
+        for number, (_, path, _) in enumerate(found)
+    ]
+    learnt = [image for (_, _, image), judge in zip(found, judges, strict=True) if not judge]
+    judged = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge]
     if not learnt or not judged:
         raise InputError(
-            f"{', '.join(map(str, folders))}: {len(learnt)} panoramas (pictures twice as wide as high) to learn from and "
-            f"{len(judged)} to judge by; "
+            f"{', '.join(sorted({str(path.parent) for _, path in pictures})) or 'no picture'}: "
+            f"{len(learnt)} panoramas (pictures twice as wide as high) to learn from and {len(judged)} to judge by; "
             "give both, and the beginning of the names of the latter with --judge-by"
         )
-    return learnt, judged, names
+    return learnt, judged, [name for (name, _, _), judge in zip(found, judges, strict=True) if not judge]
 
 
 def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[Rendering], list[Rendering]]:
