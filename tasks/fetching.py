@@ -52,6 +52,7 @@ class Fetched:
         earlier: of those, how many were there already.
         choice: how they were chosen; None without a block.
         faults: pictures that cannot be used.
+        refused: how many of the chosen are there and cannot be used.
         missing: how many of the chosen another run may still bring.
         named: what is to be written into the block file by hand; None where it names the folder.
     """
@@ -63,6 +64,7 @@ class Fetched:
     earlier: int
     choice: Choice | None
     faults: tuple[Fault, ...]
+    refused: int
     missing: int
     named: str | None = None
 
@@ -87,7 +89,8 @@ class Fetched:
                 if choice
                 else []
             ),
-            f"fetched    {self.chosen - self.earlier - self.missing}, {self.earlier} were there",
+            f"fetched    {self.chosen - self.earlier - self.missing}, {self.earlier} were there"
+            + (f"; of all of them {self.refused} cannot be used" if self.refused else ""),
             f"pictures   {len(there)}, {sum(one.bytes for one in there) / 1e6:.1f} MB, in {self.account.folder}",
             f"licences   {', '.join(licences) if there else '-'}",
             *([f"taken      {days[0]} to {days[-1]}"] if days else []),
@@ -211,8 +214,18 @@ def _fetched(
         broken = fetch_offers(service.name, chosen, account, service.get, _look, arrived)
     finally:
         account.write_poses()
-    missing = sum(account.holds(service.name, offer.id) is None for offer in chosen)
-    return Fetched(service.name, account, len(offers), len(chosen), earlier, choice, (*faults, *broken), missing)
+    held = [account.holds(service.name, offer.id) for offer in chosen]
+    return Fetched(
+        service.name,
+        account,
+        len(offers),
+        len(chosen),
+        earlier,
+        choice,
+        (*faults, *broken),
+        refused=sum(one is not None and one.refused is not None for one in held),
+        missing=held.count(None),
+    )
 
 
 def _look(path: Path) -> None:

@@ -24,8 +24,10 @@ def panoramas_line(folder: str, poses: str) -> str:
 def add_panoramas(path: Path, folder: str, poses: str) -> bool:
     """Have a block file without panoramas name a folder of them; False, and nothing is written, where its `imagery` is not
     written in lines of its own."""
+    path = path.resolve()  # of a link, the file that it leads to
     before = read_yaml(path)
-    text = path.read_text(encoding="utf-8")
+    written = path.read_bytes().decode()
+    text = written.replace("\r\n", "\n")
     line = panoramas_line(folder, poses)
     if "imagery" not in before:
         new = f"{text.rstrip()}\nimagery:\n  {line}\n"
@@ -37,7 +39,7 @@ def add_panoramas(path: Path, folder: str, poses: str) -> bool:
         return False
     temporary = path.with_name(f".{path.name}.tmp")
     try:
-        temporary.write_text(new, encoding="utf-8")
+        temporary.write_text(new, encoding="utf-8", newline="\r\n" if "\r\n" in written else "\n")
         imagery = {**(before.get("imagery") or {}), **yaml.safe_load(line)}
         if _read(temporary) != {**before, "imagery": imagery}:
             return False

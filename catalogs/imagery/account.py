@@ -5,10 +5,9 @@ from __future__ import annotations
 import json
 import os
 from collections.abc import Iterator
-from dataclasses import asdict, dataclass, field, fields
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from threading import Lock
-from typing import Any
 
 from catalogs.features import file_stem
 from catalogs.imagery.offer import Offer
@@ -43,7 +42,6 @@ class Kept:
     refused: str | None = None
 
 
-_KEYS = {one.name for one in fields(Kept)}
 # Of a picture, in the poses file: what the block reads, and whom to name for it.
 _TOLD = (
     "lon",
@@ -140,11 +138,13 @@ def read_account(folder: Path) -> Account:
 
 
 def _lines(path: Path, text: bytes) -> Iterator[Kept]:
+    from pydantic import TypeAdapter
+
+    lines = TypeAdapter(Kept)
     for number, line in enumerate(text.splitlines(), 1):
         try:
-            values: dict[str, Any] = json.loads(line)
-            kept = Kept(**{name: value for name, value in values.items() if name in _KEYS})
-        except (ValueError, TypeError, AttributeError) as error:
+            kept = lines.validate_json(line)
+        except ValueError as error:
             raise InputError(f"{path}: line {number} is no account of a picture; remove that line") from error
         if kept.file != Path(kept.file).name:
             raise InputError(f"{path}: line {number} names {kept.file[:60]!r}, which lies elsewhere; remove that line")

@@ -50,3 +50,15 @@ def test_a_name_is_quoted_where_yaml_wants_it(tmp_path: Path) -> None:
     odd = "a: b, {c} #d"
     assert add_panoramas(path, odd, f"{odd}/poses.json")
     assert yaml.safe_load(path.read_text())["imagery"]["panoramas"]["path"] == odd
+
+
+def test_ends_of_lines_stay_and_a_link_stays_one(tmp_path: Path) -> None:
+    path, link = tmp_path / "there.yaml", tmp_path / "block.yaml"
+    path.write_bytes(b"name: a\r\nimagery:\r\n  exemplars: {path: e}\r\n")
+    link.symlink_to(path)
+    assert add_panoramas(link, NAMED["path"], NAMED["poses"])
+    assert link.is_symlink()
+    lines = path.read_bytes().split(b"\r\n")
+    assert len(lines) == 5
+    assert not any(b"\n" in line for line in lines)
+    assert yaml.safe_load(path.read_text())["imagery"]["panoramas"] == NAMED

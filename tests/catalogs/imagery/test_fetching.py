@@ -209,7 +209,7 @@ def test_a_folder_of_others_and_a_line_that_names_another_place_are_refused(tmp_
     with pytest.raises(InputError, match="holds files that were not fetched; name a new folder"):
         read_account(tmp_path / "mine")
     line = {"source": "s", "id": "1", "file": "../x.jpg", "sha256": "", "bytes": 1, "lon": 0, "lat": 0, "heading": 0}
-    for text in (json.dumps(line), "no json", "[]", json.dumps({"id": "1"})):
+    for text in (json.dumps(line), "no json", "[]", json.dumps({"id": "1"}), json.dumps(line | {"file": None})):
         (tmp_path / "p").mkdir(exist_ok=True)
         (tmp_path / "p" / ACCOUNT).write_text(text + "\n")
         with pytest.raises(InputError, match="line 1 "):
