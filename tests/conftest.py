@@ -30,6 +30,8 @@ LONG = (
     "pipeline/test_whole_run.py",
     "faults/test_killed_at_random.py",
     "pipeline/test_deployments.py",
+    "pipeline/test_rehearsal.py",
+    "faults/test_hung_workers.py",
     "tasks/units/test_memory.py",
     "pipeline",
     "tasks/city",
