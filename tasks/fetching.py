@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from catalogs.block import Block, read_block
-from catalogs.block.adding import add_panoramas, panoramas_line
+from catalogs.block.adding import add_imagery, imagery_line
 from catalogs.block.keys import check_keys
 from catalogs.block.paths import named_paths
 from catalogs.block.yaml_files import read_yaml
@@ -131,9 +131,10 @@ def fetch_for_block(
         return fetched
     folder_name = Path(os.path.relpath(folder.resolve(), block_file.parent.resolve())).as_posix()
     poses = f"{folder_name}/{account.write_poses().name}"
-    if add_panoramas(block_file, folder_name, poses):
+    values = {"path": folder_name, "poses": poses}
+    if add_imagery(block_file, "panoramas", values):
         return fetched
-    return replace(fetched, named=f"imagery: {{{panoramas_line(folder_name, poses)}}}")
+    return replace(fetched, named=f"imagery: {{{imagery_line('panoramas', values)}}}")
 
 
 def fetch_for_box(

@@ -46,6 +46,7 @@ STOREYS = {
             "export",
             "fetching",
             "history",
+            "matching",
             "metrics",
             "otlp",
             "training",

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import re
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,20 +16,20 @@ _IMAGERY = re.compile(r"^imagery:[ ]*(#.*)?$", re.MULTILINE)
 _CHILD = re.compile(r"^( +)\S", re.MULTILINE)
 
 
-def panoramas_line(folder: str, poses: str) -> str:
-    """What names a folder of panoramas and its poses file below `imagery`."""
-    held = yaml.safe_dump({"path": folder, "poses": poses}, default_flow_style=True, allow_unicode=True, width=10**6)
-    return f"panoramas: {held.strip()}"
+def imagery_line(kind: str, values: Mapping[str, Any]) -> str:
+    """What names pictures of a kind (`panoramas`, `photos`) below `imagery`."""
+    held = yaml.safe_dump(dict(values), default_flow_style=True, allow_unicode=True, width=10**6)
+    return f"{kind}: {held.strip()}"
 
 
-def add_panoramas(path: Path, folder: str, poses: str) -> bool:
-    """Have a block file without panoramas name a folder of them; False, and nothing is written, where its `imagery` is not
+def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
+    """Have a block file without pictures of a kind name some; False, and nothing is written, where its `imagery` is not
     written in lines of its own."""
     path = path.resolve()  # of a link, the file that it leads to
     before = read_yaml(path)
     written = path.read_bytes().decode()
     text = written.replace("\r\n", "\n")
-    line = panoramas_line(folder, poses)
+    line = imagery_line(kind, values)
     if "imagery" not in before:
         new = f"{text.rstrip()}\nimagery:\n  {line}\n"
     elif heading := _IMAGERY.search(text):

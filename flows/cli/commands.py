@@ -14,7 +14,7 @@ from flows.cli.blocks import fetch, new_block
 from flows.cli.city import city, plan
 from flows.cli.corrections import import_
 from flows.cli.doctor import doctor
-from flows.cli.imagery import fetch_imagery
+from flows.cli.imagery import fetch_imagery, match
 from flows.cli.metrics import metrics
 from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, OUT
 from flows.cli.prune import prune
@@ -236,6 +236,7 @@ for command in (
     city,
     plan,
     fetch_imagery,
+    match,
     query,
     export,
     import_,

@@ -1,4 +1,4 @@
-"""The command that fetches street pictures."""
+"""The commands that fetch street pictures, and that match photos to walls."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.paths import EXISTING_FILE, FOLDER
+from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER, NEW_FILE
 from flows.cli.say import note, say
 from flows.cli.usage import WithBox
 
@@ -78,6 +78,50 @@ def fetch_imagery(
     with progress(quiet=not sys.stderr.isatty()):
         found = fetch_for_box(bbox, to, service_of(source, poses), dates=dates, most=most, licence=licence)
     ended(found)
+
+
+@click.command("match")
+@click.argument("block_file", metavar="BLOCK.yaml", type=EXISTING_FILE)
+@click.argument("photos", type=EXISTING_FOLDER)
+@click.option(
+    "--poses", type=EXISTING_FILE, help="Where photos were taken, instead of their EXIF: CSV of file,lon,lat,heading."
+)
+@click.option("--out", type=NEW_FILE, help="The table.  [default: matches.csv beside the block file]")
+@click.option("--take", type=EXISTING_FILE, metavar="TABLE", help="Copy the photos to the block, as this table says.")
+def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, take: Path | None) -> None:
+    """Find out which facades photos show: by where they say they were taken, and what they show of walls and roofs.
+
+    Photos are as taken from the street, under any name, the wall in their middle. A table tells the facade of each that
+    is sure, and the candidates of the others: write the right one into its column `facade`, or leave it empty. With --take
+    its photos are copied to the block's, under their facades' names.
+
+    \b
+    Examples:
+      streetloom match block.yaml my-photos/
+      streetloom match block.yaml my-photos/ --take matches.csv
+    """
+    from flows.cli.console import progress
+    from tasks.matching import match_photos, take_matches, write_matches
+
+    if take is not None:
+        count, by_hand = take_matches(block_file, photos, take)
+        say(f"photos     {count} taken")
+        if by_hand:
+            note(f"write into the block file: {by_hand}")
+        say(f"ready: streetloom run {block_file}")
+        return
+    with progress(quiet=not sys.stderr.isatty()):
+        matches, faults = match_photos(block_file, photos, poses)
+    for fault in faults:
+        note(f"{fault.id}: {fault.reason}")
+    table = out or block_file.parent / "matches.csv"
+    write_matches(matches, table)
+    for one in matches:
+        told = ", ".join(f"{facade} ({probability:.2f})" for facade, probability in one.candidates)
+        sure = f"{one.facade} ({one.candidates[0][1]:.2f})" if one.facade else f"? {told or 'no wall of the block'}"
+        say(f"{one.photo.name}  {sure}")
+    say(f"{sum(one.facade is not None for one in matches)} of {len(matches)} are sure; the others' candidates: {table}")
+    say(f"then: streetloom match {block_file} {photos} --take {table}")
 
 
 def fetched_for_block(

@@ -16,7 +16,7 @@ from facade_core.errors import ImageError
 from facade_core.in_front import things_in_front
 from facade_core.parse import parse
 from facade_core.plan import Plan
-from facade_core.rectify import View, fuse_views, own_texture, rectify, rectify_view
+from facade_core.rectify import Rectified, View, fuse_views, own_texture, rectify, rectify_view
 from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
@@ -151,17 +151,11 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> Photo:
     """A photo of a facade at a size; rectified first where it is as taken, and cut to the facade."""
     import cv2
 
-    picture = read_whole(path, least=LEAST_SIDE)
-    image, hidden = picture.rgb, picture.hidden
     if rectified:
-        hidden = hidden | no_data(image)
+        picture = read_whole(path, least=LEAST_SIDE)
+        image, hidden = picture.rgb, picture.hidden | no_data(picture.rgb)
     else:
-        alpha = np.where(hidden, 0, 255).astype(np.uint8)
-        focal = focal_length(path)
-        try:
-            found = rectify(np.dstack([image, alpha]), focal=None if focal is None else focal * picture.scale)
-        except ImageError as error:
-            raise ImageError(f"{path.name}: {error}") from error
+        found, _ = rectified_photo(path)
         image, hidden = found.image, ~found.seen
     cut = cut_to_facade(image, hidden)
     hidden, outside = (
@@ -172,6 +166,18 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> Photo:
     seen = look(cut.image).scaled(across, down)
     fit = Fit(cut.hidden.size / image[..., 0].size, cut.found, across / down)
     return Photo(resized(cut.image, size), hidden, outside, seen, fit)
+
+
+def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
+    """A photo as taken from the street, rectified, and its size (h, w) as it was read. Raises ImageError with its name."""
+    picture = read_whole(path, least=LEAST_SIDE)
+    alpha = np.where(picture.hidden, 0, 255).astype(np.uint8)
+    focal = focal_length(path)
+    try:
+        found = rectify(np.dstack([picture.rgb, alpha]), focal=None if focal is None else focal * picture.scale)
+    except ImageError as error:
+        raise ImageError(f"{path.name}: {error}") from error
+    return found, picture.hidden.shape
 
 
 def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> View:

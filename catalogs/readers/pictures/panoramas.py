@@ -181,6 +181,13 @@ def _metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose
     return view, *_own_pose(pano, gps)
 
 
+def stated_place(path: Path) -> SourcePose | None:
+    """Where a picture of any kind was taken by its EXIF, and its heading where that tells it; None without a place. Headings
+    from magnetic north are taken as true."""
+    with opened(path) as image:
+        return _own_pose({}, _gps(image))[0]
+
+
 def _own_pose(pano: Mapping[str, str], gps: Mapping[str, Any]) -> tuple[SourcePose | None, bool]:
     try:
         lon = dms_degrees(gps["GPSLongitude"], gps.get("GPSLongitudeRef"))
