@@ -13,11 +13,13 @@ from facade_core.layout.descriptors import describe
 from facade_core.layout.evidence import weighed
 from facade_core.layout.frames import Box, frame
 from facade_core.layout.grids import boxes, grids
+from facade_core.layout.ground import row_of_shops
 from facade_core.layout.model import LayoutModel, shipped
 from facade_core.layout.picking import aligned, pick
 from facade_core.layout.proposals import Proposals, propose
 from facade_core.layout.ranking import probability
-from facade_core.layout.rectangles import DOOR, iou, overlaps
+from facade_core.layout.rectangles import DOOR, SHOP, WINDOW, iou, overlaps
+from facade_core.layout.rows import added, least_gap
 from facade_core.layout.scores import score
 from facade_core.layout.styles import sample_layouts
 from facade_core.layout.whole import made_whole
@@ -31,6 +33,11 @@ _DOUBTED = (0.4, 0.1)
 _AGREED = 0.03
 # What the picture makes less likely by this factor fills no gap.
 _DENIED = 0.5
+# Shops of a row come together, before what is as likely.
+_TOGETHER = 0.2
+# A row of windows is there where its windows are this share as likely in the mean as one by itself must be; on the ground floor
+# of a front, which is not bare.
+_ROW, _GROUND = 0.65, 0.2
 # A door that a map has is there.
 _MAPPED = 0.9
 # An alternative that is like one chosen before is worth so much less.
@@ -62,7 +69,8 @@ def complete(
     unlikely, and beside one none but those of the map. What is proposed has as confidence how likely it is.
 
     Proposals come from extended, pooled and mirrored grids, doors and shops where the database has them; boosted trees say how
-    likely each is, and the likely ones that do not exclude each other are picked; at most one door, or as many as are seen.
+    likely each is, and the likely ones that do not exclude each other are picked: windows as far from each other as those seen,
+    rows whole, shops all along the ground floor or none; at most one door, or as many as are seen.
     The policy search of the paper (5.1-5.2) adds nothing to that and is not asked (ADR 0088). The score is the expected
     F1 of what was picked, plus a small share of `score` (Eq. 15). With neither an element nor a region, whole layouts are
     sampled in the styles of the database and ranked by `score`; for them alone the seed counts. No element in a seen region
@@ -113,28 +121,42 @@ def candidates(
     likely = np.where(_at(found, entrances), np.maximum(likely, _MAPPED), likely)
     blocked = boxes([e for e in seen if e.label not in (*ELEMENT_CLASSES, "wall")])
     wanted = model.likely[found.label]
+    apart = least_gap(things)
+    clear = _clear(found, things, blocked, apart)
     # unlikely doors under every column would each be worth a try, and together no facade
     doors = max(1, sum(e.label == "door" for e in things), len(entrances))
     certain = np.zeros(len(likely), bool)
     if front and any(e.label == "door" for e in things):
         doors = len(entrances)
     elif front:
-        certain = _needed(found, likely, blocked)
+        certain = _needed(found, likely, clear)
+    entered = _needed(found, likely, clear & (likely >= wanted)) | certain
+    shops = row_of_shops(found, likely, clear, float(model.likely[SHOP]))
     better = likely + _AGREED * found.support.mean(axis=1)
-    expected = float(likely[pick(found.box, found.label, better, likely >= wanted, blocked)].sum()) / 0.8
-    choices = [(better, likely >= share * wanted) for share in _SHARES]
+    better[shops] += _TOGETHER
+    better[entered] += _TOGETHER
+
+    def free(share: float) -> np.ndarray:
+        """What is at least a share as likely as what is picked; of shops all of a row or none."""
+        chosen = clear & (found.label != SHOP) & (likely >= share * wanted)
+        if len(shops):
+            chosen[shops] = likely[shops].mean() >= share * model.likely[SHOP]
+        return chosen
+
+    expected = float(likely[pick(found.box, found.label, better, free(1.0), blocked, apart)].sum()) / 0.8
+    choices = [(better, free(share)) for share in _SHARES]
     # what one way of carrying on the grids proposes, before anything else
     for of_one in found.support.T:
-        own = of_one > 0.8
-        choices += [(better + own, (likely >= wanted) | (own & (likely >= share * wanted))) for share in _DOUBTED]
+        own = (of_one > 0.8) & (found.label != SHOP)
+        choices += [(better + own, free(1.0) | (own & free(share))) for share in _DOUBTED]
     made: dict[tuple[Element, ...], float] = {}
-    for preference, free in choices if alternatives else choices[:1]:
-        kept = pick(found.box, found.label, preference + 2 * certain, free | certain, blocked)
+    row, standing = (float(share * model.likely[WINDOW]) for share in (_ROW, _GROUND if front else _ROW))
+    for preference, chosen in choices if alternatives else choices[:1]:
+        kept = pick(found.box, found.label, preference + 2 * certain, chosen | certain, blocked, apart)
         fill, alone = made_whole(found, kept, np.where(denied, 0, better), things, blocked)
-        if fill.any() or alone.any():
-            took = np.zeros(len(likely), bool)
-            took[kept] = True
-            kept = pick(found.box, found.label, preference + 4 * took, (took & ~alone) | fill, blocked)
+        kept = _with(found, kept, fill & clear, alone, preference, blocked, apart)
+        fill = added(found, kept, np.where(denied, 0, likely), things, clear, apart, least=row, standing=standing)
+        kept = _with(found, kept, fill, np.zeros_like(fill), preference, blocked, apart)
         kept = kept[(found.label[kept] != DOOR) | (np.cumsum(found.label[kept] == DOOR) <= doors)]
         if made and not len(kept):  # to complete nothing is no alternative
             continue
@@ -158,11 +180,31 @@ def _at(found: Proposals, entrances: Sequence[float]) -> np.ndarray:
     return at
 
 
-def _needed(found: Proposals, likely: np.ndarray, blocked: np.ndarray) -> np.ndarray:
-    """(N,) bool: the likeliest door that is free, where there is one."""
-    door = found.label == DOOR
-    if len(blocked):
-        door &= ~overlaps(found.box, blocked).any(axis=1)
+def _with(
+    found: Proposals,
+    kept: np.ndarray,
+    fill: np.ndarray,
+    alone: np.ndarray,
+    preference: np.ndarray,
+    blocked: np.ndarray,
+    apart: float,
+) -> np.ndarray:
+    """What is picked without what is alone, and with what fills the rest up."""
+    took = np.zeros(len(fill), bool)
+    took[kept] = True
+    return pick(found.box, found.label, preference + 4 * took, (took & ~alone) | fill, blocked, apart)
+
+
+def _clear(found: Proposals, things: Sequence[Element], blocked: np.ndarray, apart: float) -> np.ndarray:
+    """(N,) bool: the proposals that nothing stands in the way of, nor, of windows, one that is seen too near."""
+    windows = boxes([e for e in things if e.label == "window"])
+    grown = found.box + np.array([-apart, 0, apart, 0])
+    return ~overlaps(found.box, blocked).any(axis=1) & ~((found.label == WINDOW) & overlaps(grown, windows).any(axis=1))
+
+
+def _needed(found: Proposals, likely: np.ndarray, clear: np.ndarray) -> np.ndarray:
+    """(N,) bool: the likeliest door that is clear, where there is one."""
+    door = (found.label == DOOR) & clear
     needed = np.zeros(len(door), bool)
     if door.any():
         needed[np.where(door, likely, -1.0).argmax()] = True

@@ -10,7 +10,7 @@ from facade_core.labels import ELEMENT_CLASSES
 from facade_core.layout.frames import Box
 from facade_core.layout.grids import boxes
 from facade_core.layout.proposals import Proposals
-from facade_core.layout.rectangles import may_overlap, overlaps
+from facade_core.layout.rectangles import WINDOW, may_overlap, overlaps
 from facade_core.types import Element
 
 # Edges of one label nearer than this share of the side are meant to be one line.
@@ -18,15 +18,23 @@ _ONE_LINE = 0.2
 
 
 def pick(
-    box: np.ndarray, label: np.ndarray, preference: np.ndarray, free: np.ndarray, blocked: np.ndarray
+    box: np.ndarray,
+    label: np.ndarray,
+    preference: np.ndarray,
+    free: np.ndarray,
+    blocked: np.ndarray,
+    apart: float = 0.0,
 ) -> np.ndarray:
     """Indices picked in the order of preference among those that are free (N,), clear of what was picked and of `blocked`
-    (M, 4)."""
+    (M, 4); windows are so far apart across."""
     if len(blocked):
         free = free & ~overlaps(box, blocked).any(axis=1)
     index = np.flatnonzero(free)
     index = index[np.argsort(-preference[index], kind="stable")]
     excludes = overlaps(box[index], box[index]) & ~may_overlap(label[index], label[index])
+    if apart > 0:
+        window = label[index] == WINDOW
+        excludes |= overlaps(box[index] + np.array([-apart, 0, apart, 0]), box[index]) & window[:, None] & window
     kept: list[int] = []
     open_ = np.ones(len(index), bool)
     for k in range(len(index)):

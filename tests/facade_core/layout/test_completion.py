@@ -1,3 +1,5 @@
+import itertools
+
 import numpy as np
 import pytest
 
@@ -6,9 +8,11 @@ from facade_core.labels import CLASSES
 from facade_core.layout import complete, grids
 from facade_core.layout.floors import continuations, continued
 from facade_core.layout.grids import boxes
+from facade_core.layout.ground import row_of_shops
 from facade_core.layout.model import shipped
 from facade_core.layout.proposals import Proposals, propose
 from facade_core.layout.rectangles import iou
+from facade_core.layout.rows import added, least_gap
 from facade_core.layout.whole import made_whole
 from facade_core.types import Element, Parsing
 
@@ -134,6 +138,53 @@ def test_rows_are_full_and_nothing_stands_alone_in_one():
     assert np.flatnonzero(alone).tolist() == [20]
     fill, _ = made_whole(found, kept, np.where(np.arange(24) == 3, 0.0, 0.2), [], np.zeros((0, 4)))
     assert not fill.any(), "what the picture denies"
+
+
+def guesses(corners, label):
+    return Proposals(np.array(corners, float), np.array(label, np.int8), np.ones((len(corners), 1), np.float32))
+
+
+def test_a_row_goes_on_in_the_rhythm_of_the_one_beside_it_and_no_floor_is_left_out():
+    across = (0, 16, 60, 76, 120, 136)  # pairs
+    found = guesses([(x, y, x + 12, y + 22) for y in (0, 40, 80) for x in across], [0] * 18)
+    things = [Element("window", x, 0, x + 12, 22) for x in across[:2]]
+    apart = least_gap(things)
+    assert apart == pytest.approx(3.2), "four fifths of what is between the two"
+    kept, likely = np.array([2, 3, 4, 5, 6, 8, 11]), np.full(18, 0.2)
+    clear = ~np.isin(np.arange(18), (0, 1))
+    fill = added(found, kept, likely, things, clear, apart, least=0.1, standing=0.1)
+    assert np.flatnonzero(fill).tolist() == [7, 9, 10, *range(12, 18)]
+    fill = added(found, kept, likely, things, clear, apart, least=0.1, standing=0.3)
+    assert np.flatnonzero(fill).tolist() == [7, 9, 10], "the ground floor is too unlikely"
+    denied = np.where(np.arange(18) == 9, 0.0, likely)
+    assert not added(found, kept, denied, things, clear, apart, least=0.1, standing=0.1)[9], "what the picture denies"
+
+
+def test_windows_keep_their_distance():
+    seen = [box("window", x, y, 16, 24) for y in (30, 70, 110) for x in (20, 60)]
+    (best,) = complete(seen, DOMAIN, [(0.0, 0.0, 90.0, 160.0)])
+    rows = {}
+    for e in best.elements:
+        if e.label == "window":
+            rows.setdefault(round(e.y0), []).append(e)
+    gaps = [b.x0 - a.x1 for row in rows.values() for a, b in itertools.pairwise(sorted(row, key=lambda e: e.x0))]
+    assert min(gaps) >= least_gap(seen) > 10
+
+
+def test_shops_of_a_ground_floor_are_of_one_size_and_there_all_or_none():
+    corners = [(x, 0, x + w, 30) for w in (20, 45) for x in (0, 25, 50, 75)]
+    found = guesses(corners, [3] * 8)
+    likely = np.array([0.1, 0.5, 0.1, 0.1, 0.3, 0.0, 0.3, 0.0])
+    clear = np.ones(8, bool)
+    assert sorted(row_of_shops(found, likely, clear, 0.1)) == [0, 1, 2, 3]
+    assert sorted(row_of_shops(found, likely, np.arange(8) != 1, 0.1)) == [4, 6]
+    shop = [box("shop", x, 145, 26, 30) for x in (20, 60, 100, 140, 180)]
+    upper = [e for e in facade() if e.label == "window" and e.y1 < 100]
+    seen = see([*upper, *shop], LEFT)
+    layouts = complete(seen, DOMAIN, LEFT, n=5)
+    assert {sum(e.label == "shop" for e in layout.elements[len(seen) :]) for layout in layouts} <= {0, 2}
+    assert sum(e.label == "shop" for e in layouts[0].elements[len(seen) :]) == 2
+    assert len({(e.width, e.y0, e.y1) for e in layouts[0].elements if e.label == "shop"}) == 1
 
 
 def test_hidden_top_floor_is_found():
