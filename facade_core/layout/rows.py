@@ -19,7 +19,7 @@ _SAME = 0.6
 _FULL = 0.5
 # How far windows are from each other at least: as a share of their width where only single ones are seen; at most; as a share
 # of the least gap that is seen.
-_SINGLE, _WIDEST, _OF_SEEN = 0.25, 0.8, 0.8
+_SINGLE, _WIDEST, _OF_SEEN = 0.1, 0.2, 0.6
 # A row of which nothing is there yet has at least this share of the windows of the row next to it, and lies so many pitches
 # from it.
 _COVER, _PITCH = 0.5, 0.75
