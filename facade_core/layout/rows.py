@@ -23,6 +23,8 @@ _SINGLE, _WIDEST, _OF_SEEN = 0.1, 0.2, 0.6
 # A row of which nothing is there yet has at least this share of the windows of the row next to it, and lies so many pitches
 # from it.
 _COVER, _PITCH = 0.5, 0.75
+# Between two floors one is there though it is less likely, by this factor: no storey is blank.
+_BETWEEN = 0.35
 _NOTHING = np.zeros((0, 4))
 
 
@@ -41,7 +43,7 @@ def added(
 
     likely (N,): how likely each is, 0 of one that is not there; clear (N,) bool: where nothing stands in the way; apart:
     windows of a row are at least so far from each other. A row comes where its windows are as likely in the mean as `least`,
-    on the ground floor as `standing`.
+    below all others as `standing`; between two a third of it is enough.
     """
     fill = np.zeros(len(found.box), bool)
     own = kept[found.label[kept] == WINDOW]
@@ -57,7 +59,7 @@ def added(
     fill[_in_rhythm(found.box, likely, free, windows, picked, solid)] = True
     windows = np.concatenate([windows, found.box[fill]])
     free &= ~overlaps(found.box, windows).any(axis=1)
-    fill[_missing(found, likely, free, windows, apart, least, standing)] = True
+    fill[_missing(found.box, likely, free, windows, apart, least, standing)] = True
     return fill
 
 
@@ -90,7 +92,7 @@ def _in_rhythm(
 
 
 def _missing(
-    found: Proposals,
+    box: np.ndarray,
     likely: np.ndarray,
     free: np.ndarray,
     windows: np.ndarray,
@@ -99,7 +101,7 @@ def _missing(
     standing: float,
 ) -> list[int]:
     """Proposals of whole rows where there is none, the likeliest first."""
-    box = found.box
+    label = np.full(len(box), WINDOW)
     size = np.median(windows[:, 2:] - windows[:, :2], axis=0)
     taken: list[int] = []
     while True:
@@ -122,8 +124,9 @@ def _missing(
                 continue
             tried.append(first)
             one = index[_share(box[index][:, [1, 3]], tuple(box[first, [1, 3]])) >= _SAME]
-            row = one[pick(box[one], found.label[one], likely[one], np.ones(len(one), bool), _NOTHING, apart)]
-            enough = standing if middle[first] > floors[-1] else least
+            row = one[pick(box[one], label[one], likely[one], np.ones(len(one), bool), _NOTHING, apart)]
+            above, below = middle[first] < floors[0], middle[first] > floors[-1]
+            enough = standing if below else least if above else _BETWEEN * least
             value = float(likely[row].sum())
             if len(row) >= _COVER * len(columns[nearest[first]]) and value >= enough * len(row) and value > best_sum:
                 best, best_sum = row, value
