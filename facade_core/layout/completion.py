@@ -150,9 +150,13 @@ def candidates(
         own = (of_one > 0.8) & (found.label != SHOP)
         choices += [(better + own, free(1.0) | (own & free(share))) for share in _DOUBTED]
     made: dict[tuple[Element, ...], float] = {}
+    done: set[bytes] = set()
     row, standing = (float(share * model.likely[WINDOW]) for share in (_ROW, _GROUND if front else _ROW))
     for preference, chosen in choices if alternatives else choices[:1]:
         kept = pick(found.box, found.label, preference + 2 * certain, chosen | certain, blocked, apart)
+        if kept.tobytes() in done:
+            continue
+        done.add(kept.tobytes())
         fill, alone = made_whole(found, kept, np.where(denied, 0, better), things, blocked)
         kept = _with(found, kept, fill & clear, alone, preference, blocked, apart)
         fill = added(found, kept, np.where(denied, 0, likely), things, clear, apart, least=row, standing=standing)
