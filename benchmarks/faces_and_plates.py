@@ -22,11 +22,10 @@ import numpy as np
 from catalogs.learning.datasets import LabelledFacade
 from facade_core.detect import Seen, look
 from facade_core.detect.faces import find_faces, ious
-from facade_core.detect.seen import find_plates
+from facade_core.detect.seen import LOWERMOST, UPPERMOST, find_plates
 from facade_core.in_front import things_in_front
 from facade_core.parse import parse
 from facade_core.types import Box
-from tasks.units.evidence import LOWERMOST, UPPERMOST
 
 FACES, PLATES = "faces", "plates"
 # Pixels that a face or a plate is high.

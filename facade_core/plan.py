@@ -7,17 +7,22 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
+import shapely
 
 from facade_core.facades import Facades
-from facade_core.geometry.charts import GROUND
+from facade_core.geometry.charts import CORNERS, GROUND
 from facade_core.geometry.streets import Viewpoint
 from facade_core.grouping import Grouped
 from facade_core.identity import Things, things_of
+from facade_core.rectify.camera import GROUND_REACH_M
 from facade_core.street.ground import Squares
 from facade_core.street.scene import Scene
 from facade_core.types import Ground, Pose, Street
 
 __all__ = ["Facades", "Plan", "Sightings"]
+
+# A pose is moved by less than this when it is refined, metres.
+MOVED_M = 3.0
 
 
 @dataclass(frozen=True)
@@ -111,6 +116,20 @@ class Plan:
     @cached_property
     def _own_by_building(self) -> Grouped:
         return Grouped(self.scene.charts.building[self._own_charts])
+
+    def ground_near_cameras(self) -> np.ndarray:
+        """The pieces (k,) int64 of the block's own ground, ascending, that a panorama may show: refining moves poses little."""
+        return self._ground_near_cameras
+
+    @cached_property
+    def _ground_near_cameras(self) -> np.ndarray:
+        ground = np.flatnonzero((self.scene.charts.kind == GROUND) & self.own)
+        if not self.poses or not len(ground):
+            return np.zeros(0, np.int64)
+        corners = self.scene.charts.at_shares(ground, CORNERS)[..., :2]
+        boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
+        places = shapely.MultiPoint([(pose.x, pose.y) for pose in self.poses])
+        return ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MOVED_M]
 
     @cached_property
     def street_of_viewpoints(self) -> np.ndarray:

@@ -62,7 +62,7 @@ STOREYS = {
         ("city",),
     ),
 }
-MOST_FILES = 17  # of a room
+MOST_FILES = 18  # of a room
 LEVELS = ("debug", "info", "warning", "error", "exception", "critical")
 
 

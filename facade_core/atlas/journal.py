@@ -42,6 +42,11 @@ class Record(TypedDict, total=False):
     given_deg: float | None
     residual_deg: float | None
     left: list[str]
+    # panoramas: how high over the ground they were taken, None where the block has none there, and its colours around
+    over_ground_m: float | None
+    squares: list[list[int]]
+    # ground from panoramas: of each camera that shows it the panorama, its share and how far it was on the mean, metres
+    cameras: list[list[Any]]
     # exemplars: their size at the block's density, what was masked of them, what of their wall is in shadow, and what tells
     # their style, `facade_core.style.look_of`
     width_m: float

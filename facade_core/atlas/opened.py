@@ -128,9 +128,12 @@ class Atlas:
         chart = {name: column[row] for name, column in self.tables["charts"].items() if np.ndim(column)}
         page, top, left, height, width = (int(chart[name]) for name in ("page", "y", "x", "height", "width"))
         window = {"page": page, "y": slice(top, top + height), "x": slice(left, left + width)}
-        on_pages = [array.path for array in ARRAYS if array.dims[:3] == PAGE]
+        # a store may be older than some array
+        on_pages = [array.path.split("/") for array in ARRAYS if array.dims[:3] == PAGE]
         rasters = {
-            path.rpartition("/")[2]: self.tree[path].isel(window).assign_attrs(grid_mapping="crs") for path in on_pages
+            name: self.tree[folder][name].isel(window).assign_attrs(grid_mapping="crs")
+            for folder, name in on_pages
+            if name in self.tree[folder]
         }
         frame = self.tree["atlas"].attrs
         density = float(chart.get("texels_per_metre", frame["texels_per_metre"]))

@@ -19,6 +19,9 @@ RIM = 0.4
 SEAM = 256
 # Plates stand in the lower part of a picture, below this share of its height.
 LOW = 0.5
+# Between these shares of a full panorama's height, 27 degrees over the horizon and 63 below it, faces and plates are looked
+# for; the latter stand below the horizon.
+UPPERMOST, HORIZON, LOWERMOST = 0.35, 0.5, 0.85
 # Of a picture of ordinary size they are looked for so many times enlarged: of 24 marked by eye four were found at twice, eight
 # at three times their size, and of those left few can be read.
 CLOSER = 3.0
@@ -90,6 +93,18 @@ def look_around(image: np.ndarray, low: float = LOW) -> Seen:
     seen = look(np.concatenate([image, image[:, :SEAM]], axis=1), low)
     lines = [line for line in seen.lines if line.box[0] < width]
     return Seen(_around(seen.faces, width), _around(seen.plates, width), lines)
+
+
+def look_on_panorama(image: np.ndarray, view: tuple[float, float, float, float]) -> Seen:
+    """The same on the part `view` of a panorama, as of `facade_core.types.Pose`: between UPPERMOST and LOWERMOST."""
+    _, top, wide, share = view
+    first, middle, last = (
+        min(len(image), max(0, round((row - top) / share * len(image)))) for row in (UPPERMOST, HORIZON, LOWERMOST)
+    )
+    if last == first:
+        return Seen()
+    looked = look_around if wide == 1 else look
+    return looked(image[first:last], (middle - first) / (last - first)).moved(0, first)
 
 
 def _around(boxes: np.ndarray, width: int) -> np.ndarray:

@@ -10,6 +10,9 @@ from facade_core.errors import GeometryError
 from facade_core.geometry.equirectangular import basis
 from facade_core.types import Pose
 
+# How far from a panorama its ground is taken from it, metres: farther a pose that is off by a degree moves a kerb by metres.
+GROUND_REACH_M = 15.0
+
 
 def position(pose: Pose) -> np.ndarray:
     """The camera's place (3,) in world metres; GeometryError for a pose without height."""

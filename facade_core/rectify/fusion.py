@@ -74,8 +74,10 @@ class Fused:
     occluded: np.ndarray
 
 
-def fuse_views(views: Sequence[View]) -> Fused:
+def fuse_views(views: Sequence[View], *, matched: bool = False) -> Fused:
     """One raster from one to 127 views of one chart; the exposure is that of the view with the most quality in sum.
+
+    matched: whether they are of one exposure already.
 
     Raises ImageError without views or for views of different sizes.
     """
@@ -93,7 +95,7 @@ def fuse_views(views: Sequence[View]) -> Fused:
     share_seen, share_clear, share = (np.stack([_mean(m, cell) for m in masks]) for masks in (seen, clear, basis))
     colour = np.stack([_mean(v.rgb * m[..., None], cell) for v, m in zip(views, basis, strict=True)])
     colour /= np.maximum(share, 1e-6)[..., None]
-    gain = _gains(colour, share_clear > 0.5, quality.sum(axis=(1, 2)))
+    gain = np.ones((len(views), 3)) if matched else _gains(colour, share_clear > 0.5, quality.sum(axis=(1, 2)))
     colour = np.clip(colour * gain[:, None, None], 0, 255) / 255
     unary = _unary(colour, share_seen, share_clear, np.stack([_mean(q, cell) for q in quality]))
     label = _expand(unary, _completed(colour, share_seen)).repeat(cell, axis=0).repeat(cell, axis=1)

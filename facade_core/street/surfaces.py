@@ -25,6 +25,8 @@ from facade_core.types import Sun
 
 # Metres around a chart that its levelling depends on.
 BESIDE_M = LEVELLED_M * LEVELLED_REACHES
+# A picture of the ground fades into the material over so much, metres.
+FADE_M = 1.0
 # Texels whose grain is worked out together: what each takes is many times its colour.
 AT_ONCE = 1 << 18
 
@@ -78,7 +80,8 @@ def surface(
     back by a facade's `labels` (h, w), where it is no picture of that very facade.
 
     Bare texels take their material, bare ground under the free sky the `aerial` picture. With `levelling` what is painted is
-    levelled to what was seen of the same surface, on its own chart or beside it, and both together to what pictures show.
+    levelled to what was seen of the same surface, on its own chart or beside it, and both together to what pictures show; on
+    the ground what pictures show fades instead.
     network: whether streets were translated by the network, whose colours are not those of the materials; pixels: of what, so
     that what is finer than they are is added from the material; anew: streets painted this chart with other materials than
     these, so that theirs is painted over.
@@ -139,7 +142,42 @@ def _levelled_surface(
         beside = {*known.seeded, *known.written}
         colour = _levelled(scene, chart, colour, ~bare, foreign, known.read, beside, UNSEEN)
     guessed = bare | (provenance <= TRANSLATED)
-    return _levelled(scene, chart, colour, ~guessed, guessed, known.read, known.seeded, TRANSLATED), provenance
+    if scene.charts.kind[chart] != GROUND:
+        return _levelled(scene, chart, colour, ~guessed, guessed, known.read, known.seeded, TRANSLATED), provenance
+    if chart not in known.seeded:
+        return colour, provenance
+    # a picture of the ground says nothing of ground beside it, which is not levelled to it: the picture fades into that. Beside
+    # a picture from above it ends nowhere: what readers know of the next piece does not have that picture yet
+    share = faded(scene, chart, provenance, known if aerial is None else None)
+    mixed = (share < 1) & ~guessed
+    part, painted = share[mixed][:, None], materials.texels(chart, *np.nonzero(mixed))
+    colour[mixed] = (part * colour[mixed] + (1 - part) * painted + 0.5).astype(np.uint8)
+    return colour, provenance
+
+
+def faded(scene: Scene, chart: int, provenance: np.ndarray, known: Known | None) -> np.ndarray:
+    """How much of a picture of the ground counts (h, w) float32: it fades into the material over FADE_M to where no picture is,
+    but not to the block's border, nor to a wall; to pieces beside it where it is `known` what they show."""
+    import cv2
+
+    density, size = float(scene.placement.texels_per_metre[chart]), (provenance.shape[0], provenance.shape[1])
+    margin = round(FADE_M * density) + 1
+    wide = np.zeros((size[0] + 2 * margin, size[1] + 2 * margin), np.uint8)
+    if known is not None:
+        read = known.read
+
+        def from_one(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+            colour, rank = read(one, rows, columns)
+            return colour, rank + 1  # 0 is where no piece is
+
+        rank = surrounded(scene.charts, scene.placement.texels_per_metre, chart, size, margin, from_one)[1]
+        wide = (rank > 0).astype(np.uint8) + (rank == PHOTO + 1)
+    own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
+    wide[own] = 1 + (provenance == PHOTO)
+    if not (wide == 1).any():
+        return np.ones(size, np.float32)
+    away = cv2.distanceTransform((wide != 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)[own]
+    return np.clip(away / max(1.0, FADE_M * density), 0, 1).astype(np.float32)
 
 
 def _plain(scene: Scene, materials: Materials, chart: int) -> np.ndarray:

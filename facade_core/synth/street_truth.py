@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -29,6 +30,8 @@ DEPTH = 10.0
 GAP = 4.0
 # Where the street is: grid coordinates, and its turn from the east, so that no axis is special.
 CORNER, TURN_DEG = np.array([4200.0, 7300.0]), 23.0
+# World places (n, 2) -> colours (n, 3).
+GroundPaint = Callable[[np.ndarray], np.ndarray]
 # Rows of pixels rendered at once, which bounds memory.
 BAND = 128
 
@@ -92,10 +95,19 @@ def synthetic_street(
     return SyntheticStreet(scene, tuple(fronts), ordered, cutouts, axis, max(ends))
 
 
-def panorama(street: SyntheticStreet, pose: Pose, width: int, *, gain: float = 1.0, seed: int = 0) -> np.ndarray:
+def panorama(
+    street: SyntheticStreet,
+    pose: Pose,
+    width: int,
+    *,
+    gain: float = 1.0,
+    seed: int = 0,
+    ground: GroundPaint | None = None,
+) -> np.ndarray:
     """What a camera at `pose` sees, (width / 2, width, 3) uint8: facades, cut-outs, plain other surfaces, a bright sky.
 
-    gain is the exposure; the noise of the sensor (1 % of full scale) has the given seed.
+    gain is the exposure; the noise of the sensor (1 % of full scale) has the given seed; ground: of its colours, mottled grey
+    without.
     """
     height = width // 2
     rotation = camera_from_world(pose)
@@ -110,7 +122,7 @@ def panorama(street: SyntheticStreet, pose: Pose, width: int, *, gain: float = 1
         camera[..., 1] = -np.sin(latitude)[:, None]
         camera[..., 2] = np.cos(latitude)[:, None] * np.cos(longitude)
         rays = camera @ rotation.astype(np.float32)
-        image[top : top + rows] = _shade(street, position(pose), rays, sheet, left)
+        image[top : top + rows] = _shade(street, position(pose), rays, sheet, left, ground)
     image = gain * image + np.random.default_rng(seed).normal(0, 2.55, image.shape).astype(np.float32)
     return np.round(np.clip(image, 0, 255)).astype(np.uint8)
 
@@ -122,9 +134,38 @@ def hidden(street: SyntheticStreet, facade: int, pose: Pose, size: tuple[int, in
     rows, columns = size
     extent = np.array([street.painted[facade].image.shape[i] for i in (1, 0)]) / street.scene.spec.texels_per_metre
     x, y = np.meshgrid((np.arange(columns) + 0.5) / columns * extent[0], (np.arange(rows) + 0.5) / rows * extent[1])
-    points = charts.points(chart, x, y)
+    return hidden_points(street, charts.points(chart, x, y), pose, supposed=supposed)
+
+
+def hidden_points(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, supposed: Pose) -> np.ndarray:
+    """The same of world points (..., 3): (...,) bool."""
     rays = (points - position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(pose)
-    return _cover(street, position(pose), rays, np.ones(size, np.float32), np.zeros((*size, 3), np.float32)) > 0.02
+    nearest, colour = np.ones(points.shape[:-1], np.float32), np.zeros(points.shape, np.float32)
+    return _cover(street, position(pose), rays, nearest, colour) > 0.02
+
+
+def painted_ground(street: SyntheticStreet) -> GroundPaint:
+    """Ground that no material looks like: a patched carriageway with a broken line, kerbs, slabs of several sizes."""
+    rng = np.random.default_rng(5)
+    grains = [(side, rng.normal(0, 1, (97, 89))) for side in (3.1, 0.7, 0.21, 0.06)]
+    across = np.array([-street.axis[1], street.axis[0]])
+
+    def paint(places: np.ndarray) -> np.ndarray:
+        along, beside = (places - CORNER) @ street.axis, (places - CORNER) @ across
+        noise = np.zeros(len(places))
+        for weight, (side, values) in zip((9, 7, 6, 5), grains, strict=True):
+            noise += weight * values[(along // side % 97).astype(int), (beside // side % 89).astype(int)]
+        road = np.abs(beside) < 4.5
+        kerb = np.abs(np.abs(beside) - 4.6) < 0.1
+        joint = (along % 0.9 < 0.04) | (beside % 0.6 < 0.03)
+        line = (np.abs(beside) < 0.08) & (along % 3.0 < 1.5)
+        patch = (along % 11 < 3.2) & (beside > 0.6) & (beside < 2.9)
+        grey = np.where(road, np.where(patch, 62.0, 92.0), np.where(joint, 96.0, 148.0))
+        grey = np.where(kerb, 170.0, np.where(line, 214.0, grey)) + noise
+        tint = np.where(road[:, None], [1.0, 1.0, 1.03], [1.0, 0.95, 0.88])
+        return np.clip(grey[:, None] * tint, 0, 255).astype(np.float32)
+
+    return paint
 
 
 def _cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:
@@ -145,7 +186,12 @@ def _sheet(street: SyntheticStreet) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _shade(
-    street: SyntheticStreet, origin: np.ndarray, rays: np.ndarray, sheet: np.ndarray, left: np.ndarray
+    street: SyntheticStreet,
+    origin: np.ndarray,
+    rays: np.ndarray,
+    sheet: np.ndarray,
+    left: np.ndarray,
+    ground: GroundPaint | None,
 ) -> np.ndarray:
     """Colours (h, w, 3) float32 along rays (h, w, 3)."""
     import cv2
@@ -169,6 +215,9 @@ def _shade(
     tint[:-1][charts.kind == GROUND] = [0.75, 0.74, 0.72]
     tint[list(street.charts)] = 1
     colour *= tint[chart]
+    if ground is not None:
+        on_ground = np.isfinite(distance) & (charts.kind[chart] == GROUND)
+        colour[on_ground] = ground((origin + distance[on_ground, None] * rays[on_ground])[:, :2])
     rise = np.clip(rays[..., 2:], 0, 1)
     sky = np.array([225, 232, 240], np.float32) - rise * np.array([70, 45, 10], np.float32)
     colour = np.where(np.isfinite(distance)[..., None], colour, sky)

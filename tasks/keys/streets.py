@@ -20,6 +20,8 @@ from tasks.run import Run
 # The records of some units (n,) of a stage, in that order.
 _Read = Callable[[str, np.ndarray], list[Record | None]]
 
+# The stages that seed charts, in the order in which they write.
+SEEDING = ("textures", "grounds", "facades")
 # Settings that streets' texels depend on.
 SETTINGS = ("texels_per_metre", "panorama_width", "translator")
 
@@ -42,7 +44,7 @@ def street_keys(
     A translator that answers with a field gives the same texels whatever lies elsewhere in a panorama: then a viewpoint stands
     on no other, and the street's texels on no seeds of charts that it does not write.
 
-    journals: those of textures, facades and viewpoints, where they were read as a whole, for one who asks for many streets.
+    journals: those of all that seed and of viewpoints, where they were read as a whole, for one who asks for many streets.
     """
 
     def records(stage: str, units: np.ndarray) -> list[Record | None]:
@@ -53,7 +55,8 @@ def street_keys(
     code, settings = stage_code("streets", neural=blends), _settings(run, plan)
     charts = plan.charts_of_street(street)
     seeds = _seeds(plan, records, charts)
-    known = latest_digests(seeds, [])
+    grounds = _grounds(plan, records, charts)
+    known = latest_digests(seeds + grounds, [])
     names = {chart: f"{number:016x}" for chart, number in zip(charts.tolist(), plan.ids[charts].tolist(), strict=True)}
     shown = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
     earlier, passed = _earlier(plan, records, street, charts)
@@ -68,6 +71,7 @@ def street_keys(
         passes.append([[plan.looks[v], passed[v]] for v in blended.tolist()])
         key = unit_key(key, views[-1], read[-1], passes[-1]) if blends else unit_key(first, views[-1], read[-1])
         keys.append(key)
+    photographed = [one["digests"] for one in grounds if one and one.get("digests")]
     return StreetKeys(
         parts_key(
             code,
@@ -76,6 +80,7 @@ def street_keys(
             seeds=read if blends else [],
             earlier=passes,
             others=[_seeding(plan, seeds, charts), _later(plan, street, charts)],
+            **({"ground": photographed} if photographed else {}),
         ),
         tuple(keys),
         unit_key(keys) if blends else "",
@@ -98,6 +103,11 @@ def _seeds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None
     textures = np.flatnonzero(np.isin(plan.textured_buildings(), buildings))
     facades = np.flatnonzero(np.isin(plan.facades.building, buildings))
     return records("textures", textures) + records("facades", facades)
+
+
+def _grounds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+    """The records of those who took some charts, of the ground, from panoramas."""
+    return records("grounds", np.flatnonzero(np.isin(plan.ground_near_cameras(), charts)))
 
 
 def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tuple[np.ndarray, dict[int, str | None]]:

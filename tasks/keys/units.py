@@ -22,7 +22,7 @@ from facade_core.plan import Plan
 from facade_core.types import AS_FOUND, Pose
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
-from tasks.units.imagery import Imagery
+from tasks.units.imagery import Imagery, Taken
 
 # What of a block a panorama may be matched with, metres from where it was taken.
 AROUND_POSE_M = 150.0
@@ -83,6 +83,20 @@ def texture_key(run: Run, plan: Plan, building: int, textures: Sequence[Path]) -
         high[2] = np.inf
         parts["above"] = plan.things.within(low - OFF_PLANE_M, high + OFF_PLANE_M)
     return parts_key(stage_code("textures"), **parts)
+
+
+def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[Taken]) -> str:
+    """Of a piece of ground that some panoramas are near."""
+    return parts_key(
+        stage_code("grounds"),
+        settings=run.texture.texels_per_metre,
+        geometry=f"{plan.ids[chart]:016x}",
+        panoramas=[
+            [one.path.name, one.panorama, file_digest(one.path), _pose(one.pose), list(one.factor), one.squares]
+            for one in taken
+        ],
+        between=[_between(plan, chart, one.pose) for one in taken],
+    )
 
 
 def facade_keys(

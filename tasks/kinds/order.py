@@ -7,6 +7,7 @@ from facade_core.atlas.journal import read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from tasks.kinds.exemplars import EXEMPLARS
 from tasks.kinds.facades import FACADES
+from tasks.kinds.grounds import GROUNDS
 from tasks.kinds.kind import Kind, Records
 from tasks.kinds.pages import PAGES
 from tasks.kinds.pictures import PICTURES
@@ -16,7 +17,19 @@ from tasks.kinds.surfaces import SURFACES
 from tasks.kinds.textures import TEXTURES
 from tasks.kinds.tiles import TILES
 
-KINDS: tuple[Kind, ...] = (POSES, EXEMPLARS, TEXTURES, FACADES, VIEWPOINTS, STREETS, SURFACES, PAGES, TILES, PICTURES)
+KINDS: tuple[Kind, ...] = (
+    POSES,
+    EXEMPLARS,
+    TEXTURES,
+    GROUNDS,
+    FACADES,
+    VIEWPOINTS,
+    STREETS,
+    SURFACES,
+    PAGES,
+    TILES,
+    PICTURES,
+)
 STAGES = tuple(kind.stage for kind in KINDS)
 # The stages that have code of their own, those before and after the units among them.
 CODED = ("ingest", *(kind.stage for kind in KINDS if kind.part_of is None), "publish")

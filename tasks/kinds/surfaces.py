@@ -11,6 +11,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.grouping import Grouped
 from facade_core.plan import Plan
 from facade_core.street.surfaces import BESIDE_M
+from tasks.keys.streets import SEEDING
 from tasks.keys.surfaces import surface_key
 from tasks.kinds.kind import Change, Kind
 from tasks.run import Run
@@ -32,7 +33,7 @@ def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
 
 def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """As the journal stands: what facades, textures and streets made."""
-    seeds = latest_digests(read_journal(group, "textures") + read_journal(group, "facades"), [])
+    seeds = latest_digests([record for stage in SEEDING for record in read_journal(group, stage)], [])
     streets = latest_digests([], read_journal(group, "streets"))
     texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
     units = []
@@ -72,6 +73,6 @@ SURFACES = Kind(
     again=_again,
     units=surface_units,
     function=surface_unit,
-    reads=("textures", "facades", "streets"),
+    reads=(*SEEDING, "streets"),
     always=True,
 )

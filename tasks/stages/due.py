@@ -15,7 +15,7 @@ from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, open_repository, open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
-from tasks.keys.streets import street_keys
+from tasks.keys.streets import SEEDING, street_keys
 from tasks.keys.units import changed_parts, parts_of
 from tasks.kinds.facades import panoramas_of
 from tasks.kinds.kind import Kind
@@ -127,6 +127,8 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
         records = read_journal(group, kind.stage)
         units[kind.stage] = kind.units(run, block, plan, group)
         reasons[kind.stage] = _due(records, units[kind.stage])
+        if kind.stage == "grounds" and reasons["poses"]:  # one exposure for all of them
+            reasons["grounds"] = dict.fromkeys((u.index for u in units["grounds"]), REASONS["panoramas"])
         if kind.stage == "facades":
             reasons["facades"] = _after(reasons, units, records, plan)
         if kind.seeds:
@@ -204,7 +206,7 @@ def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> 
     seeded again."""
     records = read_journal(group, "streets")
     blends = run.texture.translator == "neural"  # of what viewpoints show; a field's texels stand on none of that
-    journals = {stage: read_journal(group, stage) for stage in ("textures", "facades", "viewpoints")}
+    journals = {stage: read_journal(group, stage) for stage in (*SEEDING, "viewpoints")}
     due: dict[int, str] = {}
     following: set[int] = set()
     # charts that streets of earlier waves which are due, or follow one that is, show; and those of the wave at hand

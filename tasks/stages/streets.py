@@ -16,7 +16,7 @@ from facade_core.atlas.journal import read_journal, read_records
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from facade_core.errors import StoreError
 from tasks.compute.connect import Compute
-from tasks.keys.streets import street_keys
+from tasks.keys.streets import SEEDING, street_keys
 from tasks.outcome import Outcome, failure, is_done, log_units, machine_error, machine_fault
 from tasks.progress import advance
 from tasks.run import Run
@@ -48,7 +48,7 @@ def streets_done(run: Run, streets: Sequence[int], after: Sequence[Sequence[int]
     if run.texture.translator == "neural" or not any(records[street] for street in streets):
         return {}
     plan = plan_of_run(run)
-    journals = {stage: read_journal(group, stage) for stage in ("textures", "facades", "viewpoints")}
+    journals = {stage: read_journal(group, stage) for stage in (*SEEDING, "viewpoints")}
     found: dict[int, Outcome] = {}
     chosen = set(streets)
     for street in streets:

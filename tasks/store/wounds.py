@@ -23,6 +23,7 @@ from facade_core.errors import FormatError
 from facade_core.grouping import Grouped
 from facade_core.plan import Plan
 from tasks.keys.streets import street_keys
+from tasks.kinds.grounds import names_of_ground
 from tasks.kinds.order import STAGES, read_journals
 from tasks.kinds.surfaces import parts_of_block
 from tasks.outcome import is_done
@@ -56,6 +57,7 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
             for i, record in enumerate(records["exemplars"])
             if _done(record) and not all(f"exemplars/{i}/{name}" in group for name in ("image", "labels"))
         ],
+        "grounds": _without_seeds(session, records["grounds"]),
         "facades": _without_rasters(session, records["facades"]),
         "viewpoints": viewpoints,
         "streets": _over_other_viewpoints(session, records["streets"], records["viewpoints"], viewpoints),
@@ -150,6 +152,7 @@ def _forget(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:
     charts = [int(plan.facades.chart[facade]) for facade in due.get("facades", ())]
     buildings = plan.textured_buildings()
     charts += [chart for unit in due.get("textures", ()) for chart in plan.own_charts(buildings[unit])]
+    charts += plan.ground_near_cameras()[sorted(due.get("grounds", ()))].tolist()
     due.setdefault("streets", set()).update(units_of_charts(plan, charts)["streets"])
     for stage in STAGES:
         for unit in sorted(due.get(stage, ())):
@@ -172,6 +175,7 @@ def _names(plan: Plan) -> dict[str, Sequence[str]]:
         "streets": streets,
         "viewpoints": [f"{streets[one.street]}, {one.id}" for one in plan.viewpoints],
         "textures": [plan.scene.names[building] for building in plan.textured_buildings()],
+        "grounds": names_of_ground(plan),
         "surfaces": [name for name, _ in parts_of_block(plan)],
     }
 
@@ -215,6 +219,22 @@ def _without_rasters(session: icechunk.Session, records: Records) -> list[int]:
     chart_of = open_table(session, "facades").chart.values
     lost = _charts_without(session, "atlas/seed_evidence", chart_of[made].tolist())
     return [f for f in made if int(chart_of[f]) in lost]
+
+
+def _without_seeds(session: icechunk.Session, records: Records) -> list[int]:
+    """Ground from panoramas of which no chunk is listed: where none shows it, a chunk is empty and never written."""
+    made = {name: i for i, record in enumerate(records) if record and _done(record) for name in record["digests"]}
+    if not made:
+        return []
+    ids = open_table(session, "charts").id.values.tolist()
+    table, there = read_table(session, "charts"), chunks_of(session, "atlas/seed_evidence")
+    placement = placement_of(table, float(open_root(session)["atlas"].attrs["texels_per_metre"]))
+    return sorted(
+        made[f"{ids[chart]:016x}"]
+        for chart, number in enumerate(ids)
+        if f"{number:016x}" in made
+        and there.isdisjoint(map(tuple, placement.chunks(chart, table["chunk"], table["gutter"]).tolist()))
+    )
 
 
 def _without_texels(session: icechunk.Session, records: Records) -> list[int]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, NamedTuple
 import numpy as np
 
 from catalogs.readers.pictures.opening import LEAST_SIDE
-from facade_core.detect import Seen, look, look_around
+from facade_core.detect import Seen, look, look_on_panorama
 from facade_core.errors import ImageError
 from facade_core.in_front import things_in_front
 from facade_core.parse import parse
@@ -29,9 +29,6 @@ if TYPE_CHECKING:
 
 # Texels around a photo's holes that count as hidden.
 RIM = 2
-# Between these shares of a full panorama's height, 27 degrees over the horizon and 63 below it, faces and plates are looked
-# for; the latter stand below the horizon.
-UPPERMOST, HORIZON, LOWERMOST = 0.35, 0.5, 0.85
 # A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
 SHOWN = 0.3
 
@@ -202,15 +199,7 @@ def _seen_on(path: Path, pose: Pose) -> Seen:
 
 @lru_cache(maxsize=64)
 def _looked_at(path: Path, _size: int, _modified: int, view: tuple[float, float, float, float]) -> Seen:
-    image = read_panorama(path)
-    _, top, wide, share = view
-    first, middle, last = (
-        min(len(image), max(0, round((row - top) / share * len(image)))) for row in (UPPERMOST, HORIZON, LOWERMOST)
-    )
-    if last == first:
-        return Seen()
-    looked = look_around if wide == 1 else look
-    return looked(image[first:last], (middle - first) / (last - first)).moved(0, first)
+    return look_on_panorama(read_panorama(path), view)
 
 
 def _widened(hidden: np.ndarray) -> np.ndarray:

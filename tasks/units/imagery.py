@@ -1,10 +1,11 @@
-"""What a facade's texture is made from."""
+"""What the texture of a facade, or of a piece of ground, is made from."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import NamedTuple
 
 from catalogs.features import file_stem
 from facade_core.types import AS_FOUND, Corrected, Pose
@@ -43,6 +44,17 @@ class Imagery:
             return ("none",)
         there = {"photo": self.photo is not None, "panoramas": bool(self.panoramas), "own": self.textured}
         return (*(source for source, given in there.items() if given), "none")
+
+
+class Taken(NamedTuple):
+    """A panorama near a piece of ground: its index in the block, its file and pose, the factors to the common exposure, and the
+    squares of ground that it shows, as of `facade_core.cameras.Ground`."""
+
+    panorama: int
+    path: Path
+    pose: Pose
+    factor: tuple[float, ...]
+    squares: tuple[tuple[int, ...], ...]
 
 
 def imagery_of(

@@ -42,6 +42,9 @@ READ_TEXEL, WRITTEN_TEXEL = 16, 64
 # levelled, with what is around it (measured: 150).
 FINISHED_TEXEL, SURFACE_TEXEL = 10, 155
 
+# A texel of ground from panoramas, one that each of these shows, and a pixel of them with what hides it.
+GROUND_TEXEL, VIEW_TEXEL, CAMERA_PIXEL = 60, 30, 8
+
 # A page that is coloured between its charts: means of ever larger squares of it, as floats. A picture of a tile: the rasters of
 # its charts, the picture, and what of it is free; and the tile's encoded bytes, as pictures and as a model.
 PAGE_TEXEL, PICTURE_TEXEL, TILE_TEXEL = 90, 16, 1
@@ -77,6 +80,12 @@ def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
 def surface_memory(texels: np.ndarray) -> int:
     """Of a building or piece of ground whose charts have so many texels (k,): all are kept, one at a time is levelled."""
     return LEAST + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL
+
+
+def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
+    """Of a piece of ground of so many texels, from so many panoramas."""
+    kept = _pixels(pictures)
+    return LEAST + _looking() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
 
 
 def page_memory(texels: int) -> int:

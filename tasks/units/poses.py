@@ -7,6 +7,7 @@ import time
 from typing import Any
 
 from facade_core.atlas.journal import Record
+from facade_core.cameras.exposure import look_down
 from facade_core.rectify import refine_pose
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
@@ -20,8 +21,10 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     (unit,) = units
     (path,) = unit.arguments
     plan = plan_of_run(run)
-    found = refine_pose(plan.scene, read_panorama(path), plan.poses[unit.index])
+    picture = read_panorama(path)
+    found = refine_pose(plan.scene, picture, plan.poses[unit.index])
     pose = found.pose
+    ground = look_down(plan.scene, picture, pose)
     record: Record = {
         "unit": unit.name,
         "key": unit.key,
@@ -33,6 +36,8 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "given_deg": _number(found.given_degrees),
         "residual_deg": _number(found.residual_degrees),
         "left": list(found.reasons),
+        "over_ground_m": ground.height,
+        "squares": ground.squares,
         "worker": worker_name(),
         "started": start,
         "seconds": {"refine": round(time.time() - start, 4)},

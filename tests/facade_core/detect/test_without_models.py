@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from facade_core.detect import Seen, look, look_around, looked_for, models, seen, shop_names
+from facade_core.detect import Seen, look, looked_for, models, seen, shop_names
 from facade_core.detect.faces import best_of, ious
 from facade_core.detect.plates import is_plate
+from facade_core.detect.seen import look_around
 from facade_core.detect.text import Line
 from facade_core.detect.tiles import tiles
 from facade_core.labels import SHOP, WALL

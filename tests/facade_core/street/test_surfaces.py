@@ -12,7 +12,7 @@ from facade_core.street import Materials, Scene, Viewpoint, Window
 from facade_core.street.contact import contact
 from facade_core.street.enclosed import enclosed
 from facade_core.street.propagate import see
-from facade_core.street.surfaces import Known, Pixels, paint, surface
+from facade_core.street.surfaces import Known, Pixels, faded, paint, surface
 from facade_core.types import Building, Street
 
 STREET = Street("s", None, shapely.LineString([(-10, -8), (50, -8)]))
@@ -71,7 +71,7 @@ def test_a_chart_that_nobody_saw_is_its_material(scene: Scene, materials: Materi
 
 
 def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, materials: Materials) -> None:
-    chart = ground(scene)
+    chart = int(np.flatnonzero((scene.charts.kind == WALL) & (scene.charts.size[:, 0] > 19))[0])
     rank = bare(scene, chart)
     rank[:, :40] = PHOTO
     read = known(scene, chart, rank, 160)
@@ -84,6 +84,43 @@ def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, mate
     assert step[1] < 0.35 * step[0]
     far = slice(150, None)
     assert abs(colour[:, far].astype(float) - plain[:, far]).mean() < 2
+
+
+def test_a_picture_of_the_ground_fades_to_where_none_is_but_not_to_the_border(
+    scene: Scene, materials: Materials
+) -> None:
+    """Pieces lie above and to the left of this one, bare; below it the block ends. FADE_M is ten texels."""
+    chart = ground(scene)
+    rank = bare(scene, chart)
+    rank[:, :40] = PHOTO
+    ramp = np.arange(1, 11) / 10
+    share = faded(scene, chart, rank, known(scene, chart, rank, 160))
+    assert share[100, 30:41] == pytest.approx([*ramp[::-1], 0.0], abs=1e-6)
+    assert share[100, :10] == pytest.approx(ramp)
+    assert share[:10, 20] == pytest.approx(ramp)
+    assert (share[-10:, 20] == 1).all()
+    assert (share[:, 40:] == 0).all()
+    assert (share[10:-10, 10:30] == 1).all()
+    # where a picture from above goes on beside it, nothing ends at the piece's border
+    alone = faded(scene, chart, rank, None)
+    assert (alone[:, :30] == 1).all()
+    assert alone[100, 30:41] == pytest.approx([*ramp[::-1], 0.0], abs=1e-6)
+    assert (faded(scene, chart, np.full_like(rank, PHOTO), None) == 1).all()
+
+
+def test_a_faded_picture_is_its_share_and_the_rest_material(scene: Scene, materials: Materials) -> None:
+    """What lies beside the picture is as without it."""
+    chart = ground(scene)
+    rank = bare(scene, chart)
+    rank[:, :60] = PHOTO
+    read = known(scene, chart, rank, 220)
+    colour, provenance = surface(scene, materials, chart, read, network=False)
+    share, painted = faded(scene, chart, rank, read)[..., None], materials.raster(chart)
+    assert (provenance[:, :60] == PHOTO).all()
+    mixed = (share * 220 + (1 - share) * painted)[:, :60]
+    assert np.abs(colour[:, :60] - mixed).max() <= 1
+    assert (colour[20:, 12:48] == 220).all()
+    np.testing.assert_array_equal(colour[:, 60:], footed(scene, chart, painted)[:, 60:])
 
 
 def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:

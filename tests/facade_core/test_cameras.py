@@ -1,0 +1,150 @@
+"""Ground from panoramas: which squares are believed, one exposure for all cameras, and a painted street got back."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from facade_core.cameras import Camera, factors, look_down, photographed, usual_of
+from facade_core.cameras.ground import ALONE_M, NEAR_M, believed
+from facade_core.cameras.standing import HIGHEST_DEG, in_the_way
+from facade_core.geometry.charts import GROUND
+from facade_core.rectify import View
+from facade_core.rectify.camera import GROUND_REACH_M
+from facade_core.synth.street_truth import SyntheticStreet, painted_ground, panorama, synthetic_street
+from facade_core.types import Pose
+
+SIZE = (40, 60)
+USUAL = (np.log(np.full(3, 100.0)), np.full(3, 0.05))
+
+
+def view(colour: float, **boxes: float) -> View:
+    """Ground of one colour, with boxes of another: car=30.0 is the right half."""
+    rgb = np.full((*SIZE, 3), colour)
+    for other in boxes.values():
+        rgb[:, SIZE[1] // 2 :] = other
+    return View(rgb.astype(np.uint8), np.ones(SIZE, bool), np.full(SIZE, 0.5, np.float32))
+
+
+def left_of(column: int, colour: float = 100) -> View:
+    """Ground of one colour that a camera shows as far as that column."""
+    whole = view(colour)
+    return replace(whole, seen=whole.seen & (np.arange(SIZE[1]) < column))
+
+
+def away(metres: float) -> np.ndarray:
+    return np.full(SIZE, metres, np.float32)
+
+
+def test_what_cameras_contradict_each_other_in_is_not_believed() -> None:
+    kept = believed([view(100), view(104, car=30.0)], [away(4), away(9)], [USUAL, USUAL], 10.0)
+    # a square beside the edge of the car is still within what a pose may be off
+    assert all(one[:, :30].all() and not one[:, 36:].any() for one in kept)
+
+
+def test_two_that_agree_outvote_a_third() -> None:
+    kept = believed([view(100), view(100, car=30.0), view(98)], [away(5)] * 3, [USUAL] * 3, 10.0)
+    assert kept[0].all()
+    assert kept[2].all()
+    assert not kept[1][:, 36:].any()
+
+
+@pytest.mark.parametrize(
+    ("metres", "colour", "usual", "taken"),
+    [
+        (ALONE_M + 1, 100.0, USUAL, True),
+        (ALONE_M - 1, 100.0, USUAL, False),  # may be its own vehicle
+        (ALONE_M + 1, 220.0, USUAL, False),  # a white van
+        (ALONE_M + 1, 100.0, None, False),
+    ],
+)
+def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
+    metres: float, colour: float, usual: tuple[np.ndarray, np.ndarray] | None, taken: bool
+) -> None:
+    """To the right of what another camera shows too."""
+    kept, _ = believed([view(100, other=colour), left_of(20)], [away(metres)] * 2, [usual] * 2, 10.0)
+    assert kept[:, :20].all()
+    assert kept[:, 30:].all() if taken else not kept[:, 30:].any()
+
+
+@pytest.mark.parametrize("others", [[], [(6, 100)], [(40, 30)]], ids=["none", "few squares", "contradict it"])
+def test_a_camera_that_no_other_vouches_for_is_not_believed_alone(others: list[tuple[int, float]]) -> None:
+    views = [view(100), *(left_of(*other) for other in others)]
+    kept = believed(views, [away(9)] * len(views), [USUAL] * len(views), 10.0)
+    assert not kept[0][:, 45:].any()
+
+
+def test_exposures_come_out_of_shared_squares_but_for_a_common_factor() -> None:
+    rng = np.random.default_rng(0)
+    truth = rng.uniform(60, 140, (30, 3))
+    gains = np.array([[1.0, 1.0, 1.0], [0.8, 0.85, 0.9], [1.2, 1.1, 1.0], [0.5, 0.5, 0.5]])
+    seen = []
+    for first, gain in zip((0, 8, 16, 200), gains, strict=True):  # the last one shares nothing
+        at = range(first, first + 14)
+        seen.append([[i, 7, *np.round(truth[i % 30] * gain).astype(int).tolist()] for i in at])
+    seen[1][0][2:] = [250, 5, 5]  # a car that only one of them saw
+    left = gains * factors(seen)
+    assert np.ptp(np.log(left[:3]), axis=0).max() < 0.06
+    assert factors(seen)[3] == pytest.approx([1, 1, 1])
+    assert (factors([]) == np.ones((0, 3))).all()
+
+
+@pytest.fixture(scope="module")
+def street() -> SyntheticStreet:
+    return synthetic_street(4, seed=3, occluders=1, texels_per_metre=8.0)
+
+
+def test_a_painted_street_is_got_back_in_one_exposure(street: SyntheticStreet) -> None:
+    paint, scene = painted_ground(street), street.scene
+    cameras, squares = [], []
+    for along, gain in ((5.0, 0.7), (12.0, 1.0)):
+        x, y = street.place(along, 0.5)
+        pose = Pose(float(x), float(y), 2.5, 40.0)
+        image = panorama(street, pose, 1024, gain=gain, ground=paint)
+        ground = look_down(scene, image, pose)
+        assert ground.height == pytest.approx(2.5, abs=0.01)
+        squares.append(ground.squares)
+        cameras.append(Camera(image, pose, np.zeros(image.shape[:2], bool), np.ones(3), usual_of(ground.squares)))
+    gains = factors(squares)
+    assert gains[0] * 0.7 == pytest.approx(gains[1] * 1.0, rel=0.06)
+    cameras = [replace(camera, factor=own) for camera, own in zip(cameras, gains, strict=True)]
+    errors, plain = [], []
+    for chart in np.flatnonzero(scene.charts.kind == GROUND).tolist():
+        shown = photographed(scene, chart, cameras)
+        if shown is None:
+            continue
+        rows, columns = np.nonzero(shown.shown)
+        step = 1 / scene.placement.texels_per_metre[chart]
+        points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+        assert (shown.camera[shown.shown] >= 0).all()
+        places = np.array([[c.pose.x, c.pose.y] for c in cameras])[shown.camera[rows, columns]]
+        off = np.linalg.norm(points[:, :2] - places, axis=1)
+        assert off.min() > NEAR_M - 0.2
+        assert off.max() < GROUND_REACH_M + 0.2
+        assert (shown.camera[~shown.shown] == -1).all()
+        truth = paint(points[:, :2]) * gains[1]
+        errors.append(np.abs(shown.rgb[rows, columns] - truth).mean(axis=1))
+        plain.append(np.abs(truth - truth.mean(axis=0)).mean(axis=1))
+    assert np.concatenate(errors).size > 10_000
+    assert np.median(np.concatenate(errors)) < 0.5 * np.median(np.concatenate(plain))
+
+
+def test_a_view_of_the_panorama_is_masked_where_the_parser_sees_things(monkeypatch: pytest.MonkeyPatch) -> None:
+    """A red car straight ahead, wherever the picture's part of the panorama begins."""
+    import facade_core.cameras.standing as module
+
+    class Parsing:
+        def __init__(self, occluded: np.ndarray) -> None:
+            self.occluded = occluded
+
+    monkeypatch.setattr(module, "parse", lambda image: Parsing((image[..., 0] > 150) & (image[..., 1] < 90)))
+    image = np.full((360, 720, 3), 110, np.uint8)
+    image[200:230, 340:380] = [220, 20, 20]
+    mask = in_the_way(image, Pose(0, 0, 2.5, 0.0))
+    assert mask[202:228, 342:378].all()
+    assert not mask[: round((90 - HIGHEST_DEG) * 2)].any()
+    assert mask.sum() < 2.2 * 30 * 40
+    half = in_the_way(image[90:, 180:540], Pose(0, 0, 2.5, 0.0, view=(0.25, 0.25, 0.5, 0.75)))
+    assert (half == mask[90:, 180:540]).mean() > 0.995
