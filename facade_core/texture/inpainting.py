@@ -18,6 +18,8 @@ from facade_core.types import Element
 
 METHODS = ("floors", "tiles")
 _WALL_AROUND = 0.3  # of an element's size: how far around it a layout tells that there is wall
+# A door or a shop that a layout holds for less likely is not drawn: the ground floor that is seen tells more than a guess.
+_ON_GROUND, _LIKELY = ("door", "shop"), 0.3
 _AGREED = 0.7  # share of the votes of other bays that a plan for "floors" needs
 
 
@@ -35,10 +37,10 @@ def inpaint(
     method "floors" clones what lies whole floors and bays away (floors paper); "tiles" lays visible tiles (tiles
     paper; needs labels (H, W) uint8 or elements). Labels count only outside the mask.
 
-    elements in pixels, from a completed layout, say where windows go: sources that put elements on elements are
-    preferred, and by "floors" each window and balcony is of one piece (`whole`). Without any repetition "floors" copies
-    from where the rim fits best; what has no source is diffused, and so is all where a side has less than LEAST_SIDE pixels,
-    on which nothing repeats.
+    elements in pixels, from a completed layout, say where windows go, and doors and shops that are likely: sources that put
+    elements on elements are preferred, and by "floors" each window and balcony is of one piece (`whole`). Without any
+    repetition "floors" copies from where the rim fits best; what has no source is diffused, and so is all where a side has
+    less than LEAST_SIDE pixels, on which nothing repeats.
     Raises ImageError for bad arrays, a mask without visible pixels, an unknown method, or "tiles" without labels and
     elements.
     """
@@ -54,23 +56,25 @@ def inpaint(
         return image.copy()
     if min(mask.shape) < LEAST_SIDE:
         return np.where(mask[..., None], np.rint(spread(image, ~mask)).astype(np.uint8), image)
-    filled = _fill(method, image, mask, _guide(mask, labels, elements), seed)
+    likely = [e for e in elements or () if e.confidence >= _LIKELY or e.label not in _ON_GROUND]
+    filled = _fill(method, image, mask, _guide(mask, labels, likely), seed)
     # Blending can carry a dark pane beyond black: nothing is darker, nor brighter, than what is seen.
     seen = image[~mask]
     result = np.where(mask[..., None], np.clip(filled, seen.min(axis=0), seen.max(axis=0)), image)
-    return whole(result, mask, elements) if elements and method == "floors" else result
+    return whole(result, mask, likely) if likely and method == "floors" else result
 
 
-def _guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Element] | None) -> np.ndarray:
-    """Class ids (H, W): labels where visible; in the hole elements, wall right around them, and else UNKNOWN.
+def _guide(mask: np.ndarray, labels: np.ndarray | None, elements: Sequence[Element]) -> np.ndarray:
+    """Class ids (H, W): labels where visible; in the hole elements, wall right around windows and balconies, and else UNKNOWN.
 
-    A completed layout says where windows go, not that nothing else is there: it often knows of no shop.
+    A completed layout says where windows go, not that nothing else is there: it often knows of no shop, and beside a shop or a
+    door is often the next shop.
     """
     guide = np.full(mask.shape, UNKNOWN, np.uint8) if labels is None else np.where(mask, UNKNOWN, labels)
     free = mask | (labels is None)
-    drawn = [(e, WALL, _WALL_AROUND) for e in elements or ()]
+    drawn = [(e, WALL, _WALL_AROUND) for e in elements if e.label not in _ON_GROUND]
     for name in reversed(ELEMENT_CLASSES):
-        drawn += [(e, CLASSES.index(name), 0.0) for e in elements or () if e.label == name]
+        drawn += [(e, CLASSES.index(name), 0.0) for e in elements if e.label == name]
     for e, label, margin in drawn:
         x, y = margin * e.width, margin * e.height
         rows, columns = (e.y0 - y, e.y1 + y), (e.x0 - x, e.x1 + x)

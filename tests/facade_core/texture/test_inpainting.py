@@ -66,6 +66,16 @@ def test_elements_decide_where_windows_go(facade):
     assert dark[shown].mean() > 0.8
 
 
+def test_an_unlikely_door_is_not_drawn(facade, hole):
+    image = spoiled(facade.image, hole)
+    rows, columns = np.nonzero(hole)
+    box = columns.min() + 2, rows.min() + 2, columns.max() - 2, rows.max() - 2
+    doors = [Element("door", *map(float, box), confidence) for confidence in (0.1, 0.9)]
+    drawn = [inpaint(image, hole, labels=facade.labels, elements=e) for e in ([], doors[:1], doors[1:])]
+    assert (drawn[0] == drawn[1]).all()
+    assert (drawn[0] != drawn[2]).any()
+
+
 def test_degenerate_masks(facade):
     none = np.zeros(facade.labels.shape, bool)
     np.testing.assert_array_equal(inpaint(facade.image, none), facade.image)
