@@ -15,6 +15,7 @@ from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED, UNSEEN
 from facade_core.errors import ImageError
 from facade_core.in_front import THING_RIM, grown, no_spill, things_in_front
 from facade_core.layout import complete
+from facade_core.layout import model as layouts
 from facade_core.layout.visible import reached, visible_boxes
 from facade_core.parse import elements, lattice, parse
 from facade_core.parse.certainty import Told, certainty, share_of, with_probabilities
@@ -23,7 +24,7 @@ from facade_core.rectify.shadow import shaded_share
 from facade_core.resizing import resized, resized_with_labels
 from facade_core.texture import Style, Wall, exemplar_scale, inpaint, on_wall, tinted
 from facade_core.texture.structure import storeys
-from facade_core.types import Box, Completion, Element, Lattice
+from facade_core.types import SHIPPED_MODELS, Box, Completion, Element, Lattice, Models
 from facade_core.variation import Hierarchy, coded, encode, exchange_in_photo, variations
 
 # A facade of which less than this is seen is not completed from it: what is made would be a guess.
@@ -113,6 +114,7 @@ def from_photo(
     clean: bool = False,
     entrances: Sequence[float] = (),
     front: bool = False,
+    models: Models = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Facade:
     """All stages on a rectified photo (h, w, 3) of which `hidden` (h, w) bool is known not to show the facade; nor does what is
@@ -121,7 +123,7 @@ def from_photo(
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
     number plate; but for what is `kept` (h, w) bool, known to be of the facade. A clean photo is known to show the facade
     alone. entrances: where a map has doors, as shares of the width; front: whether it is on a street, and entered there
-    (`complete`). Raises ImageError where less than LEAST_SEEN of the facade is seen.
+    (`complete`); models: by which it is parsed and completed. Raises ImageError where less than LEAST_SEEN of the facade is seen.
     """
     seconds: dict[str, float] = {}
     made = _completed(
@@ -134,6 +136,7 @@ def from_photo(
         clean=clean,
         entrances=entrances,
         front=front,
+        models=models,
         seed=seed,
     )
     with _timed(seconds, "lattice"):
@@ -169,13 +172,14 @@ def _completed(
     clean: bool,
     entrances: Sequence[float] = (),
     front: bool = False,
+    models: Models,
     seed: int,
 ) -> _Made:
     """What `from_photo` makes before the lattice and the variations; its stages' seconds go to `seconds`."""
     _require_seen(hidden, "of it")
     with _timed(seconds, "parse"):
         alpha = np.where(hidden, 0, 255).astype(np.uint8)
-        parsing = parse(np.dstack([image, alpha]))
+        parsing = parse(np.dstack([image, alpha]), model=models.parser)
         found = np.zeros_like(hidden) if clean else no_spill(parsing.occluded, hidden)
         if kept is not None:
             found &= ~kept
@@ -204,16 +208,17 @@ def _completed(
                     evidence=shown,
                     entrances=[share * width for share in entrances],
                     front=front,
+                    model=None if models.layout is None else layouts.opened(models.layout),
                 )[0]
                 layout = list(completion.elements)
         with _timed(seconds, "inpaint"):
             result = inpaint(image, hidden, labels=parsing.labels, elements=list(layout), method="floors", seed=seed)
         # The finished picture is what is shown, not the layout by which it was made: its labels and elements are read from it.
         with _timed(seconds, "parse"):
-            made = parse(result)
+            made = parse(result, model=models.parser)
         with _timed(seconds, "elements"):
             layout = elements(replace(made, occluded=np.zeros_like(hidden)))
-    sure = certainty()
+    sure = certainty(models.parser)
     layout, told = with_probabilities(layout, sure, hidden), sure.told(made, layout, hidden)
     return _Made(result, made.labels, hidden, masked, masked_share, tuple(layout), completion, told)
 
@@ -234,6 +239,7 @@ def prepare_exemplar(
     storey: float,
     private: np.ndarray | None = None,
     labels: np.ndarray | None = None,
+    models: Models = SHIPPED_MODELS,
     seed: int = 0,
 ) -> Exemplar:
     """An exemplar cut to its facade, after the stages, and measured: its scale is from its floor pitch; hidden and private as
@@ -247,11 +253,13 @@ def prepare_exemplar(
             seen, classes = _at_most(made, labels, COUNTED)
             floors, layout = storeys(classes), tuple(elements(classes))
     else:
-        cut = cut_to_facade(image, hidden)
+        cut = cut_to_facade(image, hidden, model=models.parser)
         found = cut.found
         x0, y0, x1, y1 = box = cut.box
         private = None if private is None else private[y0:y1, x0:x1]
-        whole = _completed(cut.image, cut.hidden, seconds, outside=cut.outside, private=private, clean=False, seed=seed)
+        whole = _completed(
+            cut.image, cut.hidden, seconds, outside=cut.outside, private=private, clean=False, models=models, seed=seed
+        )
         evidence, made, labels, occluded = cut.image, whole.image, whole.labels, whole.occluded
         floors, layout, seen, classes = int(whole.told.value.floors), whole.elements, made, labels
     if not floors:

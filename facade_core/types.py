@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 if TYPE_CHECKING:
+    from pathlib import Path
+
     from shapely import LineString, MultiPolygon, Polygon
 
 
@@ -193,6 +195,28 @@ class Corrected:
 
 
 AS_FOUND = Corrected()
+
+
+@dataclass(frozen=True, slots=True)
+class Models:
+    """Files of trained models by which facades are made; None: what is shipped.
+
+    Args:
+        parser: an .onnx with its .json beside it.
+        layout: a .json of layouts.
+    """
+
+    parser: Path | None = None
+    layout: Path | None = None
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """All that are named."""
+        parser = () if self.parser is None else (self.parser, self.parser.with_suffix(".json"))
+        return (*parser, *(() if self.layout is None else (self.layout,)))
+
+
+SHIPPED_MODELS = Models()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

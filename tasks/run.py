@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 from catalogs.published.places import Folder, local_side
 from catalogs.published.s3 import folder_at
-from facade_core.types import Privacy
+from facade_core.types import SHIPPED_MODELS, Models, Privacy
 
 if TYPE_CHECKING:
     from catalogs.block import Material, TextureSettings
@@ -24,6 +24,7 @@ class Run:
     key: of its ingest, a digest of the block's inputs and settings and of the code that ingests them.
     texture: the block's settings; what they name as files is read: roof_material, materials.
     privacy: what is kept of things in front of facades.
+    models: those that the block names in place of what is shipped.
     failed_limit: the share of units that may fail for what is published to become current.
     ingested: when the store's plan was written, 0 before: a process that serves many runs keeps what it read of one plan from
         the next.
@@ -40,6 +41,7 @@ class Run:
     aerial: Aerial | None = None
     roof_material: Material | None = None
     materials: tuple[MaterialPicture, ...] = ()
+    models: Models = SHIPPED_MODELS
     failed_limit: float = 0.2
     ingested: float = 0.0
 

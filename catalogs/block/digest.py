@@ -16,6 +16,7 @@ import shapely
 
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
+from facade_core.types import SHIPPED_MODELS, Models
 
 if TYPE_CHECKING:
     from catalogs.block.reading import Block
@@ -46,11 +47,22 @@ def block_digest(block: Block) -> str:
     if block.part is None:  # a block by itself is the one that it was before there were parts
         del values["part"]
     del values["corrections"]  # likewise one that nobody corrected
+    del values["models"]  # likewise one that is made by those that are shipped
+    if block.models.files:
+        values["models"] = model_digests(block.models)
     if block.corrections:
         values["corrections"] = block.corrections.digested()
     digest = hashlib.sha256()
     _say(values, digest.update)
     return digest.hexdigest()
+
+
+def model_digests(models: Models) -> list[list[Any]]:
+    """What a block's own models are: each by what it does, its file's digest, and that of the file beside it."""
+    named = {"parser": models.parser, "layout": models.layout}
+    return [
+        [name, *map(file_digest, replace(SHIPPED_MODELS, **{name: path}).files)] for name, path in named.items() if path
+    ]
 
 
 # Settings of `texture` that a block's plan depends on.

@@ -124,6 +124,11 @@ class ImageryKeys(_Keys):
     privacy: Privacy = "blur"
 
 
+class ModelKeys(_Keys):
+    parser: Annotated[str, Field(min_length=1)] | None = None
+    layout: Annotated[str, Field(min_length=1)] | None = None
+
+
 # Characters of a block's name.
 LONGEST_NAME = 80
 
@@ -140,6 +145,7 @@ class BlockKeys(_Keys):
     terrain: PathKeys | None = None
     imagery: ImageryKeys = ImageryKeys()
     texture: TextureSettings = TextureSettings()
+    models: ModelKeys = ModelKeys()
     storey: Annotated[float, _between(2, 8)] = 3.2
     geoid_separation: Annotated[float, _between(-120, 120)] | None = None
     failed_limit: Annotated[float, _between(0, 1)] = 0.2

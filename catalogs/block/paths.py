@@ -38,6 +38,10 @@ def named_paths(keys: BlockKeys, block: Path) -> dict[str, tuple[Path, ...]]:
             named[key] = [holder.path]
     if keys.texture.materials:
         named["texture.materials"] = [keys.texture.materials]
+    if keys.models.parser:
+        named["models.parser"] = [keys.models.parser]
+    if keys.models.layout:
+        named["models.layout"] = [keys.models.layout]
     if imagery.panoramas and imagery.panoramas.poses:
         named["imagery.panoramas.poses"] = [imagery.panoramas.poses]
     return {key: tuple(_existing(key, text, block) for text in texts) for key, texts in named.items()}

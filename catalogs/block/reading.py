@@ -22,7 +22,7 @@ from catalogs.frames import known_frame
 from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
 from catalogs.readers.pictures.materials import MaterialPicture, material_pictures
 from facade_core.errors import BlockFileError
-from facade_core.types import Building, Elevation, Ground, Privacy, Street
+from facade_core.types import SHIPPED_MODELS, Building, Elevation, Ground, Models, Privacy, Street
 
 if TYPE_CHECKING:
     from pyproj import CRS
@@ -47,7 +47,8 @@ class Block:
     that the buildings' own texture indices count; aerial: the block from straight above; roof_material: a picture of one, and
     its metres per pixel; materials: pictures whose grain takes the place of what is shipped. notes says what was left out or
     assumed, one line each; faults are the units that are broken. corrections: what people corrected, of the file beside the
-    block file. part: what is its own where it is a part of a city. digest is the sha256 of all of that: of what was read, not
+    block file. part: what is its own where it is a part of a city. models: those that it
+    names in place of what is shipped. digest is the sha256 of all of that: of what was read, not
     of files, their names or dates.
     """
 
@@ -78,6 +79,7 @@ class Block:
     digest: str
     corrections: Corrections = NONE
     part: Part | None = None
+    models: Models = SHIPPED_MODELS
 
 
 def read_block(path: Path | str) -> Block:
@@ -148,6 +150,7 @@ def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) 
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
         corrections=corrections,
+        models=_models(files),
     )
     return with_digest(block, file)
 
@@ -191,6 +194,7 @@ def _part_of(keys: BlockKeys, files: Files, file: BlockFile, corrections: Correc
         notes=(),
         digest="",
         corrections=corrections,
+        models=_models(files),
         **values,
     )
     return with_digest(part, file)
@@ -214,6 +218,11 @@ def _terrain(files: Files, frame: CRS, extent: tuple[float, float, float, float]
 def _materials(files: Files, file: BlockFile) -> tuple[MaterialPicture, ...]:
     found = files.get("texture.materials")
     return file.read("texture.materials", material_pictures, *found) if found else ()
+
+
+def _models(files: Files) -> Models:
+    parser, layout = ((files.get(f"models.{name}") or (None,))[0] for name in ("parser", "layout"))
+    return Models(parser and parser.absolute(), layout and layout.absolute())
 
 
 def with_digest(block: Block, file: BlockFile) -> Block:

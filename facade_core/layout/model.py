@@ -83,6 +83,17 @@ def load(path: str | Path) -> LayoutModel:
         raise ModelError(f"{path}: incomplete ({error!r}); {_REMEDY}") from error
 
 
+def opened(path: Path) -> LayoutModel:
+    """`load`, once for a file as it stands."""
+    state = path.stat()
+    return _opened(path, state.st_size, state.st_mtime_ns)
+
+
+@lru_cache(maxsize=2)
+def _opened(path: Path, _size: int, _modified: int) -> LayoutModel:
+    return load(path)
+
+
 def save(model: LayoutModel, path: str | Path, *, seed: int) -> None:
     """Write a model; the same model gives the same bytes."""
     content = _encoded(model)

@@ -26,6 +26,13 @@ _BATCH_NORM_EPSILON = 1e-3
 # Blocks (by number) whose output goes to the decoder, and their channels: strides 2, 4, 8, 16 and 32.
 _TAPS = {0: 16, 2: 24, 4: 40, 10: 112, 15: 320}
 _WIDTH, _FINE_WIDTH = 64, 32
+# Convolutions into which the export folds the normalisation that follows them, in the order of the network.
+NORMALISED = (
+    ("blocks.15.convolutions.2", "norms.4"),
+    ("coarse.0", "coarse.1"),
+    *((f"mixed.{number}.0", f"mixed.{number}.1") for number in range(3)),
+    ("fine.0", "fine.1"),
+)
 
 
 class ParserNetwork(nn.Module):

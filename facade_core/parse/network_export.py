@@ -1,4 +1,4 @@
-"""From trained weights to the files that `network` loads. Needs the `train` extra (torch, onnx)."""
+"""From trained weights to the files that `network` loads, and back. Needs the `train` extra (torch, onnx)."""
 
 from __future__ import annotations
 
@@ -31,6 +31,37 @@ def save(
     }
     write_model(to_onnx(weights), Path(path), record)
     load(path)
+
+
+def weights_of(path: Path) -> dict[str, Any]:
+    """The weights (name -> tensor) of a network's .onnx file, to go on from. What the export folded into a convolution stays
+    there: its normalisation, which is the identity then, is to be left as it is. Raises ModelError as `load` does.
+    """
+    import onnx
+    import torch
+
+    from facade_core.parse.network_architecture import NORMALISED, ParserNetwork
+
+    load(path)
+    graph = onnx.load(path).graph
+    kept = {one.name: torch.from_numpy(onnx.numpy_helper.to_array(one).copy()) for one in graph.initializer}
+    network = ParserNetwork()
+    weights = network.state_dict()
+    weights |= {name: value for name, value in kept.items() if name in weights}
+    folded = [node.input[1:] for node in graph.node if node.op_type == "Conv" and node.input[1] not in weights]
+    for (convolution, norm), (kernel, offset) in zip(NORMALISED, folded, strict=True):
+        width = len(kept[offset])
+        epsilon = network.get_submodule(norm).eps
+        weights[f"{convolution}.weight"] = kept[kernel]
+        weights |= {
+            f"{norm}.weight": torch.ones(width),
+            f"{norm}.bias": kept[offset],
+            f"{norm}.running_mean": torch.zeros(width),
+            f"{norm}.running_var": torch.full((width,), 1 - epsilon),
+        }
+        if f"{convolution}.bias" in weights:
+            weights[f"{convolution}.bias"] = torch.zeros(width)
+    return weights
 
 
 def to_onnx(weights: Mapping[str, Any]) -> bytes:

@@ -39,11 +39,13 @@ _SAVE_EVERY = 100
 
 @dataclass(frozen=True, slots=True)
 class Course:
-    """How long and on what: steps in all, photos of each set in a step, the highest learning rate."""
+    """How long and on what: steps in all, photos of each set in a step, the highest learning rate; fixed_norms: what is
+    normalised by stays as it is, where photos are few and of one kind, and where an export folded it (`network_export`)."""
 
     steps: int
     per_step: Mapping[str, int]
     rate: float = 2e-3
+    fixed_norms: bool = False
 
 
 def train(
@@ -96,7 +98,8 @@ def train(
         optimiser.load_state_dict(saved["optimiser"])
         average, done = saved["average"], saved["done"]
     pieces = [group for photos in sets.values() for group in cutouts(photos)]
-    parts = [network.train(), *(_twin(network) for _ in range(_PARTS - 1))]
+    network.train(not course.fixed_norms)
+    parts = [network, *(_twin(network) for _ in range(_PARTS - 1))]
     with ThreadPoolExecutor(_PARTS, initializer=torch.set_num_threads, initargs=(1,)) as pool:
         for step in range(done, course.steps):
             report("network", step, course.steps)

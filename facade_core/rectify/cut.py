@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
@@ -30,12 +31,13 @@ class Cut:
     found: bool = True
 
 
-def cut_to_facade(image: np.ndarray, hidden: np.ndarray) -> Cut:
-    """A picture (H, W, 3) uint8, of which hidden (H, W) bool does not show the facade, cut to it; whole where it shows none."""
+def cut_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> Cut:
+    """A picture (H, W, 3) uint8, of which hidden (H, W) bool does not show the facade, cut to it, by the parser's model or the
+    shipped one; whole where it shows none."""
     height, width = hidden.shape
     box = None
     if not hidden.all():
-        outside = seen_outside(image, hidden)
+        outside = seen_outside(image, hidden, model=model)
         box = facade_box(outside, hidden)
     if box is None:
         return Cut(image, hidden, np.zeros_like(hidden), (0, 0, width, height), found=False)

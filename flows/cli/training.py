@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, FOLDER
+from flows.cli.paths import EXISTING_FILE, EXISTING_FOLDER, EXISTING_OUT, FOLDER
 from flows.cli.say import say
+
+if TYPE_CHECKING:
+    from catalogs.published.places import Folder
 
 
 @click.group()
@@ -22,30 +26,48 @@ def train() -> None:
 
 
 @train.command("parser")
-@click.option("--data", type=EXISTING_FOLDER, required=True, help="Folder that holds facades/ and streetphotos/.")
+@click.option("--data", type=EXISTING_FOLDER, help="Folder that holds facades/ and streetphotos/.")
+@click.option(
+    "--corrections",
+    type=EXISTING_OUT,
+    multiple=True,
+    metavar="OUT",
+    help="Runs whose corrected facades are learnt from.",
+)
 @click.option("--out", type=FOLDER, required=True, help="Where the .onnx and its .json go, and where a run goes on.")
 @click.option("--seed", default=0, show_default=True, help="0 is the shipped network's, 1 the shipped forest's.")
 @click.option("--segmenter", type=click.Choice(["network", "forest"]), default="network", show_default=True)
 @click.option(
     "--fold", type=click.Choice(["artdeco", "ruemonge2014"]), help="Go on from the network in OUT, to measure."
 )
-def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | None) -> None:
+def train_parser(
+    data: Path | None, corrections: tuple[Folder, ...], out: Path, seed: int, segmenter: str, fold: str | None
+) -> None:
     """Train the facade parser (extra: train; `make train-setup`). An interrupted run goes on where it was.
 
     With --fold, the network in OUT learns the training part of a set whose licence allows no shipped weights, for the
-    benchmark of that set.
+    benchmark of that set. With --corrections, and without --data, the shipped network goes on with the facades of runs (or of
+    folders of runs) whose elements people corrected: `models: {parser: DIR/network.onnx}` in a block file has it used.
 
     \b
     Examples:
       streetloom train parser --data ../shared/data --out parser/
+      streetloom train parser --corrections out/mine --corrections out/city --out ours/
       streetloom train parser --data ../shared/data --out parser/ --fold artdeco
       streetloom train parser --data ../shared/data --out forest/ --segmenter forest --seed 1
     """
     from flows.cli.console import progress
-    from tasks.training.parser import train_fold, train_forest, train_network
+    from tasks.training.corrected import corrected_facades
+    from tasks.training.parser import train_corrected, train_fold, train_forest, train_network
 
+    if corrections and (data or fold or segmenter == "forest"):
+        raise click.UsageError("--corrections goes on from the shipped network, without --data, --fold and --segmenter")
+    if data is None and not corrections:
+        raise click.UsageError("name --data, of what is shipped, or --corrections, of runs")
     with progress(quiet=False):
-        if fold:
+        if data is None:
+            model = train_corrected(corrected_facades(corrections), out, seed=seed)
+        elif fold:
             model = train_fold(data, out, fold, seed=seed)
         elif segmenter == "forest":
             model = train_forest(data, out, seed=seed)
@@ -60,18 +82,29 @@ def train_parser(data: Path, out: Path, seed: int, segmenter: str, fold: str | N
 @click.option("--seed", default=1, show_default=True, help="1 is the shipped model's.")
 @click.option("--fold", type=click.IntRange(0, 4), default=0, show_default=True, help="Every fifth facade to hold out.")
 @click.option("--size", type=click.IntRange(10), help="Learn from so many of the facades only.")
-def train_layout_model(data: Path, out: Path, seed: int, fold: int, size: int | None) -> None:
+@click.option(
+    "--corrections", type=EXISTING_OUT, multiple=True, metavar="OUT", help="Runs whose corrected facades are added."
+)
+def train_layout_model(
+    data: Path, out: Path, seed: int, fold: int, size: int | None, corrections: tuple[Folder, ...]
+) -> None:
     """Train the layout model on layouts/cmp.jsonl without a fifth, and on the layouts in metres.
 
+    With --corrections the layouts of facades that people corrected in runs, or in folders of runs, are learnt from too:
+    `models: {layout: DIR/layouts.json}` in a block file has it used.
+
     \b
-    Example:
+    Examples:
       streetloom train layout --data ../shared/data --out layout/
+      streetloom train layout --data ../shared/data --corrections out/mine --out ours/
     """
     from flows.cli.console import progress
+    from tasks.training.corrected import corrected_facades, layout_of
     from tasks.training.layout import train_layout
 
     with progress(quiet=False):
-        model = train_layout(data, out, seed=seed, fold=fold, size=size)
+        added = [layout_of(facade) for facade in corrected_facades(corrections)] if corrections else []
+        model = train_layout(data, out, seed=seed, fold=fold, size=size, corrected=added)
     say(model)
 
 

@@ -31,7 +31,7 @@ from tasks.city.sources import source_of_block
 _PATHS = (
     "buildings.path", "streets.path", "ground.path", "terrain.path", "imagery.exemplars.path", "imagery.photos.path",
     "imagery.panoramas.path", "imagery.panoramas.poses", "imagery.aerial.path", "texture.roof_material.path",
-    "texture.materials",
+    "texture.materials", "models.parser", "models.layout",
 )  # fmt: skip
 
 

@@ -6,6 +6,8 @@ import hashlib
 from typing import TYPE_CHECKING
 
 from catalogs.published.places import Folder
+from facade_core.errors import InputError, ModelError
+from facade_core.types import Models
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 
@@ -28,5 +30,24 @@ def run_of(block: Block, out: Folder) -> Run:
         aerial=block.aerial,
         roof_material=block.roof_material,
         materials=block.materials,
+        models=_usable(block.models),
         failed_limit=block.failed_limit,
     )
+
+
+def _usable(models: Models) -> Models:
+    """A block's own models. Raises InputError, with the block's key, for one that cannot be used: no facade could be made."""
+    from facade_core.layout import model as layouts
+    from facade_core.parse.certainty import certainty
+    from facade_core.parse.segmenter import load_segmenter
+
+    for name, path, opens in (
+        ("parser", models.parser, (load_segmenter, certainty)),
+        ("layout", models.layout, (layouts.load,)),
+    ):
+        try:
+            for one in opens if path else ():
+                one(path)
+        except ModelError as error:
+            raise InputError(f"models.{name}: {error}") from error
+    return models

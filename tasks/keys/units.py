@@ -12,6 +12,7 @@ from typing import Any
 
 import numpy as np
 
+from catalogs.block.digest import model_digests
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import with_labels
 from facade_core.atlas.journal import unit_key
@@ -58,7 +59,13 @@ def exemplar_key(run: Run, path: Path) -> str:
         stage_code("exemplars"),
         settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
         picture=[path.stem, *map(file_digest, with_labels(path))],
+        **_own_models(run),
     )
+
+
+def _own_models(run: Run) -> dict[str, Any]:
+    """What a block's own models are, where it has some."""
+    return {"models": model_digests(run.models)} if run.models.files else {}
 
 
 def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
@@ -136,6 +143,8 @@ def facade_keys(
     for source in imagery.sources():
         if source in ("photo", "panoramas"):
             parts["privacy"] = run.privacy
+        if source in ("photo", "panoramas", "own"):
+            parts |= _own_models(run)
         if source == "photo" and imagery.photo is not None:
             parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
         elif source == "panoramas":

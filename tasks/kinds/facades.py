@@ -79,7 +79,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         chosen,
         shops.tolist(),
         entrances_of(plan, block.entrances),
-        corrected_of(plan, block)[0],
+        corrected_of(plan, block.corrections, block.crs)[0],
     )
 
 

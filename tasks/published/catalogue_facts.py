@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import json
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -33,7 +34,7 @@ _ROOT = Path(__file__).resolve().parent.parent.parent
 
 @dataclass(frozen=True, slots=True)
 class Shipped:
-    """A shipped model, and what it learned from, as its card says: set -> licence."""
+    """A model, most often a shipped one, and what it learned from, as its card says: set -> licence."""
 
     path: Path
     title: str
@@ -162,8 +163,13 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
 
 
 def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
-    """The shipped models that a block's facades and streets were made with: none where nothing was."""
-    used = list(OF_FACADES) if any(record and "lattice" in record for record in facades) else []
+    """The models that a block's facades and streets were made with, its own in place of shipped ones: none where nothing was."""
+    used: list[Shipped] = []
+    if any(record and "lattice" in record for record in facades):
+        own = (run.models.parser, run.models.layout)
+        used += [
+            shipped if path is None else _of_block(path, shipped) for path, shipped in zip(own, OF_FACADES, strict=True)
+        ]
     if run.texture.translator == "neural" and any(record and record["status"] == "done" for record in viewpoints):
         used.append(OF_STREETS)
     found = []
@@ -173,7 +179,7 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
             ModelFacts(
                 id=model.path.stem,
                 title=model.title,
-                file=model.path.relative_to(_ROOT).as_posix(),
+                file=model.path.relative_to(_ROOT).as_posix() if model.path.is_relative_to(_ROOT) else model.path.name,
                 size=len(data),
                 sha256=hashlib.sha256(data).hexdigest(),
                 card=model.card if model.card.is_file() else None,
@@ -181,6 +187,12 @@ def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFa
             )
         )
     return found
+
+
+def _of_block(path: Path, shipped: Shipped) -> Shipped:
+    """A block's own model in place of a shipped one; its .json may say what it learned from."""
+    record = json.loads(path.with_suffix(".json").read_text(encoding="utf-8"))
+    return Shipped(path, f"{shipped.title} of the block", record.get("trained_on", {}))
 
 
 def _seconds(record: Mapping[str, Any] | None) -> float:

@@ -36,6 +36,7 @@ REASONS = {
     "panoramas": "panoramas or their poses changed",
     "pose": "pose changed",
     "exemplar": "exemplar changed",
+    "models": "block's models changed",
     "own": "own texture changed",
     "aerial": "picture from above changed",
     "entrances": "entrances of the map changed",

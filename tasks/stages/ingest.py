@@ -153,7 +153,7 @@ def _notes(block: Block, plan: Plan) -> list[str]:
 
 def _lost(block: Block, plan: Plan) -> list[str]:
     """A note of corrections that are of no facade, building or exemplar of the block as it is: they are kept, and wait."""
-    lost = corrected_of(plan, block)[1]
+    lost = corrected_of(plan, block.corrections, block.crs)[1]
     buildings, exemplars = set(plan.scene.names), {path.stem for path in block.exemplars}
     for id, said in block.corrections.of_kind(OF_BUILDINGS).items():
         unknown = "exemplar" in said and said["exemplar"].value not in exemplars

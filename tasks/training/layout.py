@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
-from catalogs.learning.layouts import read_layouts, split_layouts
+from catalogs.learning.layouts import LayoutRecord, read_layouts, split_layouts
 from facade_core.layout import learning
 from facade_core.layout.model import save
 from tasks.progress import advance, begin_stage
 
 
-def train_layout(data: Path, out: Path, *, seed: int, fold: int = 0, size: int | None = None) -> Path:
+def train_layout(
+    data: Path,
+    out: Path,
+    *,
+    seed: int,
+    fold: int = 0,
+    size: int | None = None,
+    corrected: Sequence[LayoutRecord] = (),
+) -> Path:
     """Train on layouts/cmp.jsonl without every fifth from `fold` on, and on the metric layouts; writes layouts.json into `out`.
 
-    size: so many of the training layouts only, spread evenly.
+    size: so many of the training layouts only, spread evenly; corrected: layouts that people corrected, which are added.
     """
     train, _ = split_layouts(list(read_layouts(data / "layouts" / "cmp.jsonl")), fold)
     if size is not None:
         train = [train[k * len(train) // size] for k in range(min(size, len(train)))]
+    train = [*train, *corrected]
     metric = list(read_layouts(data / "layouts" / "ingolstadt_lod3_metres.jsonl"))
     model = learning.learn(
         [(record.elements, record.domain) for record in train],

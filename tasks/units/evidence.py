@@ -92,13 +92,15 @@ def evidence_of(
     imagery: Imagery,
     textures: Sequence[Path],
     refused: list[Exception],
+    parser: Path | None = None,
 ) -> Evidence | None:
     """What a source of imagery, as in `Imagery.sources`, shows of a chart in a raster of a size; None where that is too little.
 
-    Why one picture of several cannot be used is added to `refused`; raises what a photo, the only one, is refused by.
+    Why one picture of several cannot be used is added to `refused`; raises what a photo, the only one, is refused by. parser:
+    the file of one in place of the shipped one.
     """
     if source == "photo" and imagery.photo is not None:
-        photo = photo_of(imagery.photo, imagery.rectified, size)
+        photo = photo_of(imagery.photo, imagery.rectified, size, parser)
         hidden = _widened(photo.hidden)
         return Evidence(
             photo.image,
@@ -112,7 +114,7 @@ def evidence_of(
             fit=photo.fit,
         )
     if source == "panoramas":
-        return _of_panoramas(plan, chart, size, imagery, refused)
+        return _of_panoramas(plan, chart, size, imagery, refused, parser)
     images = read_textures(textures, plan.scene.mesh.texture[plan.scene.mesh.triangles_of(chart)], refused)
     image, covered = own_texture(plan.scene, chart, images)
     if covered.mean() < SHOWN:
@@ -122,12 +124,12 @@ def evidence_of(
 
 
 def _of_panoramas(
-    plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception]
+    plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception], parser: Path | None
 ) -> Evidence | None:
     views, names, days = [], [], []
     for path, pose in imagery.panoramas:
         with refusing(refused):
-            view = _view(plan, chart, path, pose, size)
+            view = _view(plan, chart, path, pose, size, parser)
             day = imagery.captured.get(path) or capture_date(path)
             views.append(view)
             names.append(path.name)
@@ -144,7 +146,7 @@ def _of_panoramas(
     return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked, in_front, captured=captured)
 
 
-def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> Photo:
+def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> Photo:
     """A photo of a facade at a size; rectified first where it is as taken, and cut to the facade."""
     import cv2
 
@@ -154,7 +156,7 @@ def photo_of(path: Path, rectified: bool, size: tuple[int, int]) -> Photo:
     else:
         found, _ = rectified_photo(path)
         image, hidden = found.image, ~found.seen
-    cut = cut_to_facade(image, hidden)
+    cut = cut_to_facade(image, hidden, model=parser)
     hidden, outside = (
         cv2.resize(mask.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
         for mask in (cut.hidden, cut.outside)
@@ -177,7 +179,7 @@ def rectified_photo(path: Path) -> tuple[Rectified, tuple[int, int]]:
     return found, picture.hidden.shape
 
 
-def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> View:
+def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: Path | None) -> View:
     """A facade as a panorama shows it, with the trees, cars and people before it that the parser sees, and the faces and plates
     that there are on the panorama."""
     image = read_panorama(path)
@@ -187,7 +189,7 @@ def _view(plan: Plan, chart: int, path: Path, pose: Pose, size: tuple[int, int])
     if not view.seen.any():
         return view
     alpha = np.where(view.seen, 255, 0).astype(np.uint8)
-    in_front, _ = things_in_front(parse(np.dstack([view.rgb, alpha])).occluded & view.seen)
+    in_front, _ = things_in_front(parse(np.dstack([view.rgb, alpha]), model=parser).occluded & view.seen)
     return replace(view, occluded=(in_front if view.occluded is None else in_front | view.occluded) & view.seen)
 
 

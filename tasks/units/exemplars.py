@@ -45,7 +45,13 @@ def exemplar_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Rec
     seconds = {"read": time.time() - start}
     seed = unit_seed(run, unit.name, "exemplar")
     prepared = prepare_exemplar(
-        picture.rgb, hidden, storey=run.storey, private=private, labels=read_labels(path, hidden.shape), seed=seed
+        picture.rgb,
+        hidden,
+        storey=run.storey,
+        private=private,
+        labels=read_labels(path, hidden.shape),
+        models=run.models,
+        seed=seed,
     )
     seconds |= prepared.seconds
     begun = time.time()

@@ -155,7 +155,7 @@ def _make(
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
         with refusing(refused):
-            evidence = evidence_of(source, plan, chart, size, imagery, textures, refused)
+            evidence = evidence_of(source, plan, chart, size, imagery, textures, refused, run.models.parser)
             if evidence is not None:
                 try:
                     result = from_photo(
@@ -169,6 +169,7 @@ def _make(
                             (place - along) / width for place in imagery.entrances if along < place < along + width
                         ],
                         front=int(facades.role[facade]) == STREET,
+                        models=run.models,
                         seed=seed,
                     )
                 except ImageError as error:

@@ -1,0 +1,128 @@
+"""What people corrected in runs, as pictures and layouts to learn from."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from catalogs.block.corrections import read_corrections
+from catalogs.learning.datasets import LabelledFacade
+from catalogs.learning.layouts import LayoutRecord
+from catalogs.published.places import Folder
+from catalogs.published.runs import runs_in
+from facade_core.atlas.provenance import PHOTO
+from facade_core.errors import InputError
+from facade_core.export.facade_stages import chart_raster
+from facade_core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, UNKNOWN, WALL
+from facade_core.parse import parse
+from facade_core.parse.network_views import ANY_CLASS
+from facade_core.parse.segmenter import seen_outside
+from facade_core.types import Element, Shares
+from tasks.kinds.corrected import corrected_of
+from tasks.published.opened import published
+from tasks.store.standing import recorded_source
+
+# Of fewer corrected facades nothing is learnt that the shipped models do not know better.
+LEAST = 10
+# A facade of which pictures show less than this teaches the parser nothing: the rest was made up.
+LEAST_SHOWN = 0.3
+# What is no element may be any of these; the shipped network says which where it is so sure.
+_REST, _SURE = (WALL, ROOF, SKY), 0.9
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class CorrectedFacade:
+    """A facade with the elements that somebody gave it.
+
+    name: "block/facade"; image (h, w, 3) uint8, its finished texture, of which shown (h, w) bool is of a picture and not made up;
+    elements: as shares of its width and height, y down.
+    """
+
+    name: str
+    image: np.ndarray
+    shown: np.ndarray
+    elements: Sequence[tuple[str, *Shares]]
+
+    @property
+    def boxes(self) -> tuple[Element, ...]:
+        """The elements, in texels."""
+        height, width = self.shown.shape
+        return tuple(
+            Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in self.elements
+        )
+
+
+def corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
+    """The facades of published runs whose elements somebody corrected. `outs`: folders of runs, or of several runs each.
+
+    Raises InputError for a folder without a run, and for fewer than LEAST facades in all.
+    """
+    found: list[CorrectedFacade] = []
+    for out in outs:
+        for one in runs_in(out)[0]:
+            found += _of_run(one.folder)
+    if len(found) < LEAST:
+        raise InputError(
+            f"{len(found)} facades have corrected elements there, and at least {LEAST} are learnt from; `streetloom import` "
+            "takes more"
+        )
+    return found
+
+
+def _of_run(out: Folder) -> list[CorrectedFacade]:
+    block = recorded_source(out)
+    if block is None or not block.is_file():
+        raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
+    found = []
+    with published(out) as run:
+        said, _ = corrected_of(run.plan, read_corrections(block), run.crs)
+        for index, one in sorted(said.items()):
+            record = run.records[index]
+            if one.elements is None or not one.facade or not record or "lattice" not in record:
+                continue
+            chart = int(run.plan.facades.chart[index])
+            image, evidence = (
+                chart_raster(run.group, run.plan.scene.placement, chart, f"atlas/{name}")
+                for name in ("seed", "seed_evidence")
+            )
+            found.append(
+                CorrectedFacade(f"{run.block}/{run.plan.facades.id[index]}", image, evidence == PHOTO, one.elements)
+            )
+    return found
+
+
+def labelled(facade: CorrectedFacade) -> LabelledFacade | None:
+    """A corrected facade as a photo to teach the parser with; None where pictures show too little of it.
+
+    Its elements are what somebody said, and nothing else is one. Which of wall, roof and sky the rest is, and what stands in
+    front or beside, nobody said: the shipped network's own answers stand, so that it does not forget them.
+    """
+    if facade.shown.mean() < LEAST_SHOWN:
+        return None
+    alpha = np.where(facade.shown, 255, 0).astype(np.uint8)
+    parsing = parse(np.dstack([facade.image, alpha]))
+    outside = seen_outside(facade.image, ~facade.shown)
+    possible = np.full(facade.shown.shape, sum(1 << number for number in _REST), np.uint8)
+    sure = parsing.confidence.max(axis=2) >= _SURE
+    for number in _REST:
+        possible[sure & (parsing.labels == number)] = 1 << number
+    labels = np.where(sure & np.isin(parsing.labels, _REST), parsing.labels, UNKNOWN).astype(np.uint8)
+    for name in ELEMENT_CLASSES:  # in this order, as exports read them: a balcony lies over its window
+        for e in facade.boxes:
+            if e.label == name:
+                box = np.s_[max(round(e.y0), 0) : round(e.y1), max(round(e.x0), 0) : round(e.x1)]
+                possible[box], labels[box] = 1 << CLASSES.index(name), CLASSES.index(name)
+    unknown = ~facade.shown
+    possible[unknown], labels[unknown] = ANY_CLASS, UNKNOWN
+    in_front, beside = (
+        np.where(unknown, UNKNOWN, mask).astype(np.uint8) for mask in (parsing.occluded & facade.shown, outside)
+    )
+    return LabelledFacade(facade.name, facade.image, labels, possible, in_front, beside)
+
+
+def layout_of(facade: CorrectedFacade) -> LayoutRecord:
+    """A corrected facade as a whole layout to learn from, whatever its texture is."""
+    height, width = facade.shown.shape
+    return LayoutRecord(facade.name, facade.boxes, (0.0, 0.0, float(width), float(height)), ())
