@@ -123,7 +123,7 @@ def from_photo(
     What the parser sees in front of the rest is hidden too, and made anew: no tree stays in the texture, nor a face or a
     number plate; but for what is `kept` (h, w) bool, known to be of the facade. A clean photo is known to show the facade
     alone. entrances: where a map has doors, as shares of the width; front: whether it is on a street, and entered there
-    (`complete`); models: by which it is parsed and completed. Raises ImageError where less than LEAST_SEEN of the facade is seen.
+    (`complete`); models: by which it is parsed and completed. Raises ImageError where less than LEAST_SEEN of it is seen.
     """
     seconds: dict[str, float] = {}
     made = _completed(

@@ -41,13 +41,15 @@ def _usable(models: Models) -> Models:
     from facade_core.parse.certainty import certainty
     from facade_core.parse.segmenter import load_segmenter
 
-    for name, path, opens in (
-        ("parser", models.parser, (load_segmenter, certainty)),
-        ("layout", models.layout, (layouts.load,)),
-    ):
+    named = (
+        ("parser", models.parser, load_segmenter),
+        ("parser", models.parser, certainty),
+        ("layout", models.layout, layouts.load),
+    )
+    for name, path, opens in named:
         try:
-            for one in opens if path else ():
-                one(path)
+            if path is not None:
+                opens(path)
         except ModelError as error:
             raise InputError(f"models.{name}: {error}") from error
     return models

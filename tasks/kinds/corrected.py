@@ -24,8 +24,8 @@ _FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
 
 
 def corrected_of(plan: Plan, corrections: Corrections, crs: CRS | str) -> tuple[dict[int, Corrected], list[str]]:
-    """What somebody said of each facade of a plan in a frame, by index; and the ids of which no facade is left. One with another
-    id is known by its place and width."""
+    """What somebody said of each facade of a plan in a frame, by index; and the ids of which no facade is left. One with
+    another id is known by its place and width."""
     said = corrections.of_kind(OF_FACADES)
     at = {name: index for index, name in enumerate(plan.facades.id)}
     found = {at[id]: one for id, one in said.items() if id in at}

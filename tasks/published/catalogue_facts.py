@@ -163,7 +163,7 @@ def run_facts(journals: Mapping[str, Records], ingested: datetime) -> RunFacts:
 
 
 def models_used(run: Run, facades: Records, viewpoints: Records) -> list[ModelFacts]:
-    """The models that a block's facades and streets were made with, its own in place of shipped ones: none where nothing was."""
+    """The models that a block's facades and streets were made with, its own in place of shipped ones; none of nothing."""
     used: list[Shipped] = []
     if any(record and "lattice" in record for record in facades):
         own = (run.models.parser, run.models.layout)

@@ -36,7 +36,7 @@ _REST, _SURE = (WALL, ROOF, SKY), 0.9
 class CorrectedFacade:
     """A facade with the elements that somebody gave it.
 
-    name: "block/facade"; image (h, w, 3) uint8, its finished texture, of which shown (h, w) bool is of a picture and not made up;
+    name: "block/facade"; image (h, w, 3) uint8, its finished texture, of which shown (h, w) bool is of a picture, not made up;
     elements: as shares of its width and height, y down.
     """
 

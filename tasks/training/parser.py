@@ -116,7 +116,7 @@ def train_corrected(
     sets: Sets = {"corrected": [photo for photo in photos if photo is not None]}
     if len(sets["corrected"]) < LEAST:
         raise InputError(
-            f"pictures show {len(sets['corrected'])} of {len(facades)} corrected facades; the parser learns from {LEAST} or more"
+            f"pictures show {len(sets['corrected'])} of {len(facades)} corrected facades; the parser needs {LEAST}"
         )
     weights = training_network.train(
         sets,
@@ -138,11 +138,14 @@ def train_corrected(
 def _card(photos: Sequence[LabelledFacade], course: Course, seed: int) -> str:
     runs = Counter(photo.name.partition("/")[0] for photo in photos)
     told = "\n".join(f"| {run} | {count} |" for run, count in sorted(runs.items()))
-    return f"""# Model card: network.onnx, a facade parser that learnt from corrections
+    return _CARD.format(steps=course.steps, views=course.per_step["corrected"], seed=seed, told=told)
 
-The shipped parser (`facade_core/parse/models/network.md`), which went on for {course.steps} steps of {course.per_step["corrected"]}
-views with facades whose elements people corrected; seed {seed}. Its licence is what those of the pictures and of the shipped
-parser's sets allow together. How sure it may be was measured of the shipped one; on no facade of these was anything measured.
+
+_CARD = """# Model card: network.onnx, a facade parser that learnt from corrections
+
+The shipped parser (`facade_core/parse/models/network.md`), which went on for {steps} steps of {views}
+views with facades whose elements people corrected; seed {seed}. Its licence is what those of the pictures and of the
+shipped parser's sets allow together. How sure it may be was measured of the shipped one; of itself nothing was measured.
 
 | run | facades |
 |---|---|

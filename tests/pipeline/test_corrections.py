@@ -15,11 +15,13 @@ from catalogs.block import read_block
 from catalogs.block.corrections import corrections_file, read_corrections
 from catalogs.query import query
 from facade_core.errors import InputError
+from facade_core.layout.model import SHIPPED
 from tasks.corrections import import_corrections
 from tasks.export.formats import export
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
 from tasks.store.standing import record_source
+from tasks.training.corrected import corrected_facades
 from tests.pipeline.stages import Textured, digests_of, redone, started, texture, write_block, write_photo
 
 # Those of the small block that stand about one street, and one of the others.
@@ -112,6 +114,33 @@ def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: 
     assert import_corrections(folder / "out", withdrawn, who="anna").facades == 1
     made(folder)
     assert len(record(folder, "b-2")["elements"]) == len(ours)
+
+
+def test_corrected_facades_are_learnt_from_by_the_store(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    said = [["window", 0.25, 0.25, 0.5, 0.5]]
+    import_corrections(folder / "out", own(folder, {"facade_id": "a-0", "elements": said}), who="anna")
+    import_corrections(folder / "out", own(folder, {"facade_id": "b-2", "keep": [[0.0, 0.0, 0.5, 0.5]]}), who="anna")
+    with pytest.raises(InputError, match="1 facades have corrected elements"):
+        corrected_facades([folder / "out"])
+    monkeypatch.setattr("tasks.training.corrected.LEAST", 1)
+    (one,) = corrected_facades([folder / "out"])
+    assert (one.name, [list(e) for e in one.elements]) == ("small/a-0", said)
+    assert one.image.shape == (*one.shown.shape, 3)
+    assert one.shown.mean() > 0.9, "of a photo"
+
+
+def test_a_models_file_of_the_block_is_what_facades_of_pictures_are_done_by(folder: Path) -> None:
+    before = started(folder / "out")
+    shutil.copy(SHIPPED, folder / "in" / "mine.json")
+    keys = {"buildings": HOUSES, "streets": STREET, "models": {"layout": "mine.json"}}
+    write_block(folder / "in", **keys)
+    again = made(folder)
+    assert again.said is not None
+    assert "(block's models changed)" in again.said
+    assert facades_since(before, folder) >= {"a-0"}
+    (folder / "in" / "mine.json").write_text("{}")
+    with pytest.raises(InputError, match=r"models\.layout: .*mine\.json: not a layout model"):
+        made(folder)
 
 
 def test_walls_that_are_none_exemplars_heights_and_what_is_in_front(folder: Path) -> None:

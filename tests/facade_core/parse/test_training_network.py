@@ -218,3 +218,18 @@ def test_refuses_unusable_photos(start, change, message):
 def test_refuses_a_set_without_photos(start):
     with pytest.raises(ImageError, match="set facades"):
         training_network.train({"facades": []}, COURSE, seed=0, start=copy(start))
+
+
+def test_weights_come_back_from_the_file_of_a_network(weights, tmp_path):
+    network_export.save(weights, tmp_path / "one.onnx", training_set=[], seed=5)
+    back = network_export.weights_of(tmp_path / "one.onnx")
+    assert back.keys() == weights.keys()
+    network_export.save(back, tmp_path / "two.onnx", training_set=[], seed=5)
+    one, two = (parse(photo(2).image, model=tmp_path / f"{name}.onnx").confidence for name in ("one", "two"))
+    assert np.allclose(one, two, atol=1e-4)
+
+
+def test_with_fixed_norms_what_is_normalised_by_stays(start):
+    fixed = train(start, Course(steps=2, per_step={"facades": 2}, fixed_norms=True))
+    assert torch.equal(fixed["norms.0.running_mean"], start["norms.0.running_mean"])
+    assert not torch.equal(fixed["head.weight"], start["head.weight"])

@@ -1,0 +1,75 @@
+"""Facades that people corrected, as photos and layouts to learn from."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from facade_core.labels import CLASSES, ELEMENT_CLASSES, UNKNOWN, WALL, WINDOW
+from facade_core.parse.network_views import ANY_CLASS
+from facade_core.synth import exemplars
+from tasks.training import corrected
+from tasks.training.corrected import CorrectedFacade, labelled, layout_of
+
+(PAINTED,) = exemplars(1, seed=3)
+HEIGHT, WIDTH = PAINTED.labels.shape
+# A window, by somebody, where the painter has whatever there is; and a balcony that lies over a part of it.
+SAID = (("window", 0.25, 0.25, 0.5, 0.5), ("balcony", 0.25, 0.4, 0.5, 0.5))
+
+
+def facade(shown: np.ndarray | None = None) -> CorrectedFacade:
+    return CorrectedFacade("run/a-0", PAINTED.image, np.ones((HEIGHT, WIDTH), bool) if shown is None else shown, SAID)
+
+
+def test_elements_are_what_was_said_and_nothing_else_is_one() -> None:
+    told = labelled(facade())
+    assert told is not None
+    window, balcony = (tuple(round(s * side) for s, side in zip(b[1:], (WIDTH, HEIGHT) * 2, strict=True)) for b in SAID)
+    assert (told.labels[window[1] : balcony[1], window[0] : window[2]] == WINDOW).all()
+    assert (told.possible[balcony[1] : balcony[3], balcony[0] : balcony[2]] == 1 << CLASSES.index("balcony")).all()
+    beyond = np.ones((HEIGHT, WIDTH), bool)
+    beyond[window[1] : window[3], window[0] : window[2]] = False
+    element = sum(1 << CLASSES.index(name) for name in ELEMENT_CLASSES)
+    assert not (told.possible[beyond] & element).any(), "the painter's other windows were said to be none"
+    assert (told.possible[beyond] & 1 << WALL).mean() > 0.5
+    assert (told.labels[told.possible == ANY_CLASS] == UNKNOWN).all()
+
+
+def test_what_pictures_do_not_show_is_not_told_of() -> None:
+    shown = np.ones((HEIGHT, WIDTH), bool)
+    shown[HEIGHT // 3 :] = False
+    told = labelled(facade(shown))
+    assert told is not None
+    for layer, value in ((told.possible, ANY_CLASS), (told.labels, UNKNOWN), (told.occluder, UNKNOWN)):
+        assert (layer[~shown] == value).all()
+    assert labelled(facade(np.zeros((HEIGHT, WIDTH), bool))) is None
+
+
+def test_a_layout_is_what_was_said_whatever_is_shown() -> None:
+    layout = layout_of(facade(np.zeros((HEIGHT, WIDTH), bool)))
+    assert (layout.name, layout.domain) == ("run/a-0", (0, 0, WIDTH, HEIGHT))
+    assert [(e.label, e.x0, e.y1) for e in layout.elements] == [
+        ("window", 0.25 * WIDTH, 0.5 * HEIGHT), ("balcony", 0.25 * WIDTH, 0.5 * HEIGHT),
+    ]  # fmt: skip
+
+
+def test_the_parser_goes_on_from_the_shipped_one(tmp_path: Path) -> None:
+    pytest.importorskip("torch", reason="torch is absent: make train-setup")
+    from facade_core.errors import InputError
+    from facade_core.parse import parse
+    from facade_core.parse.certainty import certainty
+    from facade_core.parse.model_file import read_record
+    from facade_core.parse.training_network import Course
+    from tasks.training.parser import train_corrected
+
+    course = Course(steps=1, per_step={"corrected": 2}, fixed_norms=True)
+    with pytest.raises(InputError, match="pictures show 1 of 1"):
+        train_corrected([facade()], tmp_path, seed=0, course=course)
+    made = train_corrected([facade()] * corrected.LEAST, tmp_path, seed=0, course=course)
+    assert made == tmp_path / "network.onnx"
+    assert parse(PAINTED.image, model=made).labels.shape == (HEIGHT, WIDTH)
+    assert certainty(made) == certainty()
+    assert read_record(made)["training_set"][-1] == "corrected/run/a-0"
+    assert "| run | 10 |" in made.with_suffix(".md").read_text()
