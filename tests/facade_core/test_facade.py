@@ -187,7 +187,7 @@ def test_what_the_parser_sees_in_front_is_made_anew(monkeypatch: pytest.MonkeyPa
     thing[150:200, 40:90] = True
     thing[5, 5] = True  # a speck is noise
 
-    def sees_a_thing(image: np.ndarray) -> Parsing:
+    def sees_a_thing(image: np.ndarray, model: None) -> Parsing:
         found = true_parse(image)
         return Parsing(found.labels, found.confidence, found.occluded | thing)
 

@@ -15,7 +15,7 @@ from PIL import Image
 
 from catalogs.block import TextureSettings
 from facade_core.errors import FacadeError, ImageError
-from facade_core.types import Pose
+from facade_core.types import SHIPPED_MODELS, Pose
 from tasks.stages.due import what_is_set_aside
 from tasks.units import evidence
 from tasks.units import facades as facade
@@ -55,7 +55,7 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         monkeypatch.setattr(facade, "wall_of", lambda *_: None)
         monkeypatch.setattr(facade, "from_exemplar", lambda *_, **__: "made")
         refused: list[Exception] = []
-        run: Any = Value(seed=1, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
+        run: Any = Value(seed=1, models=SHIPPED_MODELS, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None
         made = facade._make(run, plan, group, 0, imagery, (), refused, {})
         return made.depth, made.facade, made.source, refused
@@ -88,7 +88,7 @@ def test_a_fault_of_the_machine_refuses_no_picture(make: Callable[..., Any], fau
 def test_of_several_panoramas_those_that_serve_are_taken(monkeypatch: pytest.MonkeyPatch) -> None:
     taken = []
 
-    def view(plan: Any, chart: int, path: Path, pose: Pose, size: tuple[int, int]) -> Path:
+    def view(plan: Any, chart: int, path: Path, pose: Pose, size: tuple[int, int], parser: None) -> Path:
         if path.stem == "one":
             raise ImageError("one.jpg: broken")
         taken.append(path.name)

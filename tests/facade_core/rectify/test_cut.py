@@ -66,7 +66,7 @@ def test_what_is_left_outside_at_the_border_is_told(monkeypatch: pytest.MonkeyPa
     outside[:10] = True
     outside[10:20, :5] = True  # beside a gable
     outside[30:34, 20:24] = True  # a pane with sky in it
-    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden: outside)
+    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden, model: outside)
     image, hidden = np.random.default_rng(0).integers(0, 256, (60, 50, 3), dtype=np.uint8), np.zeros((60, 50), bool)
     hidden[50:55, 40:] = True
     found = cut_to_facade(image, hidden)
@@ -85,7 +85,7 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     assert facade_box(outside, nothing) is None
     outside[20:30, 10:20] = False
     assert facade_box(outside, nothing) is None
-    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden: outside)
+    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden, model: outside)
     image = np.zeros((60, 50, 3), np.uint8)
     found = cut_to_facade(image, nothing)
     assert found.box == (0, 0, 50, 60)

@@ -15,7 +15,7 @@ from catalogs.block import TextureSettings
 from catalogs.file_digest import file_digest
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
-from facade_core.types import Building, Pose, Street
+from facade_core.types import SHIPPED_MODELS, Building, Pose, Street
 from tasks.keys.streets import SETTINGS
 from tasks.keys.units import changed_parts, facade_keys, parts_key, parts_of
 from tasks.kinds.kind import same_key_or_name
@@ -91,7 +91,9 @@ def test_streets_are_found_again_by_line_and_then_by_id() -> None:
 def test_a_facade_of_a_panorama_stands_on_what_is_between(tmp_path: Path) -> None:
     picture = tmp_path / "panorama.jpg"
     picture.write_bytes(b"")
-    run: Any = Value(seed=1, privacy="blur", texture=TextureSettings(texels_per_metre=4.0, walls="translate"))
+    run: Any = Value(
+        seed=1, privacy="blur", models=SHIPPED_MODELS, texture=TextureSettings(texels_per_metre=4.0, walls="translate")
+    )
 
     def key(buildings: list[Building], pose: Pose) -> str:
         plan = _plan(buildings)

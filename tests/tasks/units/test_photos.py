@@ -106,7 +106,7 @@ def test_how_a_photo_fits_its_wall_is_told(tmp_path: Path, monkeypatch: pytest.M
     box = np.s_[:150, 20:70]
     hidden = np.zeros((150, 50), bool)
     cut = Cut(image[box], hidden, hidden, (20, 0, 70, 150), found=False)
-    monkeypatch.setattr("tasks.units.evidence.cut_to_facade", lambda image, hidden: cut)
+    monkeypatch.setattr("tasks.units.evidence.cut_to_facade", lambda image, hidden, model: cut)
     monkeypatch.setattr("tasks.units.evidence.look", lambda image: Seen())
     kept, found, stretched = photo_of(path, True, (300, 200)).fit
     assert kept == pytest.approx(150 * 50 / (200 * 100))
