@@ -148,6 +148,13 @@ COLUMNS = (
         "",
         "day of the photo, or of the newest panorama, by the poses file or their EXIF",
     ),
+    Column(
+        "pose_residual_deg",
+        "double",
+        "degrees",
+        "how far lines on walls are off their axes on the median once poses are refined: of the worst panorama that the "
+        "facade is from; none where it has no lines",
+    ),
     Column("variation_types", "int32", "", "element types of the variation hierarchy"),
     Column("variation_levels", "int32", "", "levels of the variation hierarchy"),
     Column("variation_bytes", "int64", "bytes", "size of the encoded hierarchy"),

@@ -21,7 +21,7 @@ from facade_core.types import Pose, Street
 from tasks.keys.units import facade_keys
 from tasks.kinds.corrected import corrected_of
 from tasks.kinds.kind import Change, Kind, Records
-from tasks.kinds.poses import refined
+from tasks.kinds.poses import is_refused, refined
 from tasks.run import Run
 from tasks.units.facades import facade_unit
 from tasks.units.imagery import Imagery, imagery_of
@@ -59,7 +59,10 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
     """The pictures that there are of every facade, with the exemplar chosen for it."""
     poses = read_journal(group, "poses")
     shown = panoramas_of(plan)
-    panoramas = [[(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in of_one] for of_one in shown]
+    panoramas = [
+        [(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in of_one if not is_refused(poses[p])]
+        for of_one in shown
+    ]
     captured = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
     shops = shops_of(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     chosen = (

@@ -30,6 +30,11 @@ def refined(pose: Pose, record: Record | None) -> Pose:
     return Pose(x, y, z, heading, pitch, roll, pose.view)
 
 
+def is_refused(record: Record | None) -> bool:
+    """Whether a panorama could not be placed: nothing is taken from it."""
+    return record is not None and record["status"] == "failed"
+
+
 def _again(change: Change) -> dict[int, int]:
     units = pose_units(change.run, change.block, change.after, change.group)
     return same_key_or_name(change.records["poses"], units)

@@ -89,6 +89,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 
     plan, buildings = block.plan, block.buildings
     facades, charts = plan.facades, plan.scene.charts
+    residuals = {one["unit"]: one.get("residual_deg") for one in block.journals["poses"] if one}
     rows = []
     for index, name in enumerate(facades.id):
         chart = int(facades.chart[index])
@@ -110,6 +111,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 **_roof(buildings, building),
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
                 **facts(facades, index, record, buildings["height_source"][building]),
+                "pose_residual_deg": _residual(record, residuals),
                 "corrected": int(bool(record.get("corrected")) or buildings["id"][building] in block.corrected),
                 "parents": _parents(run.block, buildings["id"][building], street.id, record),
                 "updated": made_at(record) or block.ingested,
@@ -120,6 +122,12 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
             }
         )
     return rows
+
+
+def _residual(record: Mapping[str, Any], residuals: Mapping[str, float | None]) -> float | None:
+    """The largest of the panoramas that a facade is from; None where none of them has one."""
+    found = [residuals.get(name) for name in (record.get("source") or "").split(", ")]
+    return max((residual for residual in found if residual is not None), default=None)
 
 
 def _roof(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:

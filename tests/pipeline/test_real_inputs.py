@@ -73,13 +73,24 @@ def write_inputs(folder: Path) -> Path:
         Image.fromarray(exemplar.image).save(folder / "facades" / f"{number}.png")
     (folder / "panoramas").mkdir()
     rows, columns = np.mgrid[0:512, 0:1024]
-    wave = (128 + 60 * np.sin(columns / 9) * np.cos(rows / 7)).astype(np.uint8)
-    for name in ("seen", "unposed", "cut"):
-        Image.fromarray(np.dstack([wave, wave, 255 - wave])).save(folder / "panoramas" / f"{name}.jpg")
+    around = 2 * np.pi * columns / 1024
+    wave = 128 + 60 * np.sin(18 * around) * np.cos(rows / 7) * np.sin(np.pi * (rows + 0.5) / 512)
+    pictures = {
+        "seen": wave,
+        "unposed": wave + 1,
+        "cut": wave,
+        "photo": 128 + 60 * np.cos(rows / 7) * np.sin(around / 4),
+    }
+    for name, grey in pictures.items():
+        shade = grey.astype(np.uint8)
+        Image.fromarray(np.dstack([shade, shade, 255 - shade])).save(folder / "panoramas" / f"{name}.jpg")
+    (folder / "panoramas" / "twice.jpg").write_bytes((folder / "panoramas" / "seen.jpg").read_bytes())
     cut = folder / "panoramas" / "cut.jpg"
     cut.write_bytes(cut.read_bytes()[:2000])
     pose = {"x": X + 6, "y": Y + 17, "z": GROUND + 2.5, "heading": 0}
-    (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:28992", "poses": {"seen": pose, "cut": pose}}))
+    (folder / "poses.json").write_text(
+        json.dumps({"crs": "EPSG:28992", "poses": dict.fromkeys(("seen", "cut", "photo", "twice"), pose)})
+    )
     block = {
         "name": "four-houses",
         "buildings": {"path": "city.json"},
@@ -108,9 +119,14 @@ def test_everything_else_is_published_and_the_reasons_are_in_the_catalogue(done:
         ("building", "empty"),
         ("building", "nowhere"),
         ("panorama", "cut.jpg"),
+        ("panorama", "photo.jpg"),
+        ("panorama", "twice.jpg"),
         ("panorama", "unposed.jpg"),
     ]
     assert aside.reason.str.len().min() > 10
+    said = aside.set_index("id").reason
+    assert said["photo.jpg"].startswith("is cut off, or no panorama: its left and right sides do not meet")
+    assert said["twice.jpg"] == "is the same picture as seen.jpg; remove one, or mend its file"
     assert {failure["unit"] for failure in summary["failures"]} == set(aside.id)
     assert "four-houses" in Path(summary["outputs"]["report"]).read_text()
     report = Path(summary["outputs"]["report"])
@@ -134,6 +150,12 @@ def test_own_textures_and_panoramas_are_photos_and_the_rest_is_synthesised(done:
     assert (items[items.source == "seen.jpg"].photo > 0).all()
     session = open_repository(out / "store").readonly_session("main")
     group = zarr.open_group(session.store, mode="r")
+    left = {
+        record["unit"]: record.get("residual_deg") for record in map(json.loads, group["journal/poses"][:].tolist())
+    }
+    told = items[items.source == "seen.jpg"].pose_residual_deg
+    assert told.isna().all() if left["seen.jpg"] is None else (told == left["seen.jpg"]).all()
+    assert items[items.source != "seen.jpg"].pose_residual_deg.isna().all()
     charts = group["charts"]
     roof = np.flatnonzero(charts["textured"][:] & (charts["kind"][:] == 1))
     assert len(roof) == 1, "one roof has a texture of its own"

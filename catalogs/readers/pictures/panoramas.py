@@ -5,11 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.broken import one_line, reason_of
 from catalogs.features import Fault, Remark
+from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.opening import opened
 from catalogs.readers.pictures.poses import LONLAT, SourcePose, dms_degrees, implausible, read_poses
@@ -25,9 +27,12 @@ FAR_M = 1000.0
 # A full panorama is twice as wide as high; stitchers round sides to multiples of up to 32 pixels.
 ASPECT_TOLERANCE = 0.02
 _GPS_IFD, _ORIENTATION = 0x8825, 0x0112
+# Pictures of one place, metres, taken more than so many days apart may show two states of a street.
+NEAR_M, APART_DAYS = 30.0, 400
 # Pixels of a full panorama: no more are told apart.
 _WIDEST = 1e6
 _FULL = (0.0, 0.0, 1.0, 1.0)
+_OLDER = "panoramas taken more than a year before others beside them; remove those whose street has changed"
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,13 +64,15 @@ def read_panoramas(
     with EXIF GPS, in EXIF GPS alone. Headings from true north become grid headings. z is None unless the poses file gives one:
     the height in a picture's GPS has another datum. The part of the full panorama that the picture holds is from GPano XMP.
     Pictures more than FAR_M outside `bounds` (xmin, ymin, xmax, ymax in metres) are skipped with a remark. Pictures that are
-    unreadable, not equirectangular or without a pose become faults. Raises InputError when no picture has a pose.
+    unreadable, not equirectangular, without a pose or given twice become faults; of those taken long before others beside them
+    it is said. Raises InputError when no picture has a pose.
     """
     paths, unreadable = image_files(folder, "panorama")
     sources = read_poses(poses) if poses else {}
     faults, remarks, items = list(unreadable), [], []
     frames: dict[str | None, Transformer] = {}
     known: dict[str, Path] = {}
+    same_size: dict[int, list[Path]] = {}
     posed = 0
     for path in paths:
         first = known.setdefault(path.stem, path)
@@ -86,6 +93,13 @@ def read_panoramas(
             faults.append(Fault(path.name, "panorama", reason_of(error, "mend its pose, or remove it")))
             continue
         posed += 1
+        alike = same_size.setdefault(path.stat().st_size, [])
+        if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
+            faults.append(
+                Fault(path.name, "panorama", f"is the same picture as {twin.name}; remove one, or mend its file")
+            )
+            continue
+        alike.append(path)
         if not math.isfinite(pose.x + pose.y) or (bounds and _outside(pose, bounds) > FAR_M):
             remarks.append(Remark(path.stem, "panoramas of another place skipped", None))
             continue
@@ -99,7 +113,30 @@ def read_panoramas(
         example = next(iter(sources))
         reason = f"none of the pictures it names (e.g. {example}) is in {folder}; name files as they are there"
         faults.append(Fault(poses.name, "panorama", f"{poses.name}: {reason}"))
-    return Panoramas(tuple(items), tuple(faults), tuple(remarks))
+    return Panoramas(tuple(items), tuple(faults), (*remarks, *_apart(items)))
+
+
+def _apart(items: Sequence[PosedPanorama]) -> list[Remark]:
+    """The panoramas that were taken long before another one beside them."""
+    import shapely
+
+    dated = [(one, day) for one in items if (day := _day(one.captured))]
+    if not dated:
+        return []
+    places = shapely.points([(one.pose.x, one.pose.y) for one, _ in dated])
+    found = []
+    for first, second in shapely.STRtree(places).query(places, predicate="dwithin", distance=NEAR_M).T.tolist():
+        (older, before), (newer, after) = dated[first], dated[second]
+        if (after - before).days > APART_DAYS:
+            found.append(Remark(f"{older.id} of {before} near {newer.id} of {after}", _OLDER, None))
+    return found
+
+
+def _day(text: str | None) -> date | None:
+    try:
+        return date.fromisoformat(text[:10]) if text else None
+    except ValueError:
+        return None
 
 
 def _entry(sources: Mapping[str, SourcePose | str], path: Path) -> SourcePose | str | None:

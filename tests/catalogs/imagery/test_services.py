@@ -208,8 +208,8 @@ def test_mapillary_is_asked_for_a_span_of_days(served: Imagery, monkeypatch: pyt
 def test_a_folder_is_a_service_too(tmp_path: Path) -> None:
     folder = tmp_path / "mine"
     folder.mkdir()
-    for name in ("posed", "unposed", "elsewhere"):
-        Image.new("RGB", (64, 32), (90, 120, 150)).save(folder / f"{name}.jpg")
+    for blue, name in enumerate(("posed", "unposed", "elsewhere"), start=150):
+        Image.new("RGB", (64, 32), (90, 120, blue)).save(folder / f"{name}.jpg")
     poses = {
         "posed.jpg": {"lon": 7.5, "lat": 48.5, "heading": 12.0, "z": 140.0, "captured": "2024-05-17"},
         "elsewhere.jpg": {"lon": 9.5, "lat": 48.5, "heading": 0.0},

@@ -326,3 +326,29 @@ def test_a_link_to_what_is_not_there_is_set_aside_and_not_overlooked(tmp_path: P
         assert [(fault.id, fault.kind) for fault in faults] == [("b-0.png", "photo"), ("c-0.png", "photo")]
         assert all("leads to no file; mend" in fault.reason for fault in faults)
     assert sorted(photos_by_facade(tmp_path)[0]) == ["a-0"]
+
+
+def test_of_the_same_picture_twice_the_first_is_taken(folder: Path) -> None:
+    picture(folder / "a.jpg")
+    (folder / "b.jpg").write_bytes((folder / "a.jpg").read_bytes())
+    there = {"x": EAST, "y": NORTH, "heading": 0}
+    poses = poses_file(folder.parent, {"poses": {"a": there, "b": there | {"x": EAST + 9}}})
+    found = read_panoramas(folder, poses, UTM)
+    assert [one.id for one in found.items] == ["a"]
+    assert [(one.id, one.reason) for one in found.faults] == [
+        ("b.jpg", "is the same picture as a.jpg; remove one, or mend its file")
+    ]
+
+
+@pytest.mark.parametrize(
+    ("east", "day", "told"),
+    [(20, "2021-05-01", True), (20, "2024-01-01", False), (50, "2021-05-01", False), (20, "once", False)],
+)
+def test_pictures_of_one_place_far_apart_in_time_are_told(folder: Path, east: float, day: str, told: bool) -> None:
+    entries = {"new": (0.0, "2024-05-01"), "old": (east, day)}
+    for size, name in enumerate(entries):
+        picture(folder / f"{name}.jpg", size=(64 * (size + 1), 32 * (size + 1)))
+    poses = {name: {"x": EAST + x, "y": NORTH, "heading": 0, "captured": day} for name, (x, day) in entries.items()}
+    found = read_panoramas(folder, poses_file(folder.parent, {"poses": poses}), UTM)
+    assert len(found.items) == 2
+    assert [one.id for one in found.remarks] == (["old of 2021-05-01 near new of 2024-05-01"] if told else [])
