@@ -13,6 +13,7 @@ import numpy as np
 
 from catalogs.block import Block, read_block
 from catalogs.block.adding import add_imagery, imagery_line
+from catalogs.broken import is_machines
 from catalogs.features import Fault
 from catalogs.file_digest import file_digest
 from catalogs.readers.pictures.folders import image_files
@@ -69,6 +70,8 @@ def match_photos(block_file: Path, folder: Path, poses: Path | None = None) -> t
             named = stated.get(path.name) or stated.get(path.stem)
             found.append(Match(path, _candidates(plan, terrain, block, path, named)))
         except (FacadeError, ValueError, OSError) as error:
+            if is_machines(error):
+                raise
             faults.append(Fault(path.name, "photo", reason_of(error)))
         advance("match", 1)
     return found, faults
@@ -98,6 +101,14 @@ def _candidates(
     )
     order = np.argsort(-likely, kind="stable")[:CANDIDATES]
     return tuple((plan.facades.id[i], round(float(likely[i]), 3)) for i in order.tolist() if likely[i] >= LEAST)
+
+
+def check_new(table: Path) -> None:
+    """Raise InputError where a table is there already, which a person may have mended."""
+    if table.exists():
+        raise InputError(
+            f"{table} is there and may have been mended; take its photos (--take), remove it, or name another with --out"
+        )
 
 
 def write_matches(matches: Sequence[Match], path: Path) -> None:
@@ -134,6 +145,8 @@ def take_matches(block_file: Path, folder: Path, table: Path) -> tuple[int, str 
             raise InputError(f"{table}: {photo.name}: {facade} has the photo {old}; remove one of both")
     there.mkdir(exist_ok=True)
     for facade, photo in wanted.items():
+        if facade in block.photos:
+            continue
         arriving = there / f".{facade}{photo.suffix.lower()}.tmp"
         shutil.copyfile(photo, arriving)
         os.replace(arriving, there / f"{facade}{photo.suffix.lower()}")
@@ -146,7 +159,15 @@ def _read_table(table: Path, folder: Path, known: set[str]) -> dict[str, Path]:
     """Photos by the facade that a table names for them."""
     try:
         with table.open(encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.DictReader(file))
+            lines = file.readlines()
+        # spreadsheets save with what their country separates by
+        separator = max(",;\t", key=lines[0].count) if lines else ","
+        table_rows = csv.DictReader(lines, delimiter=separator)
+        rows = list(table_rows)
+        if not {"photo", "facade"} <= set(table_rows.fieldnames or ()):
+            raise InputError(
+                f"{table} has no columns `photo` and `facade`; give the table that `streetloom match` wrote"
+            )
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{table} cannot be read ({error}); give the table that `streetloom match` wrote") from error
     found: dict[str, Path] = {}
@@ -159,6 +180,10 @@ def _read_table(table: Path, folder: Path, known: set[str]) -> dict[str, Path]:
             raise InputError(f"{table}: line {line}: there is no photo {name!r} in {folder}; mend that line")
         if facade not in known:
             raise InputError(f"{table}: line {line}: the block has no facade {facade!r}; take one of its candidates")
+        if Path(facade).name != facade:
+            raise InputError(
+                f"{table}: line {line}: no file can be named {facade!r}; give the building an id of letters and digits"
+            )
         if facade in found:
             raise InputError(
                 f"{table}: line {line}: {found[facade].name} shows {facade} already; empty one of both lines"

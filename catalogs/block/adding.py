@@ -12,7 +12,7 @@ import yaml
 
 from catalogs.block.yaml_files import read_yaml
 
-_IMAGERY = re.compile(r"^imagery:[ ]*(#.*)?$", re.MULTILINE)
+_IMAGERY = re.compile(r"^imagery:[ ]*(#[^\r\n]*)?(?=\r?$)", re.MULTILINE)
 _CHILD = re.compile(r"^( +)\S", re.MULTILINE)
 
 
@@ -27,20 +27,20 @@ def add_imagery(path: Path, kind: str, values: Mapping[str, Any]) -> bool:
     written in lines of its own."""
     path = path.resolve()  # of a link, the file that it leads to
     before = read_yaml(path)
-    written = path.read_bytes().decode()
-    text = written.replace("\r\n", "\n")
+    text = path.read_bytes().decode()
+    end = "\r\n" if "\r\n" in text else "\n"
     line = imagery_line(kind, values)
     if "imagery" not in before:
-        new = f"{text.rstrip()}\nimagery:\n  {line}\n"
+        new = f"{text.rstrip()}{end}imagery:{end}  {line}{end}"
     elif heading := _IMAGERY.search(text):
         child = _CHILD.search(text, heading.end())
         indent = child[1] if child else "  "
-        new = f"{text[: heading.end()]}\n{indent}{line}{text[heading.end() :]}"
+        new = f"{text[: heading.end()]}{end}{indent}{line}{text[heading.end() :]}"
     else:
         return False
     temporary = path.with_name(f".{path.name}.tmp")
     try:
-        temporary.write_text(new, encoding="utf-8", newline="\r\n" if "\r\n" in written else "\n")
+        temporary.write_bytes(new.encode())
         imagery = {**(before.get("imagery") or {}), **yaml.safe_load(line)}
         if _read(temporary) != {**before, "imagery": imagery}:
             return False

@@ -89,7 +89,7 @@ def read_corrections(block: Path) -> Corrections:
     """The corrections that lie beside a block file. Raises InputError: one line with the file, the line and the remedy."""
     path = corrections_file(block)
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8").split("\n")  # some of what a text holds breaks lines elsewhere
     except FileNotFoundError:
         return NONE
     except (OSError, UnicodeError) as error:

@@ -51,7 +51,7 @@ def read_layouts(path: str | Path) -> Iterator[LayoutRecord]:
     """
     path = Path(path)
     try:
-        lines = path.read_text(encoding="utf-8").splitlines()
+        lines = path.read_text(encoding="utf-8").split("\n")
     except (OSError, UnicodeDecodeError) as error:
         raise InputError(f"{path}: cannot be read ({error}); give a .jsonl file of layouts") from error
     for number, line in enumerate(lines, 1):

@@ -101,20 +101,25 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
       streetloom match block.yaml my-photos/ --take matches.csv
     """
     from flows.cli.console import progress
-    from tasks.matching import match_photos, take_matches, write_matches
+    from tasks.matching import check_new, match_photos, take_matches, write_matches
 
     if take is not None:
+        if poses is not None or out is not None:
+            raise click.UsageError(
+                "--take: the photos' places and the table are those of before; leave out --poses and --out"
+            )
         count, by_hand = take_matches(block_file, photos, take)
         say(f"photos     {count} taken")
         if by_hand:
             note(f"write into the block file: {by_hand}")
         say(f"ready: streetloom run {block_file}")
         return
+    table = out or block_file.parent / "matches.csv"
+    check_new(table)
     with progress(quiet=not sys.stderr.isatty()):
         matches, faults = match_photos(block_file, photos, poses)
     for fault in faults:
         note(f"{fault.id}: {fault.reason}")
-    table = out or block_file.parent / "matches.csv"
     write_matches(matches, table)
     for one in matches:
         told = ", ".join(f"{facade} ({probability:.2f})" for facade, probability in one.candidates)

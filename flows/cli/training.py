@@ -141,7 +141,7 @@ def train_material_examples(data: Path, out: Path) -> None:
 @click.option(
     "--judge-by",
     multiple=True,
-    help="Beginning of names of panoramas that judge checkpoints; without it every fifth does.",
+    help="Beginning of names of panoramas that judge checkpoints; without it the last fifth does.",
 )
 @click.option("--leave-out", multiple=True, help="Beginning of names of panoramas that take no part at all.")
 @click.option("--out", type=FOLDER, required=True, help="Where translator.onnx and .json go, and where a run goes on.")

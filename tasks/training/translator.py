@@ -32,14 +32,14 @@ TEXELS_PER_METRE = 4.0
 # Viewpoints that are rendered one after another, and how often in each block.
 RUN, RUNS = 4, 16
 PROCEDURAL = 8
-# Every so-manieth run of renderings is for judging, and of panoramas where none is named for it.
+# Every so-manieth run of renderings is for judging; of panoramas where none is named for it, one part of so many.
 EVERY = 5
 
 
 @dataclass(frozen=True)
 class Places:
     """Which panoramas to judge checkpoints by, and which to leave out altogether: beginnings of their files' names. Without any
-    to judge by, every fifth does."""
+    to judge by, the last fifth does."""
 
     judged: tuple[str, ...] = ()
     left_out: tuple[str, ...] = ()
@@ -126,17 +126,14 @@ def panoramas(
     from PIL import Image
 
     found = []
-    for name, path in pictures:
+    for name, path in {path.resolve(): (name, path) for name, path in pictures}.values():
         with opened(path) as picture:
             if picture.width != 2 * picture.height or (places.left_out and path.name.startswith(places.left_out)):
                 continue
             small = picture.convert("RGB").resize((max(WIDTHS), max(WIDTHS) // 2), Image.Resampling.BOX)
         found.append((name, path, np.asarray(small)))
-    judges = [
-        path.name.startswith(places.judged) if places.judged else number % EVERY == 0
-        for number, (_, path, _) in enumerate(found)
-    ]
-    learnt = [image for (_, _, image), judge in zip(found, judges, strict=True) if not judge]
+    judges = [path.name.startswith(places.judged) for _, path, _ in found] if places.judged else _stretch(len(found))
+    learnt = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge is False]
     judged = [image for (_, _, image), judge in zip(found, judges, strict=True) if judge]
     if not learnt or not judged:
         raise InputError(
@@ -144,7 +141,15 @@ def panoramas(
             f"{len(learnt)} panoramas (pictures twice as wide as high) to learn from and {len(judged)} to judge by; "
             "give both, and the beginning of the names of the latter with --judge-by"
         )
-    return learnt, judged, [name for (name, _, _), judge in zip(found, judges, strict=True) if not judge]
+    return learnt, judged, [name for (name, _, _), judge in zip(found, judges, strict=True) if judge is False]
+
+
+def _stretch(count: int) -> list[bool | None]:
+    """Which of some pictures in the order of their names judge: the last fifth, a stretch of a street as cameras number them;
+    None of those before that, as many as a half of it, which show the same walls."""
+    judging = -(-count // EVERY)
+    between = judging // 2
+    return [False] * (count - judging - between) + [None] * between + [True] * judging
 
 
 def renderings(blocks: Sequence[Path], *, seed: int) -> tuple[list[Rendering], list[Rendering]]:

@@ -77,6 +77,11 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert rows["far.jpg"]["facade"] == rows["far.jpg"]["candidates"] == ""
     facade = rows["IMG_1.jpg"]["facade"]
     assert facade.startswith("a")
+    refused = CliRunner().invoke(main, ["match", str(block_file), str(photos)])
+    assert refused.exit_code != 0
+    assert "is there and may have been mended" in refused.output
+    # as a spreadsheet saves it
+    table.write_text(table.read_text().replace(",", ";"))
     again = CliRunner().invoke(main, ["match", str(block_file), str(photos), "--take", str(table)])
     assert again.exit_code == 0, again.output
     block = read_block(block_file)
@@ -105,3 +110,9 @@ def test_a_table_that_names_what_is_not_there_takes_nothing(block_file: Path, ro
     with pytest.raises(InputError, match=said):
         take_matches(block_file, block_file.parent.parent / "photos", table)
     assert not (block_file.parent / "photos").exists()
+
+
+def test_a_file_that_is_no_table_is_refused(block_file: Path) -> None:
+    (wrong := block_file.parent / "wrong.csv").write_text("file,wall\nIMG_1.jpg,a\n")
+    with pytest.raises(InputError, match="has no columns `photo` and `facade`"):
+        take_matches(block_file, block_file.parent.parent / "photos", wrong)

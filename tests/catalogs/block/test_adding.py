@@ -54,11 +54,11 @@ def test_a_name_is_quoted_where_yaml_wants_it(tmp_path: Path) -> None:
 
 def test_ends_of_lines_stay_and_a_link_stays_one(tmp_path: Path) -> None:
     path, link = tmp_path / "there.yaml", tmp_path / "block.yaml"
-    path.write_bytes(b"name: a\r\nimagery:\r\n  exemplars: {path: e}\r\n")
+    path.write_bytes(b"name: a\nimagery:\r\n  exemplars: {path: e}\r\n")
     link.symlink_to(path)
     assert add_imagery(link, "panoramas", NAMED)
     assert link.is_symlink()
-    lines = path.read_bytes().split(b"\r\n")
-    assert len(lines) == 5
-    assert not any(b"\n" in line for line in lines)
+    first, second, added, last = path.read_bytes().splitlines(keepends=True)
+    assert (first, second, last) == (b"name: a\n", b"imagery:\r\n", b"  exemplars: {path: e}\r\n")
+    assert added.endswith(b"\r\n")
     assert yaml.safe_load(path.read_text())["imagery"]["panoramas"] == NAMED
