@@ -1,8 +1,9 @@
-"""Taking back what people corrected in an export: what differs from what was published goes beside the block file."""
+"""Taking back what people corrected, in an export or in the viewer: what differs from what was published goes beside the block
+file."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
 from difflib import get_close_matches
@@ -22,7 +23,7 @@ from catalogs.block.corrections import (
 from catalogs.block.yaml_files import read_yaml
 from catalogs.frames import LONLAT, between
 from catalogs.published.places import Folder
-from catalogs.readers.annotations import Said, pictures_of, read_annotations
+from catalogs.readers.annotations import Said, pictures_of, read_annotations, said_in
 from facade_core.correction import unlike
 from facade_core.errors import InputError
 from facade_core.types import Element
@@ -54,29 +55,54 @@ class Imported:
 
 
 def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None) -> Imported:
-    """Take back corrections of what the run in `out` published. All are written, or none.
+    """Take back corrections of what the run in `out` published from a file. All are written, or none.
 
     Raises InputError for a file that is none, ids that the block has not, and values that cannot be.
     """
+    with published(out) as found:
+        said = read_annotations(path, pictures_of(list(found.plan.facades.id)))
+        return _take(out, found, said, str(path), who=who, why=why, when=when)
+
+
+def take_corrections(
+    out: Folder, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = ""
+) -> Imported:
+    """The same of corrections as streetloom's own JSON lists them; `named`: what they are called where one cannot be."""
+    with published(out) as found:
+        return _take(out, found, said_in(corrections, named), named, who=who, why=why)
+
+
+def block_of(out: Folder) -> Path:
+    """The block file of the run in `out`, beside which its corrections are. Raises InputError where it is gone."""
     block = recorded_source(out)
     if block is None or not block.is_file():
         raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
+    return block
+
+
+def _take(
+    out: Folder,
+    found: Published,
+    said: Sequence[Said],
+    named: str,
+    *,
+    who: str,
+    why: str,
+    when: datetime | None = None,
+) -> Imported:
+    block = block_of(out)
     stamp = (when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ")
-    before = read_corrections(block)
-    with published(out) as found:
-        said = read_annotations(path, pictures_of(list(found.plan.facades.id)))
-        told = _Told(found, before, of_part="part" in read_yaml(block))
-        new = [
-            one
-            for id, what, value in said
-            if (one := told.correction(path, (id, what, value), who=who, why=why, when=stamp)) is not None
-        ]
-    notes = tuple(told.notes)
+    told = _Told(found, read_corrections(block), of_part="part" in read_yaml(block))
+    new = [
+        one
+        for id, what, value in said
+        if (one := told.correction(named, (id, what, value), who=who, why=why, when=stamp)) is not None
+    ]
     if new:
         add_corrections(block, new)
     facades = {one.id for one in new if one.what in OF_FACADES}
     buildings = {one.id for one in new if one.what in OF_BUILDINGS}
-    return Imported(corrections_file(block), block, len(facades), len(buildings), notes)
+    return Imported(corrections_file(block), block, len(facades), len(buildings), tuple(told.notes))
 
 
 class _Told:
@@ -89,26 +115,26 @@ class _Told:
         self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
         self.notes: list[str] = []
 
-    def correction(self, path: Path, said: Said, *, who: str, why: str, when: str) -> Correction | None:
+    def correction(self, named: str, said: Said, *, who: str, why: str, when: str) -> Correction | None:
         """What was said, as a correction; None where nothing is another than it stands."""
         id, what, value = said
         try:
             one = checked(Correction(id, what, value, who=who, when=when, why=why))
         except InputError as error:
-            raise InputError(f"{path}: {error}") from error
+            raise InputError(f"{named}: {error}") from error
         known = self.facades if what in OF_FACADES else self.buildings
         if id not in known:
             kind = "facade" if what in OF_FACADES else "building"
             near = get_close_matches(id, known, n=1)
             hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
-            raise InputError(f"{path}: the block {self.found.block} has no {kind} {id}; {hint}")
+            raise InputError(f"{named}: the block {self.found.block} has no {kind} {id}; {hint}")
         if what == "exemplar" and one.value is not None and one.value not in self.exemplars:
             raise InputError(
-                f"{path}: {id}: there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
+                f"{named}: {id}: there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
             )
         if self.of_part and what in ("height", "levels"):
             raise InputError(
-                f"{path}: {id}: {what} of a city's buildings is corrected in the map that the city's file names"
+                f"{named}: {id}: {what} of a city's buildings is corrected in the map that the city's file names"
             )
         if not self._differs(one):
             return None

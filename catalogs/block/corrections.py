@@ -5,10 +5,12 @@ Nothing is taken out of the file: what is withdrawn is a line without a value. S
 
 from __future__ import annotations
 
+import fcntl
 import json
 import math
 import os
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
@@ -112,13 +114,25 @@ def read_corrections(block: Path) -> Corrections:
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     """Write some behind those of a block file, all or none."""
     path = corrections_file(block)
-    text = path.read_text(encoding="utf-8") if path.exists() else ""
-    if text and not text.endswith("\n"):  # somebody edited it
-        text += "\n"
-    text += "".join(json.dumps(asdict(checked(one)), ensure_ascii=False, allow_nan=False) + "\n" for one in corrections)
-    draft = path.with_name(f".{path.name}.draft")
-    draft.write_text(text, encoding="utf-8")
-    os.replace(draft, path)
+    added = "".join(json.dumps(asdict(checked(one)), ensure_ascii=False, allow_nan=False) + "\n" for one in corrections)
+    with _alone(path.parent):
+        text = path.read_text(encoding="utf-8") if path.exists() else ""
+        if text and not text.endswith("\n"):  # somebody edited it
+            text += "\n"
+        draft = path.with_name(f".{path.name}.draft")
+        draft.write_text(text + added, encoding="utf-8")
+        os.replace(draft, path)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Wait until no other process or thread adds corrections in a folder: of two at once one would be lost."""
+    handle = os.open(folder, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
 
 
 def checked(one: Correction) -> Correction:

@@ -59,6 +59,7 @@ def write_report(
     """Write index.html, exemplars.html and streets/ into `folder`, beside its images/, which are there already.
 
     Those are given by their names: views along streets, panoramas (name, title), and by facade its sheets (name, title);
+    rows have `look_first` beside the columns of the catalogue, by which those to look at are in order.
     textures_only: the facades of which no other stage is shown. exemplars: their records, with `pictures` (name, title) and
     how many facades are made of each, `used`. models: files of the snapshot, from its folder.
     """
@@ -110,10 +111,11 @@ def write_report(
 
 
 def to_look_at(rows: Iterable[Mapping[str, Any]]) -> list[Mapping[str, Any]]:
-    """The facades of which something is amiss beside an assumed height, the most doubtful first."""
+    """The facades of which something is amiss beside an assumed height, first those that are most doubtful where most of them
+    is seen (`look_first`)."""
     return sorted(
         (row for row in rows if row.get("quality") not in (None, "good", ASSUMED)),
-        key=lambda row: (-row["quality"].count(","), -(row.get("occluded") or 0), row["id"]),
+        key=lambda row: (-row.get("look_first", 0.0), row["id"]),
     )
 
 

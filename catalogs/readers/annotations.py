@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +33,18 @@ def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
         if isinstance(document, dict) and "shapes" in document:
             return [_labelme(document, facades)]
         if isinstance(document, dict) and isinstance(document.get("corrections"), list):
-            return [said for one in document["corrections"] for said in _own(one)]
+            return said_in(document["corrections"], str(path))
     except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError) as error:
         raise InputError(f"{path} cannot be understood ({type(error).__name__}: {error}); export it again") from error
     raise InputError(f'{path} is neither COCO nor LabelMe, nor {{"corrections": [...]}}; catalogs/README.md shows each')
+
+
+def said_in(corrections: Sequence[Mapping[str, Any]], named: str) -> list[Said]:
+    """What corrections of streetloom's own JSON say. Raises InputError: one line that says what they are `named`."""
+    try:
+        return [said for one in corrections for said in _own(one)]
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"{named} cannot be understood ({error}); catalogs/README.md shows what can be") from error
 
 
 def _coco(document: dict[str, Any], facades: dict[str, str]) -> list[Said]:
@@ -68,7 +76,7 @@ def _facade(file: str, facades: dict[str, str]) -> str:
     return facades.get(stem, stem)
 
 
-def _own(one: dict[str, Any]) -> Iterator[Said]:
+def _own(one: Mapping[str, Any]) -> Iterator[Said]:
     id = one.get("facade_id") or one.get("building_id")
     if not isinstance(id, str):
         raise ValueError("a correction names its facade_id or building_id")

@@ -224,38 +224,53 @@ def catalog(folder: Folder, to: str | None) -> None:
     "--host", default=VIEWER_HOST, show_default=True, help="Address or name to serve on; 0.0.0.0 is all addresses."
 )
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
-def view(out: Folder, port: int, host: str, opened: bool) -> None:
+@click.option("--edit", is_flag=True, help="Let whoever opens the address that is printed correct facades; see below.")
+@click.option("--who", metavar="NAME", help="With --edit: who corrects.  [default: this user]")
+def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str | None) -> None:
     """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D, where a finished run
     opens. Ctrl-C ends it.
+
+    With --edit, boxes are drawn, moved and deleted on the facades' pictures, and kept as `streetloom import` keeps them; a
+    button runs what is due. On this machine only, for who has the address, which no browser is told of: others would see it.
 
     \b
     Examples:
       streetloom view out/demo
       streetloom view out/mine --port 0 --no-open      beside a run that is still going
+      streetloom view out/mine --edit --who anna
     """
+    import getpass
+
     from facade_core.errors import InputError
     from flows.cli.interrupts import end_early
 
     if not host.strip():  # it would be every address of the machine
         raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
+    if who is not None and not edit:
+        raise click.UsageError("--who needs --edit")
     out = _run_in(out)
     try:
         from flows.viewer.app import serve
+        from flows.viewer.editing import Editor
+        from tasks.corrections import block_of
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
+
+    if edit:
+        block_of(out)  # beside which corrections are kept
 
     def ready(address: str, seen_by: str | None) -> None:
         if seen_by:
             note(seen_by)
         say(f"{address}  (Ctrl-C ends it)")
-        if opened:
+        if opened and not edit:
             import webbrowser
 
             # what has been published is seen from a street first; before that the map tells how far the run is
             webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
 
-    end_early("the viewer is closed; the run is as it was")
-    serve(out, host, port, ready)
+    end_early("the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was")
+    serve(out, host, port, ready, Editor(who or getpass.getuser()) if edit else None)
 
 
 def _run_in(folder: Folder) -> Folder:

@@ -20,6 +20,7 @@ from starlette.staticfiles import StaticFiles
 from catalogs.published.places import Folder
 from facade_core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_held
+from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import Guard, guard, in_address
 from flows.viewer.model import model, model_file
 from tasks.viewing import Reader, picture, stages
@@ -44,8 +45,9 @@ HEADERS = {
 }
 
 
-def application(out: Folder, host: str, bound: str) -> Starlette:
-    """The viewer of the run in folder `out`, told to listen on `host`, which is the address `bound`."""
+def application(out: Folder, host: str, bound: str, editor: Editor | None = None) -> Starlette:
+    """The viewer of the run in folder `out`, told to listen on `host`, which is the address `bound`; `editor` may correct what
+    it shows, and nobody without one."""
     who = guard(host, bound)
     reader, growth = Reader(out), Growth()
 
@@ -121,6 +123,8 @@ def application(out: Folder, host: str, bound: str) -> Starlette:
         Route("/picture/grown", answer(grown)),
         Mount("/page", StaticFiles(directory=PAGE)),
     ]
+    if editor is not None:
+        routes += edit_routes(reader, editor)
     middleware = [
         Middleware(_Guarded, guard=who),
         Middleware(GZipMiddleware, minimum_size=2000),
@@ -160,8 +164,11 @@ def _whole(request: Request, name: str, count: int) -> int:
     return int(text)
 
 
-def serve(out: Folder, host: str, port: int, ready: Callable[[str, str | None], None]) -> None:
-    """Serve until interrupted; `ready` is told the address, and who else can look in where others can.
+def serve(
+    out: Folder, host: str, port: int, ready: Callable[[str, str | None], None], editor: Editor | None = None
+) -> None:
+    """Serve until interrupted; `ready` is told the address, and who else can look in where others can. With an editor, to whom
+    alone that address gives its token, on loopback only.
 
     Raises InputError where host or port cannot be had.
     """
@@ -172,6 +179,8 @@ def serve(out: Folder, host: str, port: int, ready: Callable[[str, str | None], 
         listening.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
         try:
             listening.bind((host, port))
+            if editor is not None and not ip_address(listening.getsockname()[0]).is_loopback:
+                raise InputError(f"--host {host}: what --edit writes is for this machine alone; leave --host out")
             listening.listen()  # who comes before the first answer waits for it
         except socket.gaierror as error:
             raise InputError(f"--host {host}: {error.strerror}; give an address or a name of this machine") from error
@@ -181,8 +190,9 @@ def serve(out: Folder, host: str, port: int, ready: Callable[[str, str | None], 
                 "for any that is free"
             ) from error
         bound, port = listening.getsockname()[:2]
-        ready(f"http://{_opened(host, bound)}:{port}", _seen_by(host, bound, port))
-        config = uvicorn.Config(application(out, host, bound), log_level="warning", timeout_graceful_shutdown=2)
+        token = f"/#/token/{editor.token}" if editor else ""
+        ready(f"http://{_opened(host, bound)}:{port}{token}", _seen_by(host, bound, port))
+        config = uvicorn.Config(application(out, host, bound, editor), log_level="warning", timeout_graceful_shutdown=2)
         uvicorn.Server(config).run(sockets=[listening])
 
 

@@ -1,7 +1,8 @@
-"""Who may ask the viewer: requests to a name that it is served under, from no page but its own."""
+"""Who may ask the viewer: requests to a name that it is served under, from no page but its own; and who may edit."""
 
 from __future__ import annotations
 
+import hmac
 import re
 import socket
 from collections.abc import Sequence
@@ -37,6 +38,21 @@ class Guard:
 
     def _known(self, name: str) -> bool:
         return name in self.names or (self.anywhere and _is_address(name))
+
+
+def refusal_to_edit(
+    token: str, tokens: Sequence[str], origins: Sequence[str], *, writes: bool
+) -> tuple[int, str] | None:
+    """As `Guard.refusal`, of a request which that lets pass, to what only who holds the token may ask.
+
+    tokens: its headers of that. No cookie: those are told to every server of this machine, whatever its port. What writes
+    must state its origin, as browsers do.
+    """
+    if len(tokens) != 1 or not hmac.compare_digest(tokens[0].encode(), token.encode()):
+        return 403, "the token is missing or of an earlier viewer; open the address that the terminal shows"
+    if writes and len(origins) != 1:
+        return 403, "what is written must come from the viewer's own page"
+    return None
 
 
 def guard(host: str, bound: str) -> Guard:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import json
 import logging
 import os
@@ -23,6 +22,7 @@ from prefect.cache_policies import NO_CACHE
 from catalogs.published.places import Folder
 from catalogs.published.snapshot import current_if_any
 from tasks.city.account import BLOCKS, Ended, tileset_of
+from tasks.compute.following import follow
 
 log = logging.getLogger(__name__)
 
@@ -106,7 +106,7 @@ def _called(arguments: Sequence[str], ends: float | None) -> Called:
             stdin=subprocess.DEVNULL,
             stdout=printed,
             stderr=said,
-            preexec_fn=_follow,
+            preexec_fn=follow,  # a block does not outlive the city's process
         )
         handle = os.pidfd_open(process.pid)
         try:
@@ -134,15 +134,6 @@ def _has_ended(handle: int, seconds: float | None) -> bool:
 def _text(file: IO[bytes]) -> str:
     file.seek(0)
     return file.read().decode(errors="replace")
-
-
-# Loaded before a process is forked, of which only one thread goes on.
-_LIBC = ctypes.CDLL(None)
-
-
-def _follow() -> None:
-    """A block does not outlive the city's process, however that ends."""
-    _LIBC.prctl(1, signal.SIGTERM)
 
 
 def _reason(failures: Sequence[str], said: str) -> str:

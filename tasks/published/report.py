@@ -11,6 +11,7 @@ from catalogs.published.report import write_report
 from facade_core.geometry.walls import ROLES, STREET
 from facade_core.style import SHADED
 from tasks.published.images import Images
+from tasks.published.review import look_first
 from tasks.published.rows import Rows
 from tasks.published.stored import StoredBlock
 from tasks.run import Run
@@ -29,10 +30,16 @@ def write_block_report(
     journals = {stage: [record for record in journal if record] for stage, journal in block.journals.items()}
     used = Counter(row["source"] for row in rows.facades if row["synthesised"])
     notes = block.group.attrs.get("notes", [])
+    facades = block.plan.facades
+    shown = [
+        {**row, "look_first": look_first(facades, index, record or {}, row["quality"])}
+        for index, (row, record) in enumerate(zip(rows.facades, block.records, strict=True))
+        if row["role"] == ROLES[STREET] or row["status"] == "failed"
+    ]
     write_report(
         folder,
         summary={**summary, "crs": run.crs, "code_version": block.version, "notes": notes},
-        rows=[row for row in rows.facades if row["role"] == ROLES[STREET] or row["status"] == "failed"],
+        rows=shown,
         set_aside=rows.set_aside,
         records={record["unit"]: record for record in journals["facades"]},
         streets=journals["streets"],

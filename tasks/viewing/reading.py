@@ -5,7 +5,7 @@ from __future__ import annotations
 import threading
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import Any, cast
 
 import icechunk
 import numpy as np
@@ -25,6 +25,7 @@ from facade_core.geometry.packing import Placement
 from facade_core.labels import PARSE_COLOURS
 from tasks.kinds.order import read_journals
 from tasks.outcome import refused
+from tasks.published.review import look_first
 from tasks.published.rows import facts
 
 # What a facade may be coloured by: not what names it, nor where it lies.
@@ -81,6 +82,11 @@ class View:
     def records(self) -> list[Record | None]:
         """Those of the facades."""
         return self.journals["facades"]
+
+    @cached_property
+    def corrected(self) -> frozenset[str]:
+        """The buildings that somebody corrected."""
+        return frozenset(cast(list[str], self.group.attrs.get("corrected", [])))
 
     @cached_property
     def facade_number(self) -> dict[str, int]:
@@ -144,6 +150,8 @@ class View:
         }
         if record:
             row |= {"status": record["status"], "reason": record.get("reason")}
+            row["corrected"] = int(bool(record.get("corrected")) or row["building"] in self.corrected)
+            row["look_first"] = look_first(facades, index, record, row["quality"])
         return {name: _plain(value) for name, value in row.items() if value is not None}
 
     def _seen(self) -> list[list[int]]:

@@ -1,4 +1,6 @@
-// The run's page. Addresses: #/map, #/review, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run.
+// The run's page. Addresses: #/map, #/review, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run; for who corrects #/edit/ID.
+
+import { ask, element, facadeAddress, legend, picture, said } from "./elements.js";
 
 const main = document.getElementById("main");
 const state = document.getElementById("state");
@@ -6,6 +8,8 @@ let block = null; // what /api/block said last
 let progress = null; // what /api/progress said last
 let colouredBy = "status";
 let shown = ""; // the address that is drawn
+let correcting = null; // for who may correct
+let timer = 0;
 
 // A run that was killed leaves work that nobody does.
 const fate = (said) => said.ended ? "the run has ended" : said.under_way ? "the run is going on" : "the run was cut off; run the block again to go on";
@@ -20,46 +24,7 @@ const GROUPS = ["#0072b2", "#d55e00", "#009e73", "#cc79a7", "#8a6d00", "#56b4e9"
 const STATUS = { done: "#1c7a43", failed: "#b3261e", waiting: "#8b949c" };
 const UNKNOWN = "#b9bfc4";
 
-const SVG = "http://www.w3.org/2000/svg";
-
-function element(name, attributes = {}, ...children) {
-  const made = ["svg", "path", "line", "circle", "rect", "title"].includes(name)
-    ? document.createElementNS(SVG, name)
-    : document.createElement(name);
-  for (const [key, value] of Object.entries(attributes)) {
-    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
-    else if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : value);
-  }
-  made.append(...children.filter((child) => child !== null).map((child) => (typeof child === "string" ? visible(child) : child)));
-  return made;
-}
-
-// Text out of data with what turns the reading direction, ends lines or is not seen written out, as catalogs/visible.py does.
-function visible(text) {
-  return text.replace(/(?![\u200c\u200d])[\p{Cc}\p{Cf}\p{Cs}\p{Zl}\p{Zp}]/gu, (character) => {
-    const code = character.codePointAt(0).toString(16);
-    return code.length <= 2 ? `\\x${code.padStart(2, "0")}` : code.length <= 4 ? `\\u${code.padStart(4, "0")}` : `\\U${code.padStart(8, "0")}`;
-  });
-}
-
 const fill = (...parts) => main.replaceChildren(...parts.filter((part) => part !== null));
-
-async function ask(path) {
-  const answer = await fetch(path);
-  const said = await answer.json();
-  if (!answer.ok) throw new Error(said.reason || answer.statusText);
-  return said;
-}
-
-const picture = (facade, stage, snapshot) =>
-  `/picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
-const facadeAddress = (id) => `#/facade/${encodeURIComponent(id)}`;
-
-function said(value, unit = "") {
-  if (value === undefined || value === null) return "–";
-  const text = typeof value === "number" && !Number.isInteger(value) ? value.toFixed(Math.abs(value) < 1 ? 3 : 2) : String(value);
-  return unit && unit !== "0 to 1" ? `${text} ${unit}` : text;
-}
 
 // How a column colours facades: {of(facade) -> colour, legend: [[colour, text]]}.
 function colouring(name) {
@@ -123,11 +88,6 @@ function map({ colour, strong = () => true, here = null, label }) {
   return element("div", { class: "map" }, svg);
 }
 
-function legend(entries) {
-  const swatch = (colour) => element("svg", { viewBox: "0 0 12 8", "aria-hidden": "true" }, element("rect", { width: 12, height: 8, fill: colour }));
-  return element("div", { class: "legend" }, ...entries.map(([colour, text]) => element("span", {}, swatch(colour), text)));
-}
-
 function drawMap() {
   const chosen = element(
     "select",
@@ -168,7 +128,9 @@ function drawMap() {
   );
 }
 
-// What `quality` says is amiss, with the texture beside it; the most doubtful first, as in the report.
+const correct = (id) => correcting && element("a", { href: `#/edit/${encodeURIComponent(id)}` }, "Correct it");
+
+// What `quality` says is amiss, with the texture beside it; first what is most doubtful where most of it is seen, as in the report.
 function drawReview() {
   const ids = block.to_look_at;
   const facades = new Map(block.facades.map((facade) => [facade.id, facade]));
@@ -180,7 +142,8 @@ function drawReview() {
         element("a", { href: facadeAddress(facade.id) },
           element("img", { src: picture(facade.id, "texture", block.snapshot), alt: `Texture of facade ${facade.id}`, loading: "lazy" })),
         element("figcaption", {}, element("a", { href: facadeAddress(facade.id) }, facade.id), `, ${facade.street}: ${facade.quality}; `,
-          `${said(facade.floors)} floors, ${said(facade.levels)} by the map; ${Math.round(100 * (facade.occluded || 0))} % hidden`)))),
+          `${said(facade.floors)} floors, ${said(facade.levels)} by the map; ${Math.round(100 * (facade.occluded || 0))} % hidden`,
+          facade.corrected ? "; corrected " : " ", correct(facade.id))))),
     ids.length > LISTED ? element("p", {}, `The first ${LISTED} are shown; quality in items.parquet has all.`) : null,
   );
 }
@@ -202,6 +165,7 @@ async function drawFacade(id) {
       element("button", { type: "button", onclick: () => go(-1) }, "Previous facade"),
       element("button", { type: "button", onclick: () => go(1) }, "Next facade"),
       element("span", {}, `${number + 1} of ${block.facades.length}, ${facade.street}`),
+      correct(id),
     ),
     details.reason ? element("p", { class: "failed" }, `Failed: ${details.reason}`) : null,
     facade.status === "waiting" ? element("p", {}, "Not made yet.") : null,
@@ -317,7 +281,7 @@ async function draw(again = false) {
   shown = address;
   for (const link of document.querySelectorAll("nav a")) {
     const own = link.getAttribute("href").slice(2);
-    if (own === parts[0] || (own === "map" && parts[0] === "facade")) link.setAttribute("aria-current", "page");
+    if (own === parts[0] || own === { facade: "map", edit: "review" }[parts[0]]) link.setAttribute("aria-current", "page");
     else link.removeAttribute("aria-current");
   }
   try {
@@ -326,6 +290,7 @@ async function draw(again = false) {
     else if (parts[0] === "model") await drawModel();
     else if (parts[0] === "run") drawRun();
     else if (parts[0] === "review") drawReview();
+    else if (parts[0] === "edit" && correcting) await correcting.draw(block, parts[1], fill);
     else drawMap();
   } catch (error) {
     fill(element("p", { class: "failed" }, error.message));
@@ -336,6 +301,11 @@ async function draw(again = false) {
 // What may be drawn anew under a reader's hands: not a model, a list in use or a slider that is held.
 const calm = () => !shown.startsWith("#/model") && !["step", "filter", "coloured-by", "street"].includes(document.activeElement?.id);
 
+const later = (after) => {
+  clearTimeout(timer);
+  timer = setTimeout(follow, after);
+};
+
 async function follow() {
   try {
     const now = await ask("/api/progress");
@@ -345,16 +315,17 @@ async function follow() {
       block = await ask("/api/block");
       document.title = `${block.block} · Streetloom`;
       document.getElementById("title").textContent = block.block;
-      if (!shown || calm()) await draw(true);
+      if (correcting && shown.startsWith("#/edit/")) await correcting.renew(block, decodeURIComponent(shown.slice("#/edit/".length)));
+      else if (!shown || calm()) await draw(true);
     }
     const units = (name) => now.stages.find((stage) => stage.name === name);
     const facades = units("facades");
     const text = facades ? `${facades.done} of ${facades.total} facades${facades.failed ? `, ${facades.failed} failed` : ""}` : "";
     state.textContent = `${text}${now.ended ? "" : `; ${fate(now)}`}`;
-    setTimeout(follow, now.ended ? 5 * LOOK_AGAIN_MS : LOOK_AGAIN_MS);
+    later(now.ended ? 5 * LOOK_AGAIN_MS : LOOK_AGAIN_MS);
   } catch (error) {
     state.textContent = block ? "The viewer does not answer; is it still running?" : error.message;
-    setTimeout(follow, LOOK_AGAIN_MS);
+    later(LOOK_AGAIN_MS);
   }
 }
 
@@ -369,4 +340,22 @@ addEventListener("keydown", (event) => {
     if (number >= 0) location.hash = facadeAddress(next.id);
   }
 });
-follow();
+
+// The address with the token is for who corrects; it is kept for this window, and taken out of what the window shows.
+async function begin() {
+  const [, page, given] = location.hash.split("/");
+  if (page === "token") {
+    sessionStorage.setItem("token", given);
+    history.replaceState(null, "", "#/review");
+  }
+  const token = sessionStorage.getItem("token");
+  if (token) {
+    try {
+      correcting = await (await import("./correcting.js")).begin(token, () => later(0));
+    } catch (error) {
+      document.getElementById("editing").replaceChildren(element("p", { class: "failed" }, `Nothing can be corrected: ${error.message}`));
+    }
+  }
+  await follow();
+}
+begin();

@@ -1,0 +1,111 @@
+"""What the viewer's page asks to correct facades: these addresses are there with `--edit` alone."""
+
+from __future__ import annotations
+
+import json
+import secrets
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+from starlette.concurrency import run_in_threadpool
+from starlette.requests import Request
+from starlette.responses import JSONResponse, Response
+from starlette.routing import Route
+
+from catalogs.block.corrections import read_corrections
+from facade_core.errors import FacadeError, StoreError
+from facade_core.labels import ELEMENT_CLASSES
+from flows.viewer.guard import refusal_to_edit
+from flows.viewer.redo import Redo
+from tasks.corrections import block_of, take_corrections
+from tasks.viewing import Reader
+from tasks.viewing.standing import standing
+
+# The header with the token: a page of another site cannot state it without asking first, which is not answered.
+TOKEN = "X-Streetloom-Token"
+# Corrections of a facade are some kilobytes.
+MOST_BYTES = 1_000_000
+
+
+@dataclass(frozen=True)
+class Editor:
+    """Who corrects what the viewer shows: the name that is kept with corrections, and the token that the page must state."""
+
+    who: str
+    token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
+
+
+def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
+    """The addresses for who corrects, of whose requests those of other sites have been refused already."""
+    redo = Redo(reader.out)
+
+    def state(request: Request) -> dict[str, Any]:
+        return {"who": editor.who, "labels": ELEMENT_CLASSES, "redo": redo.said()}
+
+    def facade(request: Request) -> dict[str, Any]:
+        view = reader.view()
+        index = view.number(request.query_params.get("id", ""))
+        return standing(view, index, read_corrections(block_of(reader.out)))
+
+    def save(body: Any) -> dict[str, Any]:
+        if not isinstance(body, dict) or not isinstance(body.get("corrections"), list):
+            raise ValueError('what is saved is {"corrections": [...], "why": TEXT}')
+        done = take_corrections(
+            reader.out, body["corrections"], "not saved", who=editor.who, why=str(body.get("why", ""))
+        )
+        return {"saved": done.facades + done.buildings, "said": done.lines()[0], "notes": done.notes}
+
+    def start(body: Any) -> dict[str, Any]:
+        redo.start(block_of(reader.out))
+        return redo.said()
+
+    def read(make: Callable[[Request], dict[str, Any]]) -> Callable[..., Any]:
+        async def endpoint(request: Request) -> Response:
+            if refused := _refused(request, editor, writes=False):
+                return refused
+            return await _answered(make, request)
+
+        return endpoint
+
+    def written(make: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
+        async def endpoint(request: Request) -> Response:
+            if refused := _refused(request, editor, writes=True):
+                return refused
+            body = b""
+            async for part in request.stream():
+                body += part
+                if len(body) > MOST_BYTES:
+                    return JSONResponse({"reason": "that is too much for corrections"}, 413)
+            try:
+                said = json.loads(body)
+            except ValueError:
+                return JSONResponse({"reason": "what is sent is no JSON"}, 400)
+            return await _answered(make, said)
+
+        return endpoint
+
+    return [
+        Route("/edit/state", read(state)),
+        Route("/edit/facade", read(facade)),
+        Route("/edit/corrections", written(save), methods=["POST"]),
+        Route("/edit/redo", written(start), methods=["POST"]),
+    ]
+
+
+def _refused(request: Request, editor: Editor, *, writes: bool) -> Response | None:
+    found = refusal_to_edit(
+        editor.token, request.headers.getlist(TOKEN), request.headers.getlist("origin"), writes=writes
+    )
+    return JSONResponse({"reason": found[1]}, found[0]) if found else None
+
+
+async def _answered(make: Callable[[Any], dict[str, Any]], asked: Any) -> Response:
+    try:
+        return JSONResponse(await run_in_threadpool(make, asked))
+    except StoreError as error:
+        return JSONResponse({"reason": str(error)}, 503)
+    except (FacadeError, ValueError) as error:
+        return JSONResponse({"reason": str(error)}, 400)
+    except OSError as error:  # the block's folder cannot be written
+        return JSONResponse({"reason": f"{error.filename}: {error.strerror}"}, 500)

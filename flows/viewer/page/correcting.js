@@ -1,0 +1,239 @@
+// Correcting facades, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page.
+
+import { Editor } from "./editor.js";
+import { ask, element, facadeAddress, picture, said } from "./elements.js";
+
+const LOOK_AGAIN_MS = 1000;
+// Stages that have the wall's own size: what elements are drawn on.
+const UNDER = ["rectified", "texture", "street", "parse"];
+export const editAddress = (id) => `#/edit/${encodeURIComponent(id)}`;
+
+// Null where this viewer lets nobody correct; raises with the reason where the token is not its own. again: looks for news.
+export async function begin(token, again) {
+  const told = async (path, body) => {
+    const answer = await fetch(path, {
+      method: body === undefined ? "GET" : "POST",
+      headers: { "X-Streetloom-Token": token, "Content-Type": "application/json" },
+      body: body === undefined ? undefined : JSON.stringify(body),
+    });
+    if (answer.status === 404) return null;
+    const words = await answer.json();
+    if (!answer.ok) throw new Error(words.reason || answer.statusText);
+    return words;
+  };
+  const state = await told("/edit/state");
+  return state && new Correcting(told, state, again);
+}
+
+class Correcting {
+  constructor(told, state, again) {
+    Object.assign(this, { told, labels: state.labels, who: state.who, again });
+    this.open = new Map(); // facade -> what is being done there; kept while other pages are looked at
+    this.run = element("button", { type: "button", id: "redo-now", onclick: () => this.redo() }, "Redo now");
+    this.running = element("p", { role: "status", id: "redo-said" });
+    document.getElementById("editing").replaceChildren(this.run, this.running);
+    addEventListener("beforeunload", (event) => [...this.open.values()].some((one) => one.dirty()) && event.preventDefault());
+    this.follow(state.redo);
+  }
+
+  async redo() {
+    try {
+      this.follow(await this.told("/edit/redo", {}));
+    } catch (error) {
+      this.tell(error.message, true);
+    }
+  }
+
+  tell(text, failed) {
+    this.running.textContent = text;
+    this.running.classList.toggle("failed", failed);
+  }
+
+  // Until a run that was begun here ends.
+  follow(redo) {
+    const going = this.run.disabled;
+    this.run.disabled = redo.under_way;
+    if (redo.said) this.tell(redo.said, redo.failed);
+    if (redo.under_way) setTimeout(() => this.told("/edit/state").then((state) => this.follow(state.redo), (error) => this.lost(error)), LOOK_AGAIN_MS);
+    else if (going) this.again();
+  }
+
+  lost(error) {
+    this.run.disabled = false;
+    this.tell(`The viewer does not answer: ${error.message}`, true);
+  }
+
+  // The page of a facade, into `fill`. Raises with the reason where there is none.
+  async draw(block, id, fill) {
+    const known = this.open.get(id);
+    const page = known?.dirty() ? known : new Page(this, block, id);
+    this.open.clear();
+    this.open.set(id, page);
+    if (page !== known) await page.load();
+    page.refreshed(block);
+    fill(...page.parts);
+    page.editor.draw();
+  }
+
+  // What is shown of `id` after another snapshot: its pictures, and its boxes where nothing is unsaved.
+  async renew(block, id) {
+    const page = this.open.get(id);
+    if (!page) return;
+    page.refreshed(block);
+    if (!page.dirty()) await page.reload();
+  }
+}
+
+class Page {
+  constructor(correcting, block, id) {
+    Object.assign(this, { correcting, block, id });
+    this.facade = block.facades.find((facade) => facade.id === id);
+    if (!this.facade) throw new Error(`There is no facade ${id} in this block.`);
+  }
+
+  async load() {
+    const { stages } = await ask(`/api/facade?id=${encodeURIComponent(this.id)}`);
+    const under = UNDER.map((name) => stages.find(({ stage }) => stage === name)).filter(Boolean);
+    if (!under.length) throw new Error(`Facade ${this.id} is not made yet: there is nothing to draw on.`);
+    const stand = await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`);
+    const colours = Object.fromEntries(this.block.parse_colours.map(([colour, name]) => [name, colour]));
+    this.editor = new Editor(stand, this.correcting.labels, colours, () => this.changed());
+    this.parts = this.made(under, stand);
+    this.stands(stand);
+    this.changed();
+  }
+
+  dirty() {
+    return this.editor !== undefined && (this.editor.dirty || this.none !== !this.stand.facade || this.storeys.valueAsNumber !== this.stand.levels);
+  }
+
+  // What is known to be kept.
+  stands(stand) {
+    this.stand = stand;
+    this.none = !stand.facade;
+    this.storeys.value = stand.levels;
+    this.before.replaceChildren(...stand.corrected.map((one) =>
+      element("li", {}, `${one.what} of ${one.id}: ${one.who || "somebody"}, ${one.when.slice(0, 10)}${one.why ? `, “${one.why}”` : ""}`)));
+    this.back.hidden = !stand.corrected.some((one) => one.id === this.id);
+  }
+
+  async reload() {
+    const stand = await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`);
+    if (this.dirty()) return; // somebody drew meanwhile
+    this.stands(stand);
+    this.editor.lines = { rows: stand.rows, columns: stand.columns };
+    this.editor.lattice();
+    this.editor.restart(stand.elements);
+    this.editor.select(null);
+  }
+
+  refreshed(block) {
+    this.block = block;
+    this.shown();
+  }
+
+  shown() {
+    this.editor.image.setAttribute("href", picture(this.id, this.under.value, this.block.snapshot));
+  }
+
+  made(under, stand) {
+    const button = (id, text, act, keys) => element("button", { type: "button", id, onclick: act, "aria-keyshortcuts": keys }, text);
+    const choice = (id, options, act) => element("select", { id, onchange: act }, ...options.map(([value, text]) => element("option", { value }, text)));
+    const labelled = (text, field) => element("span", { class: "field" }, element("label", { for: field.id }, text), field);
+    const { editor } = this;
+    this.label = choice("label", editor.labels.map((name) => [name, name]), () => editor.called(this.label.value));
+    this.remove = button("delete", "Delete", () => editor.remove(), "Delete");
+    this.undo = button("undo", "Undo", () => editor.undo(), "Control+Z");
+    this.again = button("redo", "Redo", () => editor.redo(), "Control+Y");
+    this.snap = element("input", { type: "checkbox", id: "snap", onchange: () => editor.snapping(this.snap.checked) });
+    this.under = choice("under", under.map(({ stage, title }) => [stage, title]), () => this.shown());
+    this.zoom = choice("zoom", [["1", "whole"], ["2", "2 times"], ["4", "4 times"]], () => (this.canvas.dataset.zoom = this.zoom.value));
+    this.canvas = element("div", { class: "canvas", "data-zoom": "1" }, editor.svg);
+    editor.svg.setAttribute("aria-label", `Elements of facade ${this.id}`);
+    this.told = element("p", { role: "status", id: "box-said" });
+    this.not = button("not-a-facade", "Not a facade", () => { this.none = !this.none; this.changed(); });
+    this.storeys = element("input", { type: "number", id: "storeys", min: 1, max: 300, step: 1, value: stand.levels, oninput: () => this.changed() });
+    this.why = element("input", { type: "text", id: "why", maxlength: 500 });
+    this.keep = button("save", "Save", () => this.save(), "Control+S");
+    this.back = button("as-found", "Take back what was corrected", () => this.withdraw());
+    this.result = element("p", { role: "status", id: "saved" });
+    this.before = element("ul", {});
+    const others = this.block.to_look_at.filter((id) => id !== this.id);
+    const at = this.block.to_look_at.indexOf(this.id);
+    const next = at < 0 ? others[0] : this.block.to_look_at[at + 1];
+    const page = element("section", { class: "correcting", onkeydown: (event) => this.key(event) },
+      element("h2", {}, `Correct facade ${this.id}`),
+      element("p", { class: "ways" }, element("a", { href: facadeAddress(this.id) }, "Its stages"), element("a", { href: "#/review" }, "All to look at"),
+        next ? element("a", { href: editAddress(next) }, "Next to look at") : null, element("span", {}, `${this.facade.street}; ${said(this.facade.quality)}`)),
+      element("div", { class: "controls" }, labelled("Label", this.label), button("add", "Add a box", () => { editor.add(); editor.svg.focus(); }), this.remove,
+        this.undo, this.again, element("span", { class: "field" }, this.snap, element("label", { for: "snap" }, "Snap to lattice")),
+        labelled("On", this.under), labelled("Size", this.zoom)),
+      this.canvas, this.told,
+      element("p", { id: "keys", class: "keys" }, "In the picture: drag a box, its handles or a new one. Keys: A adds, N and P choose, arrows move, Shift and arrows stretch, 1 to ",
+        `${editor.labels.length} label, Delete, S snaps, Ctrl Z and Ctrl Y, Ctrl S saves.`),
+      element("div", { class: "controls" }, this.not, labelled(`Storeys of building ${stand.building}`, this.storeys), labelled("Why", this.why), this.keep, this.back),
+      this.result, this.before);
+    return [page];
+  }
+
+  key(event) {
+    if (!(event.ctrlKey || event.metaKey) || event.altKey) return;
+    const typing = event.target.matches("input[type=text], input[type=number]");
+    const act = { s: () => this.save(), z: !typing && (() => (event.shiftKey ? this.editor.redo() : this.editor.undo())), y: !typing && (() => this.editor.redo()) }[event.key.toLowerCase()];
+    if (!act) return;
+    event.preventDefault();
+    act();
+  }
+
+  changed() {
+    const { editor } = this;
+    const { box } = editor;
+    this.label.value = editor.label;
+    this.snap.checked = editor.snap;
+    this.remove.disabled = !box;
+    this.undo.disabled = !editor.steps.past.length;
+    this.again.disabled = !editor.steps.future.length;
+    this.not.setAttribute("aria-pressed", String(this.none));
+    this.keep.disabled = !this.dirty();
+    const metres = (texels) => (texels / editor.metre).toFixed(2);
+    const count = editor.steps.now.length;
+    this.told.textContent = box
+      ? `${box.label}, box ${editor.selected + 1} of ${count}: ${metres(box.x1 - box.x0)} m wide, ${metres(box.y1 - box.y0)} m high, ${metres(box.x0)} m from the left, ${metres(editor.size[1] - box.y1)} m over the ground`
+      : `${count} boxes; none is chosen`;
+  }
+
+  async save() {
+    if (!this.dirty()) return;
+    const corrections = [];
+    const { editor, stand, none } = this;
+    const boxes = editor.steps.now;
+    if (editor.dirty) corrections.push({ facade_id: this.id, elements: editor.shares() });
+    if (none !== !stand.facade) corrections.push({ facade_id: this.id, facade: none ? false : null });
+    const levels = this.storeys.valueAsNumber;
+    if (levels !== stand.levels) corrections.push({ building_id: stand.building, levels });
+    if (await this.send(corrections)) editor.saved = boxes;
+    this.changed();
+  }
+
+  async withdraw() {
+    if (await this.send([{ facade_id: this.id, elements: null, facade: null, hide: null, keep: null }])) this.editor.restart(this.stand.elements);
+    this.editor.select(null);
+  }
+
+  // Whether corrections are kept now; says so, or why they are not.
+  async send(corrections) {
+    const say = (text, failed) => {
+      this.result.textContent = text;
+      this.result.classList.toggle("failed", failed);
+    };
+    try {
+      const done = await this.correcting.told("/edit/corrections", { corrections, why: this.why.value });
+      this.stands(await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`));
+      say([done.said, ...done.notes].join("; "), false);
+      return true;
+    } catch (error) {
+      say(error.message, true);
+      return false;
+    }
+  }
+}

@@ -1,0 +1,45 @@
+// What the pages are made of: elements, texts out of data, what the server says.
+
+const SVG = "http://www.w3.org/2000/svg";
+
+export function element(name, attributes = {}, ...children) {
+  const made = ["svg", "g", "path", "line", "circle", "rect", "image", "title"].includes(name)
+    ? document.createElementNS(SVG, name)
+    : document.createElement(name);
+  for (const [key, value] of Object.entries(attributes)) {
+    if (key.startsWith("on")) made.addEventListener(key.slice(2), value);
+    else if (value !== null && value !== undefined && value !== false) made.setAttribute(key, value === true ? "" : value);
+  }
+  made.append(...children.filter((child) => child !== null).map((child) => (typeof child === "string" ? visible(child) : child)));
+  return made;
+}
+
+// Text out of data with what turns the reading direction, ends lines or is not seen written out, as catalogs/visible.py does.
+export function visible(text) {
+  return text.replace(/(?![\u200c\u200d])[\p{Cc}\p{Cf}\p{Cs}\p{Zl}\p{Zp}]/gu, (character) => {
+    const code = character.codePointAt(0).toString(16);
+    return code.length <= 2 ? `\\x${code.padStart(2, "0")}` : code.length <= 4 ? `\\u${code.padStart(4, "0")}` : `\\U${code.padStart(8, "0")}`;
+  });
+}
+
+export async function ask(path) {
+  const answer = await fetch(path);
+  const said = await answer.json();
+  if (!answer.ok) throw new Error(said.reason || answer.statusText);
+  return said;
+}
+
+export const picture = (facade, stage, snapshot) =>
+  `/picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
+export const facadeAddress = (id) => `#/facade/${encodeURIComponent(id)}`;
+
+export function said(value, unit = "") {
+  if (value === undefined || value === null) return "–";
+  const text = typeof value === "number" && !Number.isInteger(value) ? value.toFixed(Math.abs(value) < 1 ? 3 : 2) : String(value);
+  return unit && unit !== "0 to 1" ? `${text} ${unit}` : text;
+}
+
+export function legend(entries) {
+  const swatch = (colour) => element("svg", { viewBox: "0 0 12 8", "aria-hidden": "true" }, element("rect", { width: 12, height: 8, fill: colour }));
+  return element("div", { class: "legend" }, ...entries.map(([colour, text]) => element("span", {}, swatch(colour), text)));
+}

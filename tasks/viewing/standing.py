@@ -1,0 +1,40 @@
+"""What stands of a facade for who corrects it: its elements, as corrected or as found, and the lines they may snap to."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from catalogs.block.corrections import Corrections
+from tasks.viewing.reading import View
+
+
+def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]:
+    """Of facade number `index`: size of its pictures [w, h], texels; elements [[class, left, top, right, bottom]] and lattice
+    {rows, columns} in texels; whether it is a facade, its building and that one's levels; texels_per_metre; and the corrections
+    that count, each with who, when and why."""
+    tables = view.tables
+    facade, building = tables.facades.id[index], tables.buildings[int(tables.facades.building[index])]
+    chart = int(tables.facades.chart[index])
+    width, height = int(tables.placement.width[chart]), int(tables.placement.height[chart])
+    record: Mapping[str, Any] = view.records[index] or {}
+    elements = corrections.value(facade, "elements")
+    if elements is None:
+        found = [list(element[:5]) for element in record.get("elements", [])]
+    else:
+        found = [[label, x0 * width, y0 * height, x1 * width, y1 * height] for label, x0, y0, x1, y1 in elements]
+    lattice = record.get("lattice", {})
+    said = [one for id in (facade, building) for one in corrections.of.get(id, {}).values()]
+    return {
+        "size": [width, height],
+        "texels_per_metre": width / float(tables.facades.width[index]),
+        "elements": found,
+        "rows": list(lattice.get("rows", [0, height])),
+        "columns": list(lattice.get("columns", [0, width])),
+        "facade": corrections.value(facade, "facade") is not False,
+        "building": building,
+        "levels": corrections.value(building, "levels") or int(tables.facades.floors[index]),
+        "corrected": [
+            {"id": one.id, "what": one.what, "who": one.who, "when": one.when, "why": one.why} for one in said
+        ],
+    }
