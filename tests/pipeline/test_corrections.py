@@ -18,24 +18,11 @@ from facade_core.errors import InputError
 from facade_core.layout.model import SHIPPED
 from tasks.corrections import import_corrections
 from tasks.export.formats import export
-from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
 from tasks.store.standing import record_source
 from tasks.training.corrected import corrected_facades
-from tests.pipeline.stages import Textured, digests_of, redone, started, texture, write_block, write_photo
-
-# Those of the small block that stand about one street, and one of the others.
-HOUSES = {"a": (4, 5, 12, 2.8, 7.0), "b": (24, -8, 12, 2.8, 9.0)}
-STREET = {"1": [(0, 0), (45, 0)]}
-
-
-def made(folder: Path) -> Textured:
-    """The block textured and published."""
-    block, out = folder / "in" / "block.yaml", folder / "out"
-    done = texture(block, out)
-    record_source(out, block)
-    publish_block.fn(done.run, block)
-    return done
+from tests.pipeline.corrected import HOUSES, STREET, made
+from tests.pipeline.stages import digests_of, redone, started, texture, write_block, write_photo
 
 
 @pytest.fixture(scope="module")

@@ -15,10 +15,10 @@ from tests.pipeline.runs import ROOT, environment
 
 
 @contextmanager
-def viewing(out: Path) -> Iterator[str]:
-    """The address of a viewer of a run's folder."""
+def viewing(out: Path, *options: str) -> Iterator[str]:
+    """The address that a viewer of a run's folder tells."""
     process = subprocess.Popen(
-        [sys.executable, "-m", "flows", "view", str(out), "--port", "0", "--no-open"],
+        [sys.executable, "-m", "flows", "view", str(out), "--port", "0", "--no-open", *options],
         cwd=ROOT,
         env=environment(out.parent),
         stdout=subprocess.PIPE,

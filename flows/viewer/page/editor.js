@@ -107,6 +107,7 @@ export class Editor {
   }
 
   replace(box, kind = null) {
+    if (["label", "x0", "y0", "x1", "y1"].every((name) => box[name] === this.box[name])) return this.select(this.selected);
     this.take(this.steps.now.map((other, number) => (number === this.selected ? box : other)), this.selected, kind);
   }
 

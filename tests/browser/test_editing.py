@@ -1,0 +1,174 @@
+"""Correcting in the viewer, as somebody with a mouse, and somebody without, does it in Chromium."""
+
+from __future__ import annotations
+
+import json
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from catalogs.block.corrections import read_corrections
+from tasks.corrections import import_corrections
+from tasks.store.standing import record_source
+from tests.chromium import wait
+from tests.pipeline.corrected import HOUSES, STREET, made
+from tests.pipeline.stages import digests_of, write_block, write_photo
+from tests.pipeline.viewed import viewing
+
+FACADE = "b-2"
+
+
+@pytest.fixture(scope="module")
+def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    folder = tmp_path_factory.mktemp("edited")
+    write_photo(folder / "in", "a-0", 1)
+    write_block(folder / "in", buildings=HOUSES, streets=STREET)
+    made(folder)
+    return folder
+
+
+def copied(once: Path, to: Path) -> Path:
+    shutil.copytree(once, to)
+    record_source(to / "out", to / "in" / "block.yaml")
+    return to
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    opened = browser.new_page(viewport={"width": 1000, "height": 800})
+    opened.set_default_timeout(300_000)
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    yield opened
+    opened.close()
+    assert errors == []
+
+
+def drag(page: Any, at: tuple[float, float], to: tuple[float, float]) -> None:
+    page.mouse.move(*at)
+    page.mouse.down()
+    page.mouse.move(*((a + b) / 2 for a, b in zip(at, to, strict=True)))
+    page.mouse.move(*to)
+    page.mouse.up()
+
+
+def test_boxes_are_edited_by_pointer_and_by_keys_kept_and_done_again(page: Any, once: Path, tmp_path: Path) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
+    folder = copied(once, tmp_path / "edited")
+    boxes = page.locator(".boxes .box")
+
+    def place(number: int) -> dict[str, float]:
+        names = ("x", "y", "width", "height")
+        found = page.locator(f".boxes .box[data-number='{number}']")
+        return {name: float(found.get_attribute(name)) for name in names}
+
+    with viewing(folder / "out", "--edit", "--who", "anna") as address:
+        page.goto(address)
+        wait(page, "document.querySelector('#redo-now') && location.hash === '#/review'")
+        assert "token" not in page.url
+        page.evaluate(f"location.hash = '#/edit/{FACADE}'")
+        boxes.first.wait_for()
+        wait(page, "document.querySelector('.boxes image').getBBox().width > 0")
+        count, texels = boxes.count(), page.evaluate("document.querySelector('.boxes').viewBox.baseVal.width")
+        assert count > 1
+        assert page.is_disabled("#save")
+
+        # by the pointer: one is moved, one is drawn
+        page.uncheck("#snap")
+        before, shown = place(0), page.locator(".boxes .box[data-number='0']").bounding_box()
+        middle = (shown["x"] + shown["width"] / 2, shown["y"] + shown["height"] / 2)
+        drag(page, middle, (middle[0] + 0.8 * shown["width"], middle[1]))
+        assert place(0)["x"] == pytest.approx(before["x"] + 0.8 * before["width"], abs=0.1)
+        assert place(0)["width"] == pytest.approx(before["width"])
+        handle = page.locator("[data-edges='s']").bounding_box()
+        drag(
+            page,
+            (handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2),
+            (handle["x"] + handle["width"] / 2, handle["y"] + handle["height"] / 2 + 0.2 * shown["height"]),
+        )
+        assert place(0)["height"] == pytest.approx(1.2 * before["height"], rel=0.1)
+        page.click("#undo")
+        page.click("#undo")
+        assert place(0) == before
+        assert page.is_disabled("#save"), "all is undone"
+        page.click("#redo")
+        assert place(0)["x"] > before["x"]
+
+        # by keys alone: one is added, named, moved to the next line and by a texel; another goes, and comes back
+        page.focus(".boxes")
+        page.keyboard.press("Escape")
+        for key in ("a", "3", "s", "ArrowRight"):
+            page.keyboard.press(key)
+        assert boxes.count() == count + 1
+        assert page.inner_text("#box-said").startswith(f"door, box {count + 1} of {count + 1}: ")
+        columns = page.evaluate("[...document.querySelectorAll('.lattice line')].map(l => l.x1.baseVal.value)")
+        new = place(count)
+        assert min(abs(x - side) for x in columns for side in (new["x"], new["x"] + new["width"])) < 0.01
+        page.keyboard.press("s")
+        page.keyboard.press("ArrowLeft")
+        page.keyboard.press("Shift+ArrowUp")
+        moved = place(count)
+        assert (moved["x"], moved["height"]) == pytest.approx((new["x"] - 1, new["height"] - 1))
+        page.keyboard.press("p")
+        page.keyboard.press("Delete")
+        assert boxes.count() == count
+        page.keyboard.press("Control+z")
+        assert boxes.count() == count + 1
+        found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+        assert [v["id"] for v in found if v["impact"] in ("serious", "critical")] == []
+
+        # kept as an import is
+        page.fill("#why", "seen from the street")
+        page.keyboard.press("Control+s")
+        page.wait_for_selector("text=1 facades and 0 buildings corrected")
+        assert page.is_disabled("#save")
+        kept = read_corrections(folder / "in" / "block.yaml").of[FACADE]["elements"]
+        assert (kept.who, kept.why) == ("anna", "seen from the street")
+        assert len(kept.value) == count + 1
+        doors = [element for element in kept.value if element[0] == "door"]
+        assert any(abs(x0 * texels - moved["x"]) < 0.01 for _, x0, *_ in doors)
+        assert "anna" in page.inner_text(".correcting li")
+
+        page.click("#redo-now")
+        wait(page, "document.querySelector('#redo-said').textContent.includes('units done')")
+        assert page.get_attribute("#redo-said", "class") in (None, "")
+    other = copied(once, tmp_path / "imported")
+    said = {"corrections": [{"facade_id": FACADE, "elements": kept.value}]}
+    (other / "said.json").write_text(json.dumps(said))
+    import_corrections(other / "out", other / "said.json", who="ben")
+    made(other)
+    assert digests_of(folder / "out") == digests_of(other / "out") != digests_of(once / "out")
+
+
+def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once: Path, tmp_path: Path) -> None:
+    folder = copied(once, tmp_path / "block")
+    block = folder / "in" / "block.yaml"
+    with viewing(folder / "out", "--edit", "--who", "anna") as address:
+        page.goto(address)
+        wait(page, "location.hash === '#/review'")
+        page.evaluate("location.hash = '#/edit/a-0'")
+        page.click("#not-a-facade")
+        page.fill("#storeys", "400")
+        page.click("#save")
+        page.wait_for_selector("#saved.failed")
+        assert "400 is not within 1 and 300" in page.inner_text("#saved")
+        assert not read_corrections(block), "all or none"
+        page.fill("#storeys", "3")
+        page.click("#save")
+        page.wait_for_selector("text=1 facades and 1 buildings corrected")
+        said = read_corrections(block)
+        assert said.value("a-0", "facade") is False
+        assert said.value("a", "levels") == 3
+        page.click("#as-found")
+        wait(page, "document.querySelector('#not-a-facade').getAttribute('aria-pressed') === 'false'")
+        assert read_corrections(block).value("a-0", "facade") is None
+        base = address.partition("#")[0]
+        page.evaluate("sessionStorage.setItem('token', 'another')")
+        page.goto(f"{base}?again#/facade/a-0")
+        page.wait_for_selector("text=Nothing can be corrected: the token is missing")
+        page.wait_for_selector(".stages img")
+        assert page.locator("text=Correct it").count() == 0

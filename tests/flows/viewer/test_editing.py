@@ -1,0 +1,103 @@
+"""Whom the viewer lets write, asked raw as no client library would."""
+
+from __future__ import annotations
+
+import http.client
+import json
+import threading
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from facade_core.errors import InputError
+from flows.viewer.app import application, serve
+from flows.viewer.editing import MOST_BYTES, TOKEN, Editor
+
+HERE = "http://127.0.0.1:PORT"
+ADDRESSES = ("/edit/corrections", "/edit/redo")
+
+
+def served(out: Path, editor: Editor | None) -> Iterator[int]:
+    import socket
+
+    import uvicorn
+
+    listening = socket.create_server(("127.0.0.1", 0))
+    server = uvicorn.Server(uvicorn.Config(application(out, "127.0.0.1", "127.0.0.1", editor), log_level="warning"))
+    thread = threading.Thread(target=server.run, args=([listening],))
+    thread.start()
+    yield listening.getsockname()[1]
+    server.should_exit = True
+    thread.join(120)
+
+
+@pytest.fixture(scope="module")
+def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    yield from served(tmp_path_factory.mktemp("out"), Editor("anna", "right"))
+
+
+def ask(port: int, method: str, path: str, headers: dict[str, str], body: bytes = b"{}") -> tuple[int, bytes]:
+    connection = http.client.HTTPConnection("127.0.0.1", port, timeout=300)
+    try:
+        stated = {name: value.replace("PORT", str(port)) for name, value in headers.items()}
+        connection.request(method, path, body if method == "POST" else None, stated)
+        answer = connection.getresponse()
+        return answer.status, answer.read()
+    finally:
+        connection.close()
+
+
+REFUSED: dict[str, tuple[dict[str, str], int]] = {
+    "no token": ({"Origin": HERE}, 403),
+    "another token": ({TOKEN: "wrong", "Origin": HERE}, 403),
+    "a token as a cookie": ({"Cookie": f"{TOKEN}=right", "Origin": HERE}, 403),
+    "a page of another site": ({TOKEN: "right", "Origin": "http://evil.example"}, 403),
+    "a page of another port": ({TOKEN: "right", "Origin": "http://127.0.0.1:9"}, 403),
+    "a page in a sandbox": ({TOKEN: "right", "Origin": "null"}, 403),
+    "no origin": ({TOKEN: "right"}, 403),
+    "a name made to point here": ({TOKEN: "right", "Host": "evil.example", "Origin": "http://evil.example"}, 400),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_who_may_not_write(case: str, port: int) -> None:
+    headers, status = REFUSED[case]
+    for address in ADDRESSES:
+        assert ask(port, "POST", address, headers)[0] == status, address
+
+
+def test_what_is_no_correction_is_refused_in_one_line(port: int) -> None:
+    mine = {TOKEN: "right", "Origin": HERE}
+    for body, status in ((b"{", 400), (b"[]", 400), (b'{"corrections": 1}', 400), (b" " * (MOST_BYTES + 1), 413)):
+        code, said = ask(port, "POST", "/edit/corrections", mine, body)
+        assert code == status, body[:20]
+        assert "\n" not in json.loads(said)["reason"]
+    assert ask(port, "GET", "/edit/corrections", mine)[0] == 405
+    assert ask(port, "GET", "/edit/state", {TOKEN: "wrong"})[0] == 403
+    assert json.loads(ask(port, "GET", "/edit/state", {TOKEN: "right"})[1])["who"] == "anna"
+
+
+def test_without_edit_nothing_can_be_written(tmp_path: Path) -> None:
+    for port in served(tmp_path, None):
+        for method, address in (("GET", "/edit/state"), *(("POST", address) for address in ADDRESSES)):
+            assert ask(port, method, address, {TOKEN: "right", "Origin": HERE})[0] == 404, address
+
+
+def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path) -> None:
+    with pytest.raises(InputError, match=r"^--host 0\.0\.0\.0: what --edit writes is for this machine") as refused:
+        serve(tmp_path, "0.0.0.0", 0, print, Editor("anna"))
+    assert "\n" not in str(refused.value)
+    said: list[Any] = []
+
+    def ready(*what: Any) -> None:
+        said.extend(what)
+        raise KeyboardInterrupt
+
+    editor = Editor("anna")
+    with pytest.raises(KeyboardInterrupt):
+        serve(tmp_path, "localhost", 0, ready, editor)
+    assert said[0].endswith(f"/#/token/{editor.token}")
+    assert editor.token != Editor("anna").token
+    assert len(editor.token) >= 32

@@ -1,0 +1,22 @@
+"""A block of two houses, which tests correct."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from tasks.stages.publish import publish_block
+from tasks.store.standing import record_source
+from tests.pipeline.stages import Textured, texture
+
+# Those of the small block that stand about one street, and one of the others.
+HOUSES = {"a": (4, 5, 12, 2.8, 7.0), "b": (24, -8, 12, 2.8, 9.0)}
+STREET = {"1": [(0, 0), (45, 0)]}
+
+
+def made(folder: Path) -> Textured:
+    """The block textured and published."""
+    block, out = folder / "in" / "block.yaml", folder / "out"
+    done = texture(block, out)
+    record_source(out, block)
+    publish_block.fn(done.run, block)
+    return done
