@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Mapping, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
+from hashlib import blake2b
 from pathlib import Path
 from typing import Any
 
@@ -85,7 +86,7 @@ def train(
         parameter.requires_grad_(False)
     optimiser = _optimiser(network, course)
     average = {name: value.clone() for name, value in network.state_dict().items()}
-    identity = f"{seed} {course.rate} {dict(course.per_step)} {[len(s) for s in sets.values()]}"
+    identity = f"{seed} {course.rate} {dict(course.per_step)} {course.fixed_norms} {_digest(sets, start)}"
     done = 0
     if state is not None and state.is_file():
         saved = _read_state(state)
@@ -125,6 +126,19 @@ def train(
                     },
                 )
     return average
+
+
+def _digest(sets: Mapping[str, Sequence[Labelled]], start: Mapping[str, Any] | None) -> str:
+    """Of what a run learns from: its photos with all that is known of them, and the weights that it goes on from."""
+    found = blake2b(digest_size=16)
+    for name, photos in sets.items():
+        found.update(name.encode())
+        for photo in photos:
+            for array in (photo.image, photo.possible, photo.occluder, photo.outside):
+                found.update(np.ascontiguousarray(array).tobytes())
+    for name, value in (start or {}).items():
+        found.update(name.encode() + value.numpy().tobytes())
+    return found.hexdigest()
 
 
 def finished(state: Path) -> dict[str, Any]:

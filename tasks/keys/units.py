@@ -20,7 +20,7 @@ from facade_core.entries import has_back_door, turns_corner
 from facade_core.geometry.charts import CORNERS
 from facade_core.geometry.walls import JOINT_M
 from facade_core.plan import Plan
-from facade_core.types import AS_FOUND, Pose
+from facade_core.types import AS_FOUND, Models, Pose
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 from tasks.units.imagery import Imagery, Taken
@@ -59,13 +59,13 @@ def exemplar_key(run: Run, path: Path) -> str:
         stage_code("exemplars"),
         settings=[run.seed, run.storey, run.texture.texels_per_metre, run.privacy],
         picture=[path.stem, *map(file_digest, with_labels(path))],
-        **_own_models(run),
+        **_own_models(Models(parser=run.models.parser)),  # an exemplar is parsed and not completed
     )
 
 
-def _own_models(run: Run) -> dict[str, Any]:
-    """What a block's own models are, where it has some."""
-    return {"models": model_digests(run.models)} if run.models.files else {}
+def _own_models(models: Models) -> dict[str, Any]:
+    """What models of a block's own are, where there are some."""
+    return {"models": model_digests(models)} if models.files else {}
 
 
 def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
@@ -144,7 +144,7 @@ def facade_keys(
         if source in ("photo", "panoramas"):
             parts["privacy"] = run.privacy
         if source in ("photo", "panoramas", "own"):
-            parts |= _own_models(run)
+            parts |= _own_models(run.models)
         if source == "photo" and imagery.photo is not None:
             parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
         elif source == "panoramas":

@@ -28,11 +28,12 @@ def corrected_of(plan: Plan, corrections: Corrections, crs: CRS | str) -> tuple[
     another id is known by its place and width."""
     said = corrections.of_kind(OF_FACADES)
     at = {name: index for index, name in enumerate(plan.facades.id)}
-    found = {at[id]: one for id, one in said.items() if id in at}
+    found = {at[id]: dict(one) for id, one in said.items() if id in at}
     lost = [id for id in said if id not in at]
     if lost:
         again = _by_place(plan, crs, [next(iter(said[id].values())) for id in lost])
-        found = {index: said[lost[number]] for number, index in again.items() if index not in found} | found
+        for number, index in sorted(again.items()):  # what is said of the facade itself is newer
+            found[index] = dict(said[lost[number]]) | found.get(index, {})
         lost = [id for number, id in enumerate(lost) if number not in again]
     return {index: Corrected(**{what: one.value for what, one in of.items()}) for index, of in found.items()}, lost
 

@@ -13,6 +13,7 @@ from catalogs.learning.layouts import LayoutRecord
 from catalogs.published.places import Folder
 from catalogs.published.runs import runs_in
 from facade_core.atlas.provenance import PHOTO
+from facade_core.correction import texels_of
 from facade_core.errors import InputError
 from facade_core.export.facade_stages import chart_raster
 from facade_core.labels import CLASSES, ELEMENT_CLASSES, ROOF, SKY, UNKNOWN, WALL
@@ -37,13 +38,16 @@ class CorrectedFacade:
     """A facade with the elements that somebody gave it.
 
     name: "block/facade"; image (h, w, 3) uint8, its finished texture, of which shown (h, w) bool is of a picture, not made up;
-    elements: as shares of its width and height, y down.
+    elements: as shares of its width and height, y down; hide, keep: what is not of it, and what is although it looks like
+    something in front.
     """
 
     name: str
     image: np.ndarray
     shown: np.ndarray
     elements: Sequence[tuple[str, *Shares]]
+    hide: Sequence[Shares] = ()
+    keep: Sequence[Shares] = ()
 
     @property
     def boxes(self) -> tuple[Element, ...]:
@@ -60,9 +64,8 @@ def corrected_facades(outs: Iterable[Folder]) -> list[CorrectedFacade]:
     Raises InputError for a folder without a run, and for fewer than LEAST facades in all.
     """
     found: list[CorrectedFacade] = []
-    for out in outs:
-        for one in runs_in(out)[0]:
-            found += _of_run(one.folder)
+    for folder in dict.fromkeys(one.folder for out in outs for one in runs_in(out)[0]):
+        found += _of_run(folder)
     if len(found) < LEAST:
         raise InputError(
             f"{len(found)} facades have corrected elements there, and at least {LEAST} are learnt from; `streetloom import` "
@@ -88,7 +91,14 @@ def _of_run(out: Folder) -> list[CorrectedFacade]:
                 for name in ("seed", "seed_evidence")
             )
             found.append(
-                CorrectedFacade(f"{run.block}/{run.plan.facades.id[index]}", image, evidence == PHOTO, one.elements)
+                CorrectedFacade(
+                    f"{run.block}/{run.plan.facades.id[index]}",
+                    image,
+                    evidence == PHOTO,
+                    one.elements,
+                    one.hide,
+                    one.keep,
+                )
             )
     return found
 
@@ -99,11 +109,12 @@ def labelled(facade: CorrectedFacade) -> LabelledFacade | None:
     Its elements are what somebody said, and nothing else is one. Which of wall, roof and sky the rest is, and what stands in
     front or beside, nobody said: the shipped network's own answers stand, so that it does not forget them.
     """
-    if facade.shown.mean() < LEAST_SHOWN:
+    shown = facade.shown & ~texels_of(facade.hide, facade.shown.shape)
+    if shown.mean() < LEAST_SHOWN:
         return None
-    alpha = np.where(facade.shown, 255, 0).astype(np.uint8)
+    alpha = np.where(shown, 255, 0).astype(np.uint8)
     parsing = parse(np.dstack([facade.image, alpha]))
-    outside = seen_outside(facade.image, ~facade.shown)
+    outside = seen_outside(facade.image, ~shown)
     possible = np.full(facade.shown.shape, sum(1 << number for number in _REST), np.uint8)
     sure = parsing.confidence.max(axis=2) >= _SURE
     for number in _REST:
@@ -114,10 +125,11 @@ def labelled(facade: CorrectedFacade) -> LabelledFacade | None:
             if e.label == name:
                 box = np.s_[max(round(e.y0), 0) : round(e.y1), max(round(e.x0), 0) : round(e.x1)]
                 possible[box], labels[box] = 1 << CLASSES.index(name), CLASSES.index(name)
-    unknown = ~facade.shown
+    unknown = ~shown
     possible[unknown], labels[unknown] = ANY_CLASS, UNKNOWN
     in_front, beside = (
-        np.where(unknown, UNKNOWN, mask).astype(np.uint8) for mask in (parsing.occluded & facade.shown, outside)
+        np.where(unknown, UNKNOWN, mask).astype(np.uint8)
+        for mask in (parsing.occluded & shown & ~texels_of(facade.keep, shown.shape), outside)
     )
     return LabelledFacade(facade.name, facade.image, labels, possible, in_front, beside)
 
