@@ -9,6 +9,7 @@ import click
 
 from flows.cli.paths import EXISTING_OUT
 from flows.cli.say import note, say
+from flows.cli.usage import user
 
 if TYPE_CHECKING:
     from catalogs.published.places import Folder
@@ -32,11 +33,9 @@ def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:
       streetloom import out/demo facades/ --who anna --why "doors of the north side"
       streetloom import out/demo heights.gpkg
     """
-    import getpass
-
     from tasks.corrections import import_corrections
 
-    done = import_corrections(folder, path, who=who or getpass.getuser(), why=why)
+    done = import_corrections(folder, path, who=who or user(), why=why)
     for line in done.notes:
         note(line)
     for line in done.lines():

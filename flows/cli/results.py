@@ -10,7 +10,7 @@ import click
 
 from flows.cli.paths import EXISTING_FOLDER, EXISTING_OUT, LocalPath
 from flows.cli.say import note, say
-from flows.cli.usage import WithBox
+from flows.cli.usage import WithBox, user
 from flows.viewer import VIEWER_HOST, VIEWER_PORT
 
 if TYPE_CHECKING:
@@ -239,8 +239,6 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
       streetloom view out/mine --port 0 --no-open      beside a run that is still going
       streetloom view out/mine --edit --who anna
     """
-    import getpass
-
     from facade_core.errors import InputError
     from flows.cli.interrupts import end_early
 
@@ -270,7 +268,7 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
             webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
 
     end_early("the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was")
-    serve(out, host, port, ready, Editor(who or getpass.getuser()) if edit else None)
+    serve(out, host, port, ready, Editor(who or user()) if edit else None)
 
 
 def _run_in(folder: Folder) -> Folder:

@@ -86,3 +86,15 @@ class WithBox(click.Command):
             raise InputError(
                 "--bbox: give four numbers, WEST SOUTH EAST NORTH in degrees, such as --bbox 24.94 60.16 24.95 60.17"
             ) from error
+
+
+def user() -> str:
+    """Who types. Raises InputError where the machine has no name for them, as in some containers."""
+    import getpass
+
+    from facade_core.errors import InputError
+
+    try:
+        return getpass.getuser()
+    except (KeyError, OSError) as error:
+        raise InputError("this machine has no name for you; say who you are with --who NAME") from error

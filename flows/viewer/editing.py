@@ -43,14 +43,20 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
     def state(request: Request) -> dict[str, Any]:
         return {"who": editor.who, "labels": ELEMENT_CLASSES, "redo": redo.said()}
 
-    def facade(request: Request) -> dict[str, Any]:
+    def stand_of(id: str) -> dict[str, Any]:
         view = reader.view()
-        index = view.number(request.query_params.get("id", ""))
-        return standing(view, index, read_corrections(block_of(reader.out)))
+        return standing(view, view.number(id), read_corrections(block_of(reader.out)))
+
+    def facade(request: Request) -> dict[str, Any]:
+        return stand_of(request.query_params.get("id", ""))
 
     def save(body: Any) -> dict[str, Any]:
         if not isinstance(body, dict) or not isinstance(body.get("corrections"), list):
             raise ValueError('what is saved is {"corrections": [...], "why": TEXT}')
+        if "facade" in body and body.get("stood") != stand_of(str(body["facade"]))["corrected"]:
+            raise ValueError(
+                "it was corrected meanwhile, by another page or an import; look at it again before you save"
+            )
         done = take_corrections(
             reader.out, body["corrections"], "not saved", who=editor.who, why=str(body.get("why", ""))
         )
@@ -79,7 +85,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
                     return JSONResponse({"reason": "that is too much for corrections"}, 413)
             try:
                 said = json.loads(body)
-            except ValueError:
+            except (ValueError, RecursionError):
                 return JSONResponse({"reason": "what is sent is no JSON"}, 400)
             return await _answered(make, said)
 

@@ -56,8 +56,8 @@ class Redo:
                     errors="replace",
                     preexec_fn=follow,
                 )
-            except OSError as error:
-                self._said, self._failed = f"the run could not be started: {error.strerror}", True
+            except (OSError, subprocess.SubprocessError) as error:
+                self._said, self._failed = f"the run could not be started: {error}", True
                 return
             assert process.stderr is not None
             with process.stderr as lines:
@@ -66,7 +66,7 @@ class Redo:
                         self._said = line.strip().removeprefix("streetloom: ")
             self._failed = process.wait() != 0
             printed.seek(0)
-            with suppress(IndexError, ValueError):  # it ended early; what it said last tells why
+            with suppress(LookupError, ValueError, TypeError):  # it ended early; what it said last tells why
                 self._said = _told(json.loads(printed.read().strip().splitlines()[-1]))
 
 

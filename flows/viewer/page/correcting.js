@@ -65,11 +65,13 @@ class Correcting {
 
   // The page of a facade, into `fill`. Raises with the reason where there is none.
   async draw(block, id, fill) {
+    this.wanted = id;
     const known = this.open.get(id);
     const page = known?.dirty() ? known : new Page(this, block, id);
-    this.open.clear();
+    for (const [other, one] of this.open) if (!one.dirty()) this.open.delete(other);
     this.open.set(id, page);
     if (page !== known) await page.load();
+    if (this.wanted !== id) return; // another was asked for meanwhile
     page.refreshed(block);
     fill(...page.parts);
     page.editor.draw();
@@ -104,7 +106,13 @@ class Page {
   }
 
   dirty() {
-    return this.editor !== undefined && (this.editor.dirty || this.none !== !this.stand.facade || this.storeys.valueAsNumber !== this.stand.levels);
+    return this.editor !== undefined && (this.editor.dirty || this.none !== !this.stand.facade || this.levels !== this.stand.levels);
+  }
+
+  // The storeys that are said; those that are known where the field is empty.
+  get levels() {
+    const said = this.storeys.valueAsNumber;
+    return Number.isNaN(said) ? this.stand.levels : said;
   }
 
   // What is known to be kept.
@@ -120,6 +128,14 @@ class Page {
   async reload() {
     const stand = await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`);
     if (this.dirty()) return; // somebody drew meanwhile
+    if (String(stand.size) !== String(this.stand.size)) { // the wall has another height now
+      const [before] = this.parts;
+      await this.load();
+      before.replaceWith(...this.parts);
+      this.refreshed(this.block);
+      this.editor.draw();
+      return;
+    }
     this.stands(stand);
     this.editor.lines = { rows: stand.rows, columns: stand.columns };
     this.editor.lattice();
@@ -209,8 +225,7 @@ class Page {
     const boxes = editor.steps.now;
     if (editor.dirty) corrections.push({ facade_id: this.id, elements: editor.shares() });
     if (none !== !stand.facade) corrections.push({ facade_id: this.id, facade: none ? false : null });
-    const levels = this.storeys.valueAsNumber;
-    if (levels !== stand.levels) corrections.push({ building_id: stand.building, levels });
+    if (this.levels !== stand.levels) corrections.push({ building_id: stand.building, levels: this.levels });
     if (await this.send(corrections)) editor.saved = boxes;
     this.changed();
   }
@@ -227,7 +242,7 @@ class Page {
       this.result.classList.toggle("failed", failed);
     };
     try {
-      const done = await this.correcting.told("/edit/corrections", { corrections, why: this.why.value });
+      const done = await this.correcting.told("/edit/corrections", { corrections, why: this.why.value, facade: this.id, stood: this.stand.corrected });
       this.stands(await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`));
       say([done.said, ...done.notes].join("; "), false);
       return true;

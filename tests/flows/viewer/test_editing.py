@@ -26,11 +26,13 @@ def served(out: Path, editor: Editor | None) -> Iterator[int]:
 
     listening = socket.create_server(("127.0.0.1", 0))
     server = uvicorn.Server(uvicorn.Config(application(out, "127.0.0.1", "127.0.0.1", editor), log_level="warning"))
-    thread = threading.Thread(target=server.run, args=([listening],))
+    thread = threading.Thread(target=server.run, args=([listening],), daemon=True)
     thread.start()
-    yield listening.getsockname()[1]
-    server.should_exit = True
-    thread.join(120)
+    try:
+        yield listening.getsockname()[1]
+    finally:
+        server.should_exit = True
+        thread.join(120)
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +72,13 @@ def test_who_may_not_write(case: str, port: int) -> None:
 
 def test_what_is_no_correction_is_refused_in_one_line(port: int) -> None:
     mine = {TOKEN: "right", "Origin": HERE}
-    for body, status in ((b"{", 400), (b"[]", 400), (b'{"corrections": 1}', 400), (b" " * (MOST_BYTES + 1), 413)):
+    for body, status in (
+        (b"{", 400),
+        (b"[" * 100_000, 400),
+        (b"[]", 400),
+        (b'{"corrections": 1}', 400),
+        (b" " * (MOST_BYTES + 1), 413),
+    ):
         code, said = ask(port, "POST", "/edit/corrections", mine, body)
         assert code == status, body[:20]
         assert "\n" not in json.loads(said)["reason"]
