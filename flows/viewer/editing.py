@@ -54,9 +54,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
         if not isinstance(body, dict) or not isinstance(body.get("corrections"), list):
             raise ValueError('what is saved is {"corrections": [...], "why": TEXT}')
         if "facade" in body and body.get("stood") != stand_of(str(body["facade"]))["corrected"]:
-            raise ValueError(
-                "it was corrected meanwhile, by another page or an import; look at it again before you save"
-            )
+            raise ValueError("it was corrected meanwhile, as is told below; save again to put yours in its place")
         done = take_corrections(
             reader.out, body["corrections"], "not saved", who=editor.who, why=str(body.get("why", ""))
         )

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 
-from catalogs.block.corrections import read_corrections
+from catalogs.block.corrections import Correction, add_corrections, read_corrections
 from tasks.corrections import import_corrections
 from tasks.store.standing import record_source
 from tests.chromium import wait
@@ -163,6 +163,20 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
         said = read_corrections(block)
         assert said.value("a-0", "facade") is False
         assert said.value("a", "levels") == 3
+        # somebody else's is not overwritten unseen
+        add_corrections(block, [Correction("a", "levels", 5, who="ben", when="2026-01-02T03:04:05Z")])
+        page.fill("#storeys", "4")
+        page.click("#save")
+        page.wait_for_selector("#saved.failed")
+        assert "corrected meanwhile" in page.inner_text("#saved")
+        assert read_corrections(block).value("a", "levels") == 5
+        page.wait_for_selector("text=levels of a: ben, 2026-01-02")
+        page.fill("#storeys", "")
+        assert page.is_disabled("#save"), "an empty field says nothing"
+        page.fill("#storeys", "4")
+        page.click("#save")
+        wait(page, "!document.querySelector('#saved').classList.contains('failed')")
+        assert read_corrections(block).value("a", "levels") == 4
         page.click("#as-found")
         wait(page, "document.querySelector('#not-a-facade').getAttribute('aria-pressed') === 'false'")
         assert read_corrections(block).value("a-0", "facade") is None

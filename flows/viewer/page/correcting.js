@@ -120,9 +120,15 @@ class Page {
     this.stand = stand;
     this.none = !stand.facade;
     this.storeys.value = stand.levels;
-    this.before.replaceChildren(...stand.corrected.map((one) =>
+    this.listed();
+  }
+
+  // Who corrected what.
+  listed() {
+    const { corrected } = this.stand;
+    this.before.replaceChildren(...corrected.map((one) =>
       element("li", {}, `${one.what} of ${one.id}: ${one.who || "somebody"}, ${one.when.slice(0, 10)}${one.why ? `, “${one.why}”` : ""}`)));
-    this.back.hidden = !stand.corrected.some((one) => one.id === this.id);
+    this.back.hidden = !corrected.some((one) => one.id === this.id);
   }
 
   async reload() {
@@ -248,6 +254,9 @@ class Page {
       return true;
     } catch (error) {
       say(error.message, true);
+      const { corrected } = await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`).catch(() => this.stand);
+      this.stand = { ...this.stand, corrected };
+      this.listed();
       return false;
     }
   }
