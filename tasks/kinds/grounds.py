@@ -37,15 +37,18 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     gains = factors([_squares(record) for record in records])
     poses = [refined(pose, record) for pose, record in zip(plan.poses, records, strict=True)]
     usable = [i for i, record in enumerate(records) if _over_ground(record)]
-    places = shapely.points(np.array([(poses[i].x, poses[i].y) for i in usable]).reshape(-1, 2))
+    places = shapely.STRtree(shapely.points(np.array([(poses[i].x, poses[i].y) for i in usable]).reshape(-1, 2)))
     corners = plan.scene.charts.at_shares(charts, CORNERS)[..., :2]
     texels = plan.texels()
     units = []
     for index, (chart, name) in enumerate(zip(charts.tolist(), names_of_ground(plan), strict=True)):
         low, high = corners[index].min(axis=0), corners[index].max(axis=0)
-        near = np.array(usable, np.int64)[shapely.distance(shapely.box(*low, *high), places) <= GROUND_REACH_M]
+        found = places.query(shapely.box(*low, *high), predicate="dwithin", distance=GROUND_REACH_M)
         middle = (low + high) / 2
-        near = sorted(near.tolist(), key=lambda i: (np.hypot(poses[i].x - middle[0], poses[i].y - middle[1]), i))
+        near = sorted(
+            (usable[i] for i in found.tolist()),
+            key=lambda i: (np.hypot(poses[i].x - middle[0], poses[i].y - middle[1]), i),
+        )
         taken = tuple(
             Taken(i, block.panoramas[i].path, poses[i], tuple(gains[i].tolist()), _squares(records[i]))
             for i in sorted(near[:CAMERAS])
@@ -72,15 +75,13 @@ def _squares(record: Record | None) -> tuple[tuple[int, ...], ...]:
 
 def _again(change: Change) -> dict[int, int]:
     """Pieces that stay where they are; those that no panorama shows any more stay no longer, nor do those that moved."""
-    charts = dict(zip(names_of_ground(change.after), change.after.ground_near_cameras().tolist(), strict=True))
-    again = {
-        new: old
-        for new, old in same_name(change.records["grounds"], list(charts)).items()
-        if list(charts.values())[new] in change.stays
-    }
+    names, charts = names_of_ground(change.after), change.after.ground_near_cameras().tolist()
+    same = same_name(change.records["grounds"], names)
+    again = {new: old for new, old in same.items() if charts[new] in change.stays}
+    shown = set(names)
     of_chart = {f"ground-{int(number):016x}": chart for chart, number in enumerate(change.after.ids.tolist())}
     for record in change.records["grounds"]:
-        if record and record["unit"] not in charts and record["unit"] in of_chart:
+        if record and record["unit"] not in shown and record["unit"] in of_chart:
             change.stays.pop(of_chart[record["unit"]], None)
     return again
 

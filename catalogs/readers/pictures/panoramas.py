@@ -93,6 +93,9 @@ def read_panoramas(
             faults.append(Fault(path.name, "panorama", reason_of(error, "mend its pose, or remove it")))
             continue
         posed += 1
+        if not math.isfinite(pose.x + pose.y) or (bounds and _outside(pose, bounds) > FAR_M):
+            remarks.append(Remark(path.stem, "panoramas of another place skipped", None))
+            continue
         alike = same_size.setdefault(path.stat().st_size, [])
         if twin := next((one for one in alike if file_digest(one) == file_digest(path)), None):
             faults.append(
@@ -100,9 +103,6 @@ def read_panoramas(
             )
             continue
         alike.append(path)
-        if not math.isfinite(pose.x + pose.y) or (bounds and _outside(pose, bounds) > FAR_M):
-            remarks.append(Remark(path.stem, "panoramas of another place skipped", None))
-            continue
         if magnetic and _named(sources, path) is None:
             remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
         items.append(PosedPanorama(path.stem, path, pose, source.captured))
@@ -124,8 +124,12 @@ def _apart(items: Sequence[PosedPanorama]) -> list[Remark]:
     if not dated:
         return []
     places = shapely.points([(one.pose.x, one.pose.y) for one, _ in dated])
-    found = []
+    newest: dict[int, int] = {}  # beside each
     for first, second in shapely.STRtree(places).query(places, predicate="dwithin", distance=NEAR_M).T.tolist():
+        if dated[second][1] > dated[newest.get(first, first)][1]:
+            newest[first] = second
+    found = []
+    for first, second in sorted(newest.items()):
         (older, before), (newer, after) = dated[first], dated[second]
         if (after - before).days > APART_DAYS:
             found.append(Remark(f"{older.id} of {before} near {newer.id} of {after}", _OLDER, None))
