@@ -95,6 +95,7 @@ def write_report(
         index=[_line(street) for street in pages],
         doubtful=len(doubtful),
         assumed=sum(row["quality"] == ASSUMED for row in rows),
+        told=len(rows),
         most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:LOOKED_AT]],
         exemplars=len(exemplars),
         set_aside=[*set_aside, *(row for row in rows if row["status"] == "failed")],

@@ -123,7 +123,11 @@ def clear_rasters(
     group: StoreGroup, spec: AtlasSpec, placement: Placement, charts: Iterable[int], stage: str | None = None
 ) -> None:
     """Make the atlas and the facade maps at some charts as they were before a stage wrote them; without one, before any did."""
-    arrays = [group[array.path] for array in (OF_STAGE[stage] if stage else (*SEEDS, *STREETS, *SURFACES))]
+    arrays = [
+        group[array.path]
+        for array in (OF_STAGE[stage] if stage else (*SEEDS, *STREETS, *SURFACES))
+        if array.path in group  # a store of an earlier version lacks some until its plan is written
+    ]
     for chart in charts:
         one = Rasters.of(placement, [chart])
         for array in arrays:

@@ -53,7 +53,7 @@ def cast_shadows(
         mean = cv2.boxFilter(grey * weight, -1, (side, side)) / np.maximum(
             cv2.boxFilter(weight, -1, (side, side)), 1e-6
         )
-        lit = np.clip((grey / np.maximum(mean, 1) - dark) / (1 - dark), 0, 1)
+        lit = np.clip((grey / np.maximum(mean, 1) - dark) / max(1 - dark, 1e-6), 0, 1)
         shadow[own] *= lit[own]
     return shadow
 

@@ -100,6 +100,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
       streetloom match block.yaml my-photos/
       streetloom match block.yaml my-photos/ --take matches.csv
     """
+    from facade_core.errors import InputError
     from flows.cli.console import progress
     from tasks.matching import check_new, match_photos, take_matches, write_matches
 
@@ -120,6 +121,8 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
         matches, faults = match_photos(block_file, photos, poses)
     for fault in faults:
         note(f"{fault.id}: {fault.reason}")
+    if not matches:
+        raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")
     write_matches(matches, table)
     for one in matches:
         told = ", ".join(f"{facade} ({probability:.2f})" for facade, probability in one.candidates)

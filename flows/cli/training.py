@@ -17,11 +17,13 @@ if TYPE_CHECKING:
 
 @click.group()
 def train() -> None:
-    """Train the models that are shipped, from a data folder.
+    """Train the models that are shipped, from a data folder, or your own, from a run and what was corrected in it.
 
     \b
-    Example:
+    Examples:
       streetloom train parser --data ../shared/data --out parser/
+      streetloom train parser --corrections out/mine --out mine/
+      streetloom train translator --from out/mine --out mine/
     """
 
 

@@ -136,7 +136,8 @@ function drawReview() {
   const facades = new Map(block.facades.map((facade) => [facade.id, facade]));
   fill(
     element("h2", {}, `${ids.length} of ${block.facades.length} facades to look at`),
-    ids.length ? element("p", {}, "Of each something is amiss beside an assumed height: the columns quality, floors, levels and occluded.") : null,
+    ids.length ? element("p", {}, "Of each something is amiss beside an assumed height: the columns quality, floors, levels and occluded.")
+      : element("p", {}, "Nothing is amiss but assumed heights. To look at, or to correct, any other: choose it on the ", element("a", { href: "#/map" }, "Map"), "."),
     element("div", { class: "stages" }, ...ids.slice(0, LISTED).map((id) => facades.get(id)).map((facade) =>
       element("figure", {},
         element("a", { href: facadeAddress(facade.id) },
