@@ -133,10 +133,8 @@ def of_parser(data: Path, out: Path, name: str, seed: int) -> dict[str, Any]:
 def of_layout(data: Path, out: Path, seed: int) -> dict[str, Any]:
     mine, others = split_layouts(list(read_layouts(data / "layouts" / "artdeco.jsonl")))
     mine = mine[:CORRECTED]
-    path = out / "layout" / "layouts.json"
     start = time.process_time()
-    if not path.exists():
-        path = train_layout(data, path.parent, seed=seed, corrected=mine)
+    path = train_layout(data, out / "layout", seed=seed, corrected=mine)
     seconds = time.process_time() - start
     before, after = (completed(others, model) for model in (SHIPPED_LAYOUTS, path))
     return {

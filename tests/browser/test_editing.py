@@ -14,8 +14,8 @@ from catalogs.block.corrections import Correction, add_corrections, read_correct
 from tasks.corrections import import_corrections
 from tasks.store.standing import record_source
 from tests.chromium import wait
-from tests.pipeline.corrected import HOUSES, STREET, made
-from tests.pipeline.stages import digests_of, write_block, write_photo
+from tests.pipeline.corrected import made, textured_houses
+from tests.pipeline.stages import digests_of
 from tests.pipeline.viewed import viewing
 
 FACADE = "b-2"
@@ -23,11 +23,7 @@ FACADE = "b-2"
 
 @pytest.fixture(scope="module")
 def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("edited")
-    write_photo(folder / "in", "a-0", 1)
-    write_block(folder / "in", buildings=HOUSES, streets=STREET)
-    made(folder)
-    return folder
+    return textured_houses(tmp_path_factory.mktemp("edited"))
 
 
 def copied(once: Path, to: Path) -> Path:

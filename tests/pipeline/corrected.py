@@ -6,7 +6,7 @@ from pathlib import Path
 
 from tasks.stages.publish import publish_block
 from tasks.store.standing import record_source
-from tests.pipeline.stages import Textured, texture
+from tests.pipeline.stages import Textured, texture, write_block, write_photo
 
 # Those of the small block that stand about one street, and one of the others.
 HOUSES = {"a": (4, 5, 12, 2.8, 7.0), "b": (24, -8, 12, 2.8, 9.0)}
@@ -20,3 +20,11 @@ def made(folder: Path) -> Textured:
     record_source(out, block)
     publish_block.fn(done.run, block)
     return done
+
+
+def textured_houses(folder: Path) -> Path:
+    """The houses of one street in a folder, one of them by a photo, textured and published."""
+    write_photo(folder / "in", "a-0", 1)
+    write_block(folder / "in", buildings=HOUSES, streets=STREET)
+    made(folder)
+    return folder

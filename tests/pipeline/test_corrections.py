@@ -21,17 +21,13 @@ from tasks.export.formats import export
 from tasks.store.commits import journal
 from tasks.store.standing import record_source
 from tasks.training.corrected import corrected_facades
-from tests.pipeline.corrected import HOUSES, STREET, made
-from tests.pipeline.stages import digests_of, redone, started, texture, write_block, write_photo
+from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
+from tests.pipeline.stages import digests_of, redone, started, texture, write_block
 
 
 @pytest.fixture(scope="module")
 def once(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    folder = tmp_path_factory.mktemp("corrected")
-    write_photo(folder / "in", "a-0", 1)
-    write_block(folder / "in", buildings=HOUSES, streets=STREET)
-    made(folder)
-    return folder
+    return textured_houses(tmp_path_factory.mktemp("corrected"))
 
 
 @pytest.fixture
