@@ -15,13 +15,13 @@ from facade_core.errors import FacadeError
 PACKAGES = ("facade_core", "catalogs", "tasks", "flows")
 
 log = logging.getLogger(__name__)
-_latest: Path | None = None
 _logging: set[Path] = set()
 
 
-def latest() -> Path | None:
-    """The log of the run that goes on in this process, or was the last to."""
-    return _latest
+def log_of(error: Exception) -> Path | None:
+    """The log in which the traceback of this error is; None where no run ended by it, or the log could not be written."""
+    path: Path | None = getattr(error, "_log", None)
+    return path if path is not None and path.is_file() else None
 
 
 @contextmanager
@@ -30,13 +30,12 @@ def log_to(out: Path, *, alone: bool = False) -> Iterator[None]:
 
     alone: nothing of it goes to a terminal too. It may be nested: the outermost counts.
     """
-    global _latest
     out = out.resolve()
     if out in _logging:
         yield
         return
-    _latest = out / "logs" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.jsonl"
-    handler = _Lines(_latest)
+    path = out / "logs" / f"{datetime.now(UTC):%Y%m%dT%H%M%SZ}.jsonl"
+    handler = _Lines(path)
     loggers = [logging.getLogger(name) for name in PACKAGES]
     before = [(logger.level, logger.propagate) for logger in loggers]
     for logger in loggers:
@@ -49,8 +48,9 @@ def log_to(out: Path, *, alone: bool = False) -> Iterator[None]:
     except FacadeError as error:
         log.error("the run ended: %s", error, exc_info=error if error.__cause__ else None)
         raise
-    except Exception:
+    except Exception as error:
         log.exception("the run ended by an error of its own")
+        error._log = path  # type: ignore[attr-defined]
         raise
     finally:
         _logging.discard(out)

@@ -51,12 +51,11 @@ def _code(error: FacadeError) -> int:
 
 def _kept(error: Exception) -> str:
     """Where the traceback is: in the run's log, else in a file of its own."""
-    from flows.log_file import latest
+    from flows.log_file import log_of
 
-    text = "".join(traceback.format_exception(error))
-    log = latest()
-    if log is not None and log.is_file():
+    if (log := log_of(error)) is not None:
         return f"where is in {log}"
+    text = "".join(traceback.format_exception(error))
     try:
         folder = Path(tempfile.gettempdir())
         path = folder / f"streetloom-{datetime.now(UTC):%Y%m%dT%H%M%SZ}.log"

@@ -12,7 +12,7 @@ from facade_core.errors import InputError, MachineError
 from flows.cli import console
 from flows.cli.console import Lines
 from flows.cli.endings import ending
-from flows.log_file import latest, log_to
+from flows.log_file import log_of, log_to
 from tasks.compute.cluster import ClusterGone
 from tasks.outcome import log_units
 from tasks.progress import advance, begin_stage
@@ -72,11 +72,12 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
                 log_units("facades", [failed, done])
             raise ZeroDivisionError
 
-    with pytest.raises(ZeroDivisionError):
+    with pytest.raises(ZeroDivisionError) as ended:
         run()
     log_units("facades", [failed])  # of another run
     (path,) = (tmp_path / "logs").iterdir()
-    assert path == latest()
+    assert path == log_of(ended.value)
+    assert log_of(ZeroDivisionError()) is None  # of no run
     lines = [json.loads(line) for line in path.read_text().splitlines()]
     assert [(line["level"], line.get("unit")) for line in lines] == [
         ("warning", "a/1"),
@@ -89,7 +90,7 @@ def test_a_run_has_a_log_with_its_units_and_what_ended_it(tmp_path: Path) -> Non
     assert lines[2]["traceback"].startswith("Traceback")
     assert "ZeroDivisionError" in lines[2]["traceback"]
     assert logging.getLogger("tasks").level == before
-    assert str(path) in ending(ValueError("own"))[1]
+    assert str(path) in ending(ended.value)[1]
 
 
 def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
