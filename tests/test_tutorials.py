@@ -16,6 +16,8 @@ import shapely
 from click.testing import CliRunner
 from PIL import Image
 
+from tasks.kinds.order import CODED, STAGES
+
 ROOT = Path(__file__).resolve().parent.parent
 BLOCK = re.compile(r"^```(\w+)\n(.*?)^```", re.MULTILINE | re.DOTALL)
 # What takes minutes, or serves until it is ended: these commands' options are checked, and they are run by tests of their own.
@@ -101,4 +103,37 @@ def test_from_python(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
 def test_the_site_has_every_page_that_it_lists_and_lists_those_of_docs() -> None:
     listed = set(re.findall(r"^ +- [^:]+: (\S+\.md)$", (ROOT / "mkdocs.yml").read_text(encoding="utf-8"), re.MULTILINE))
     assert {page for page in listed if not (ROOT / page).is_file()} == set()
-    assert {f"docs/{page.name}" for page in (ROOT / "docs").glob("*.md")} <= listed
+    assert {page.relative_to(ROOT).as_posix() for page in (ROOT / "docs").rglob("*.md")} <= listed
+
+
+@pytest.mark.parametrize("page", sorted((ROOT / "docs" / "stages").glob("*.md")), ids=lambda page: page.stem)
+def test_a_stage_has_a_picture_figures_with_commands_and_limits(page: Path) -> None:
+    """And the figures are those of one row of docs/figures.md: what is measured anew there is told here too."""
+    text = page.read_text(encoding="utf-8")
+    picture = re.search(r"^!\[[^\]]+\]\((\S+)\)$", text, re.MULTILINE)
+    assert picture is not None
+    assert (page.parent / picture[1]).is_file()
+    assert re.search(r"^\*\*Limits\.\*\* [A-Z`]", text, re.MULTILINE)
+    assert "| takes | gives |" in text
+    figures = re.search(r"^\| figures \| \| command \|\n\|---\|---\|---\|\n((?:\|.*\n)+)", text, re.MULTILINE)
+    assert figures is not None
+    known = (ROOT / "docs" / "figures.md").read_text(encoding="utf-8").splitlines()
+    rows = re.findall(r"^\| (.+?) \| (.+?) \| `(.+?)` \|$", figures[1], re.MULTILINE)
+    assert len(rows) == len(figures[1].splitlines())
+    for what, figure, command in rows:
+        assert command.startswith(("streetloom bench ", "python -m benchmarks.", "make demo")), what
+        numbers = set(re.findall(r"\d*\.?\d+", figure))
+        assert any(numbers <= set(re.findall(r"\d*\.?\d+", row)) for row in known), (what, figure)
+
+
+def test_every_stage_of_a_run_has_a_page() -> None:
+    index = (ROOT / "docs" / "stages.md").read_text(encoding="utf-8")
+    told = {
+        name
+        for cells in re.findall(r"^\| \[[^\]]+\]\(stages/\w+\.md\) \| (.*?) \|", index, re.MULTILINE)
+        for name in re.findall(r"`(\w+)`", cells)
+    }
+    assert told == {*STAGES, *CODED}
+    assert {f"stages/{page.name}" for page in (ROOT / "docs" / "stages").glob("*.md")} <= set(
+        re.findall(r"\((stages/\w+\.md)\)", index)
+    )
