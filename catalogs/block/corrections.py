@@ -1,4 +1,4 @@
-"""What people corrected of a block: a file beside the block file, a line for each correction, the newest of one thing counts.
+"""What people corrected of a block or a city: a file beside its own, a line for each, the newest of one thing counts.
 
 Nothing is taken out of the file: what is withdrawn is a line without a value. So it tells who changed what, when and why.
 """
@@ -15,15 +15,20 @@ from dataclasses import asdict, dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from catalogs.features import Footprint, Footprints, Models
+from catalogs.block.yaml_files import read_yaml
+from catalogs.readers.vectors.colours import colour_of
 from facade_core.errors import InputError
 from facade_core.labels import ELEMENT_CLASSES
 
 SUFFIX = ".corrections.jsonl"
+# Letters of a material or a roof's shape.
+LONGEST_WORD = 64
 
 # What is said of facades, and of buildings.
 OF_FACADES = ("elements", "hide", "keep", "facade")
-OF_BUILDINGS = ("exemplar", "height", "levels")
+OF_BUILDINGS = (
+    "exemplar", "height", "levels", "roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour",
+)  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,9 +39,11 @@ class Correction:
         id: of a facade, or of a building.
         what: elements, hide, keep: boxes as (class, left, top, right, bottom) or without the class, shares of the wall's width
             and height, y down; facade: False of a wall that is none; exemplar: the name of one; height: metres from the ground
-            to the eaves; levels: storeys.
+            to the eaves; levels: storeys; roof_shape: as OpenStreetMap's roof:shape; roof_height: metres from the eaves to the
+            ridge; wall_material, roof_material: as OpenStreetMap's building:material and roof:material; wall_colour,
+            roof_colour: "#rrggbb".
         value: None where it is withdrawn.
-        place: (longitude, latitude) of the middle of the wall or building, by which it is found under another id.
+        place: (longitude, latitude) of the middle of the wall, or in the building, by which it is found under another id.
         width: of the wall, metres.
         who, when, why: as the importer was told; when is UTC.
     """
@@ -53,9 +60,11 @@ class Correction:
 
 @dataclass(frozen=True)
 class Corrections:
-    """The corrections that count: id -> what -> the newest of it."""
+    """The corrections that count: id -> what -> the newest of it. renamed: of what is known by its place, the id that it was
+    corrected under -> its own."""
 
     of: Mapping[str, Mapping[str, Correction]] = field(default_factory=dict)
+    renamed: Mapping[str, str] = field(default_factory=dict)
 
     def __bool__(self) -> bool:
         return bool(self.of)
@@ -70,6 +79,16 @@ class Corrections:
         chosen = {id: {what: one for what, one in said.items() if what in kinds} for id, said in self.of.items()}
         return {id: said for id, said in chosen.items() if said}
 
+    def under(self, names: Mapping[str, str]) -> Corrections:
+        """The same with other ids for those that `names` has: of what is said of one under both, its own is newer."""
+        if not (known := {id: name for id, name in names.items() if id in self.of}):
+            return self
+        found: dict[str, dict[str, Correction]] = {}
+        for id in (*known, *(id for id in self.of if id not in known)):
+            name = known.get(id, id)
+            found.setdefault(name, {}).update({what: replace(one, id=name) for what, one in self.of[id].items()})
+        return Corrections(found, {**self.renamed, **known})
+
     def digested(self) -> list[list[Any]]:
         """What a result depends on: neither who, nor when, nor why."""
         return [
@@ -82,13 +101,26 @@ class Corrections:
 NONE = Corrections()
 
 
+def home_of(block: Path) -> Path:
+    """The file beside which corrections of a block lie: its own, or the city's of which it is a part."""
+    try:
+        values = read_yaml(block)
+        city = values["part"]["city"]
+    except (OSError, ValueError, KeyError, TypeError):  # one that is no block file is refused when it is read
+        return block
+    return Path(os.path.normpath(block.parent / city)) if isinstance(city, str) else block
+
+
 def corrections_file(block: Path) -> Path:
-    """The file of a block file's corrections."""
-    return block.with_suffix(SUFFIX)
+    """The file of a block's or a city's corrections."""
+    return home_of(block).with_suffix(SUFFIX)
 
 
 def read_corrections(block: Path) -> Corrections:
-    """The corrections that lie beside a block file. Raises InputError: one line with the file, the line and the remedy."""
+    """The corrections that lie beside the file of a block or a city.
+
+    Raises InputError: one line with the file, the line and the remedy.
+    """
     path = corrections_file(block)
     try:
         lines = path.read_text(encoding="utf-8").split("\n")  # some of what a text holds breaks lines elsewhere
@@ -113,8 +145,11 @@ def read_corrections(block: Path) -> Corrections:
 
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     """Write some behind those of a block file, all or none."""
-    path = corrections_file(block)
-    added = "".join(json.dumps(asdict(checked(one)), ensure_ascii=False, allow_nan=False) + "\n" for one in corrections)
+    lines = (json.dumps(asdict(checked(one)), ensure_ascii=False, allow_nan=False) for one in corrections)
+    _add(corrections_file(block), "".join(f"{line}\n" for line in lines))
+
+
+def _add(path: Path, added: str) -> None:
     with _alone(path.parent):
         text = path.read_text(encoding="utf-8") if path.exists() else ""
         if text and not text.endswith("\n"):  # somebody edited it
@@ -122,6 +157,13 @@ def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
         draft = path.with_name(f".{path.name}.draft")
         draft.write_text(text + added, encoding="utf-8")
         os.replace(draft, path)
+
+
+def adopt_corrections(city: Path, folder: Path) -> None:
+    """Put those that lie beside block files of a city in a folder, where an older version kept them, beside the city's own."""
+    for path in sorted(folder.glob(f"*{SUFFIX}")):
+        _add(corrections_file(city), path.read_text(encoding="utf-8"))
+        path.unlink()
 
 
 @contextmanager
@@ -149,32 +191,6 @@ def checked(one: Correction) -> Correction:
         return replace(one, value=_VALUES[one.what](one.value))
     except (TypeError, ValueError, IndexError) as error:
         raise InputError(f"{one.what} of {one.id}: {error}") from error
-
-
-def corrected_sources(
-    sources: Sequence[Footprints | Models], corrections: Corrections
-) -> tuple[list[Footprints | Models], tuple[str, ...]]:
-    """Buildings with the heights and storeys that were corrected, and a note of those that are models, which stay as given."""
-    said = corrections.of_kind(("height", "levels"))
-    if not said:
-        return list(sources), ()
-    found: list[Footprints | Models] = []
-    models: list[str] = []
-    for source in sources:
-        if isinstance(source, Models):
-            models += [model.id for model in source.items if model.id in said]
-            found.append(source)
-            continue
-        items = tuple(_corrected(item, said[item.id]) if item.id in said else item for item in source.items)
-        found.append(replace(source, items=items))
-    if not models:
-        return found, ()
-    return found, (f"heights corrected of buildings that are models, which stay as given: {len(models)} ({models[0]})",)
-
-
-def _corrected(item: Footprint, said: Mapping[str, Correction]) -> Footprint:
-    height, levels = (said[what].value if what in said else None for what in ("height", "levels"))
-    return replace(item, height=height or item.height, levels=levels or item.levels)
 
 
 def _pair(value: Any) -> tuple[float, float] | None:
@@ -227,6 +243,19 @@ def _name(value: Any) -> str:
     return value
 
 
+def _word(value: Any) -> str:
+    if not isinstance(value, str) or not value.strip() or len(value) > LONGEST_WORD:
+        raise ValueError(f"{str(value)[:LONGEST_WORD]!r} is no word for a material or a roof, such as brick")
+    return value.strip().lower()
+
+
+def _colour(value: Any) -> str:
+    found = colour_of(value) if isinstance(value, str) else None
+    if found is None:
+        raise ValueError(f"{value!r} is no colour; write one as #a0522d")
+    return "#{:02x}{:02x}{:02x}".format(*found)
+
+
 _VALUES: Mapping[str, Callable[[Any], Any]] = {
     "elements": _elements,
     "hide": _boxes,
@@ -235,4 +264,10 @@ _VALUES: Mapping[str, Callable[[Any], Any]] = {
     "exemplar": _name,
     "height": _within(2.0, 1000.0),
     "levels": _within(1.0, 300.0),
+    "roof_shape": _word,
+    "roof_height": _within(0.1, 100.0),
+    "wall_material": _word,
+    "roof_material": _word,
+    "wall_colour": _colour,
+    "roof_colour": _colour,
 }

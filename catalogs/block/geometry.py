@@ -11,7 +11,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 import shapely
 
-from catalogs.block.corrections import NONE, Corrections, corrected_sources
 from catalogs.block.file import BlockFile
 from catalogs.block.ground import block_ground
 from catalogs.block.keys import BlockKeys
@@ -65,7 +64,7 @@ class Geometry:
     entrances: tuple[tuple[float, float], ...] = ()
 
 
-def read_geometry(keys: BlockKeys, files: Files, file: BlockFile, corrections: Corrections = NONE) -> Geometry:
+def read_geometry(keys: BlockKeys, files: Files, file: BlockFile) -> Geometry:
     """Read the buildings and streets. Raises BlockFileError where nothing that can be used is left of either."""
     sources = _building_sources(keys, files, file)
     centrelines = _centrelines(keys, files, sources, file) if keys.streets else None
@@ -74,9 +73,7 @@ def read_geometry(keys: BlockKeys, files: Files, file: BlockFile, corrections: C
     sources, bounds = file.read("buildings.path", together, sources, keys.area, centrelines)
     if not any(source.items for source in sources):
         raise _nothing("buildings", keys, files, bounds, [fault for source in sources for fault in source.faults], file)
-    sources, left = corrected_sources(sources, corrections)
     frame, area, notes = _frame(keys, sources, bounds, file)
-    notes += left
     built = block_buildings(sources, frame, area=area, storey=keys.storey)
     if not built.items:
         raise _nothing("buildings", keys, files, bounds, built.faults, file)

@@ -83,6 +83,10 @@ class PathKeys(_Keys):
     path: Annotated[str, Field(min_length=1)]
 
 
+class PartKeys(PathKeys):
+    city: Annotated[str, Field(min_length=1)] | None = None
+
+
 class BuildingKeys(_Keys):
     path: Annotated[str, Field(min_length=1)] | Annotated[list[str], Field(min_length=1)]
     crs: str | None = None
@@ -149,7 +153,7 @@ class BlockKeys(_Keys):
     storey: Annotated[float, _between(2, 8)] = 3.2
     geoid_separation: Annotated[float, _between(-120, 120)] | None = None
     failed_limit: Annotated[float, _between(0, 1)] = 0.2
-    part: PathKeys | None = None
+    part: PartKeys | None = None
     seed: Annotated[int, _whole(0, 2**32 - 1)] = 0
 
 

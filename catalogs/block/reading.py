@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import shapely
 
+from catalogs.block.corrected import as_corrected
 from catalogs.block.corrections import NONE, Corrections, read_corrections
 from catalogs.block.digest import block_digest
 from catalogs.block.file import BlockFile
@@ -93,11 +94,13 @@ def read_block(path: Path | str) -> Block:
         keys = check_keys(read_yaml(file.path))
     except ValueError as error:
         raise BlockFileError(f"{file.path}: {error}") from error
-    return block_of(keys, file, file.read("corrections", read_corrections, file.path))
+    block = block_of(keys, file)
+    corrections = file.read("corrections", read_corrections, file.path)
+    return with_digest(as_corrected(block, corrections), file)
 
 
-def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) -> Block:
-    """The block of keys that were read of a file. Raises as `read_block`."""
+def block_of(keys: BlockKeys, file: BlockFile) -> Block:
+    """The block of keys that were read of a file, as its sources state it, without a digest. Raises as `read_block`."""
     try:
         files = named_paths(keys, file.path)
     except ValueError as error:
@@ -108,9 +111,9 @@ def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) 
         )
 
     if keys.part is not None:
-        return _part_of(keys, files, file, corrections)
+        return _part_of(keys, files, file)
     exemplars, photos, broken_pictures = _pictures(keys, files, file)
-    geometry = read_geometry(keys, files, file, corrections)
+    geometry = read_geometry(keys, files, file)
     frame, built, extent = geometry.crs, geometry.built, geometry.extent
     terrain = _terrain(files, frame, extent, file)
     panoramas: tuple[PosedPanorama, ...] = ()
@@ -123,7 +126,7 @@ def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) 
         found = file.read("imagery.panoramas", read_panoramas, *files["imagery.panoramas.path"], poses, frame, extent)
         panoramas, broken_panoramas = found.items, found.faults
         far = notes_by_reason(by_reason(found.remarks))
-    block = Block(
+    return Block(
         name=keys.name,
         crs=frame,
         buildings=built.items,
@@ -149,10 +152,8 @@ def block_of(keys: BlockKeys, file: BlockFile, corrections: Corrections = NONE) 
         notes=geometry.notes + built.notes + far + _flat(built.items, terrain),
         faults=(*geometry.faults, *broken_pictures, *broken_panoramas),
         digest="",
-        corrections=corrections,
         models=_models(files),
     )
-    return with_digest(block, file)
 
 
 # What a part of a city is beside its settings; the frame and the extent of the city, in which terrain is read, come with it.
@@ -170,14 +171,14 @@ def extract_of(part: Block, whole: Block) -> dict[str, Any]:
     }
 
 
-def _part_of(keys: BlockKeys, files: Files, file: BlockFile, corrections: Corrections) -> Block:
+def _part_of(keys: BlockKeys, files: Files, file: BlockFile) -> Block:
     """The part of a city that a block file names, with the settings of that."""
     from catalogs.block.extract import read_extract
 
     values = file.read("part.path", read_extract, *files["part.path"])
     frame = file.read("part.path", known_frame, values.pop("crs"))
     terrain = _terrain(files, frame, values.pop("extent"), file)
-    part = Block(
+    return Block(
         name=keys.name,
         crs=frame,
         shops=None,
@@ -193,11 +194,9 @@ def _part_of(keys: BlockKeys, files: Files, file: BlockFile, corrections: Correc
         seed=keys.seed,
         notes=(),
         digest="",
-        corrections=corrections,
         models=_models(files),
         **values,
     )
-    return with_digest(part, file)
 
 
 def _flat(buildings: Iterable[Building], terrain: Elevation | None) -> tuple[str, ...]:

@@ -1,7 +1,9 @@
-"""Corrections as programs write them: COCO, LabelMe, a GeoPackage's table of buildings, or Streetloom's own JSON."""
+"""Corrections as programs write them: COCO, LabelMe, a GeoPackage's table of buildings, attributes of CityJSON, or Streetloom's
+own JSON."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -12,6 +14,30 @@ from facade_core.errors import InputError
 
 # (id of a facade or building, what is corrected, value): see `catalogs.block.corrections`.
 Said = tuple[str, str, Any]
+# How high CityJSON says that a building is, which follows from the others: what is said of it is not taken, but told.
+MEASURED = "measured height"
+# What the table `buildings` of a GeoPackage, and the attributes of CityJSON's buildings, call what can be corrected.
+COLUMNS = {
+    "height_m": "height",
+    "levels": "levels",
+    "roof_shape": "roof_shape",
+    "roof_height_m": "roof_height",
+    "wall_material": "wall_material",
+    "roof_material": "roof_material",
+    "wall_colour": "wall_colour",
+    "roof_colour": "roof_colour",
+}
+ATTRIBUTES = {
+    "eavesHeight": "height",
+    "storeysAboveGround": "levels",
+    "roofType": "roof_shape",
+    "roofHeight": "roof_height",
+    "wallMaterial": "wall_material",
+    "roofMaterial": "roof_material",
+    "wallColour": "wall_colour",
+    "roofColour": "roof_colour",
+    "measuredHeight": MEASURED,
+}
 
 
 def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
@@ -27,16 +53,23 @@ def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
     if path.suffix.lower() == ".gpkg":
         return _buildings(path)
     try:
+        if path.suffix.lower() == ".jsonl":
+            lines = path.read_text(encoding="utf-8").split("\n")
+            return [said for line in lines if line.strip() for said in _cityjson(json.loads(line))]
         document = load_json(path)
+        if isinstance(document, dict) and document.get("type") == "CityJSON":
+            return list(_cityjson(document))
         if isinstance(document, dict) and {"images", "annotations"} <= document.keys():
             return _coco(document, facades)
         if isinstance(document, dict) and "shapes" in document:
             return [_labelme(document, facades)]
         if isinstance(document, dict) and isinstance(document.get("corrections"), list):
             return said_in(document["corrections"], str(path))
-    except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError) as error:
+    except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError, AttributeError, OSError) as error:
         raise InputError(f"{path} cannot be understood ({type(error).__name__}: {error}); export it again") from error
-    raise InputError(f'{path} is neither COCO nor LabelMe, nor {{"corrections": [...]}}; catalogs/README.md shows each')
+    raise InputError(
+        f'{path} is neither COCO nor LabelMe nor CityJSON, nor {{"corrections": [...]}}; catalogs/README.md shows each'
+    )
 
 
 def said_in(corrections: Sequence[Mapping[str, Any]], named: str) -> list[Said]:
@@ -86,19 +119,44 @@ def _own(one: Mapping[str, Any]) -> Iterator[Said]:
 
 
 def _buildings(path: Path) -> list[Said]:
-    """Heights and storeys of the table `buildings` that an export of `gpkg` writes."""
+    """What the table `buildings` that an export of `gpkg` writes says of each; a column that is not there says nothing."""
     import geopandas
 
     try:
-        table = geopandas.read_file(path, layer="buildings", ignore_geometry=True)
-        columns = {"height": table.set_index("id")["height_m"], "levels": table.set_index("id")["levels"]}
-        # a cell that is empty says nothing
-        return [(id, what, float(value)) for what, column in columns.items() for id, value in column.dropna().items()]
+        table = geopandas.read_file(path, layer="buildings", ignore_geometry=True).set_index("id")
+        if table.columns.intersection(list(COLUMNS)).empty:
+            raise KeyError(f"no column {', '.join(COLUMNS)}")
+        rows = {id: row.dropna().to_dict() for id, row in table.iterrows()}
     except Exception as error:
         raise InputError(
             f"{path} has no table buildings with id, height_m and levels ({' '.join(str(error).split())[:80]}); give one that "
             "`export --format gpkg` wrote"
         ) from error
+    return [said for id, row in rows.items() for said in _of_building(id, row, COLUMNS)]
+
+
+def _cityjson(document: Mapping[str, Any]) -> Iterator[Said]:
+    """What the attributes of CityJSON's buildings say, and which of their walls are facades."""
+    for id, one in document.get("CityObjects", {}).items():
+        if one["type"] not in ("Building", "BuildingPart"):
+            continue
+        yield from _of_building(id, one.get("attributes", {}), ATTRIBUTES)
+        surfaces = [
+            s for geometry in one.get("geometry", ()) for s in geometry.get("semantics", {}).get("surfaces", ())
+        ]
+        # a wall that is cut into several surfaces is what one of them is said to be
+        told = {surface["facade"]: True for surface in surfaces if "facade" in surface and "isFacade" in surface}
+        told |= {surface["facade"]: False for surface in surfaces if surface.get("isFacade") is False}
+        for facade, is_one in told.items():
+            yield facade, "facade", is_one
+
+
+def _of_building(id: Any, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Said]:
+    """What a row says of a building, by its own names for what can be; an empty cell says nothing."""
+    for name, what in names.items():
+        value = row.get(name)
+        if value not in (None, ""):
+            yield str(id), what, value.item() if hasattr(value, "item") else value
 
 
 def pictures_of(ids: list[str]) -> dict[str, str]:

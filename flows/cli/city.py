@@ -152,6 +152,8 @@ def _show(summary: dict[str, Any]) -> None:
     )
     for failure in summary["failures"]:
         say(f"  failed {failure['unit']}: {failure['reason']}")
+    for _, id, reason in (one for one in summary["set_aside"] if one[0] == "correction"):
+        say(f"  waits  {id}: {reason}")
     if summary["left"]:
         say(f"  left   {', '.join(summary['left'][:8])}: run the same command to go on")
     if (estimate := summary["estimate"])["processor_hours_taken"]:

@@ -21,17 +21,19 @@ if TYPE_CHECKING:
 @click.option("--who", metavar="NAME", help="Who corrected it.  [default: this user]")
 @click.option("--why", metavar="TEXT", default="", help="A remark that is kept with it.")
 def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:
-    """Take back what was corrected in an export of OUT; the next run does again what depends on it, and nothing else.
+    """Take back what was corrected in an export of OUT, a run's or a city's; the next run does again what depends on it alone.
 
-    FILE is a .json of COCO, a .json of LabelMe or a folder of them, a .gpkg (height_m and levels of its buildings), or
-    {"corrections": [...]} as catalogs/README.md shows it. What differs from what was published is kept beside the block file,
-    in NAME.corrections.jsonl: a line for each correction with who, when and why; the newest counts, a value of null withdraws.
+    FILE is a .json of COCO, a .json of LabelMe or a folder of them, a .gpkg (heights, levels, roofs and materials of its
+    buildings), CityJSON (the same as attributes, and which walls are facades), or {"corrections": [...]} as catalogs/README.md
+    shows it. What differs from what was published is kept beside the block file, or the city's, in NAME.corrections.jsonl: a
+    line for each correction with who, when and why; the newest counts, a value of null withdraws.
 
     \b
     Examples:
       streetloom export out/demo --format labelme --to facades/    # correct boxes in LabelMe, then
       streetloom import out/demo facades/ --who anna --why "doors of the north side"
       streetloom import out/demo heights.gpkg
+      streetloom import out/helsinki corrected.city.json
     """
     from tasks.corrections import import_corrections
 

@@ -12,6 +12,8 @@ from typing import Any
 import numpy as np
 import yaml
 
+from catalogs.block.corrected import as_corrected, owners_of
+from catalogs.block.corrections import Corrections, adopt_corrections, read_corrections
 from catalogs.block.extract import write_extract
 from catalogs.block.file import BlockFile
 from catalogs.block.keys import LONGEST_NAME
@@ -67,21 +69,32 @@ def read_city(path: Path, out: Path, before: Mapping[str, CityBlock] | None = No
         return _of_files(path, values, asked, before or {})
     keys = asked.keys
     file = BlockFile(path)
-    whole = Whole(block_of(keys, file))
-    cuts = cut_whole(whole, asked.metres)
     folder = out / "input"
     folder.mkdir(parents=True, exist_ok=True)
-    rest = _moved(asked.values, path.parent, folder)
+    adopt_corrections(path, folder)
+    corrections = file.read("corrections", read_corrections, path)
+    whole = Whole(block_of(keys, file))
+    cuts = cut_whole(whole, asked.metres)
+    rest, city = _moved(asked.values, path.parent, folder), os.path.relpath(path, folder)
     blocks = []
     for chosen, cut in zip(chosen_of(whole, cuts), cuts, strict=True):
         block_file, extract = folder / f"{cut.name}.yaml", f"{cut.name}.npz"
-        named = rest | {"name": _named(keys.name, cut.name), "part": {"path": extract}}
+        named = rest | {"name": _named(keys.name, cut.name), "part": {"path": extract, "city": city}}
         part = whole.part(chosen)
         write_extract(folder / extract, extract_of(part, whole.block))
         _write(block_file, yaml.safe_dump(named, sort_keys=False, allow_unicode=True))
-        block = with_digest(replace(part, name=named["name"]), file)
+        block = with_digest(as_corrected(replace(part, name=named["name"]), corrections), file)
         blocks.append(CityBlock(cut.name, block_file, block.digest, counts_of(block)))
-    return City(keys.name, tuple(blocks), tuple((one.kind, one.id, one.reason) for one in whole.block.faults))
+    faults = tuple((one.kind, one.id, one.reason) for one in whole.block.faults)
+    return City(keys.name, tuple(blocks), faults + tuple(_lost(whole, corrections)))
+
+
+def _lost(whole: Whole, corrections: Corrections) -> Iterator[tuple[str, str, str]]:
+    """Corrections of what is in no block of a city: they are kept, and wait."""
+    block = whole.block
+    for id, owner in owners_of(corrections, block.buildings, block.crs).items():
+        if not owner:
+            yield "correction", id, "corrected, and not in the city as it is: kept and not used"
 
 
 def _named(city: str, block: str) -> str:

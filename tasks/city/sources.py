@@ -6,6 +6,7 @@ import hashlib
 import json
 from pathlib import Path
 
+from catalogs.block.corrections import corrections_file
 from catalogs.block.keys import BlockKeys, check_keys
 from catalogs.block.paths import named_paths
 from catalogs.block.yaml_files import read_yaml
@@ -16,8 +17,11 @@ from tasks.kinds.order import CODED
 
 
 def source_digest(path: Path) -> str:
-    """The sha256 of a city file and of all files that it names, those beside them with the same stem included, as some formats
-    are of several; empty where it names block files, of which each names others. Raises ValueError where it cannot be used."""
+    """The sha256 of a city file, of what people corrected, and of all files that it names, those beside them with the same stem
+    included, as some formats are of several; empty where it names block files, of which each names others.
+
+    Raises ValueError where it cannot be used.
+    """
     values = read_yaml(path)
     asked = check_city(values, path)
     return "" if isinstance(asked, str) else _digest(values, asked.keys, asked.indexes, path)
@@ -33,7 +37,12 @@ def source_of_block(path: Path) -> str:
 
 
 def _digest(values: object, keys: BlockKeys, more: tuple[Path, ...], path: Path) -> str:
-    named = [*more, *(one for paths in named_paths(keys, path).values() for one in paths)]
+    said = corrections_file(path)
+    named = [
+        *([said] if said.is_file() else []),
+        *more,
+        *(one for paths in named_paths(keys, path).values() for one in paths),
+    ]
     files = sorted({file for one in named for file in _files_of(one)})
     digest = hashlib.sha256(json.dumps(values, sort_keys=True, default=str).encode())
     for file in files:

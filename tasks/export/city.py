@@ -21,6 +21,13 @@ if TYPE_CHECKING:
     from facade_core.export.buildings import Modelled
 
 TEXTURES = "textures"
+# What a building is of, as it was stated or corrected, by the names of attributes.
+MADE_OF = {
+    "wallMaterial": "wall_material",
+    "wallColour": "wall_colour",
+    "roofMaterial": "roof_material",
+    "roofColour": "roof_colour",
+}
 
 
 def write_cityjson(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
@@ -134,6 +141,9 @@ def building_objects(
         return [geometry_of(part.faces, part.surfaces, pool, lod, "Solid" if part.solid else "MultiSurface")]
 
     attributes = attributes_of(found, index, made.body)
+    for surface in made.body.surfaces:
+        if "facade" in surface:
+            surface["isFacade"] = is_facade(found, surface["facade"])
     body = {"type": "Building", "attributes": attributes, "geometry": geometry(made.body)}
     wanted: list[tuple[str, dict[str, Any], Any]] = [("roof", {}, part) for part in made.beside]
     if layouts:
@@ -148,6 +158,12 @@ def building_objects(
             "geometry": geometry(part),
         }
     return {name: body | ({"children": list(installations)} if installations else {})} | installations
+
+
+def is_facade(found: Published, facade: str) -> bool:
+    """Whether a wall is a facade still, and nobody said that it is none."""
+    record = found.records[found.plan.facades.id.index(facade)]
+    return record is None or record.get("facade") is not False
 
 
 def model_of(
@@ -186,9 +202,22 @@ def attributes_of(found: Published, building: int, body: Any) -> dict[str, Any]:
         **({"storeysAboveGround": levels} if levels else {}),
         **({"partOf": row["part_of"]} if row.get("part_of") else {}),
         **_roof(row),
+        **{name: row[what] for name, what in MADE_OF.items() if row.get(what)},
         "facades": len(facades),
         **{key: sum(record[key] for record in facades if record) for key in ("windows", "doors", "balconies", "shops")},
     }
+
+
+def measured_heights(found: Published) -> dict[str, float]:
+    """The height of each building by its id, as exports state it."""
+    from facade_core.export.models import layout_of
+    from facade_core.grouping import grouped
+
+    source, buildings = found.textured, found.choose(())
+    drawn = layout_of(source, source.chosen(with_ground(found, buildings)))
+    triangles = grouped(source.charts.building[source.mesh.chart])
+    bodies = {b: model_of(found, drawn, triangles[b], b, {}, origin_of(found)).body for b in buildings.tolist()}
+    return {found.names[b]: round(_rise(body), 3) for b, body in bodies.items()}
 
 
 def _rise(body: Any) -> float:

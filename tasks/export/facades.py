@@ -69,6 +69,10 @@ def _left_out(found: Published, buildings: np.ndarray, written: int) -> list[str
     return [f"{missing} facades without a layout are left out; `streetloom query` says why"]
 
 
+# What a building is of, as it was stated or corrected.
+MADE_OF = ("wall_material", "wall_colour", "roof_material", "roof_colour")
+
+
 def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> tuple[list[str], list[str]]:
     """BLOCK.gpkg with the layers facades, walls, buildings, roofs, ground and streets."""
     import shapely
@@ -104,7 +108,9 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
                 "height_source": table["height_source"][b],
                 "levels": int(table["levels"][b]) or None,
                 "roof_shape": table["roof_shape"][b] or None if "roof_shape" in table else None,
+                "roof_height_m": float(table["roof_height"][b]) if "roof_height" in table else None,
                 "roof_confidence": float(table["roof_confidence"][b]) if "roof_confidence" in table else None,
+                **{what: table[what][b] or None for what in MADE_OF if what in table},
                 "geometry": outlines[b],
             }
             for b, name in found.names.items()

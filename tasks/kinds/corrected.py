@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 import shapely
 
-from catalogs.block.corrections import OF_FACADES, Correction, Corrections
+from catalogs.block.corrections import OF_FACADES, Corrections
 from catalogs.frames import LONLAT, between
 from facade_core.plan import Plan
 from facade_core.types import Corrected
@@ -26,32 +25,29 @@ _FOOT = np.array([[0.0, 1.0], [1.0, 1.0]])
 def corrected_of(plan: Plan, corrections: Corrections, crs: CRS | str) -> tuple[dict[int, Corrected], list[str]]:
     """What somebody said of each facade of a plan in a frame, by index; and the ids of which no facade is left. One with
     another id is known by its place and width."""
-    said = corrections.of_kind(OF_FACADES)
+    said = corrections.under(facades_by_place(plan, corrections, crs)).of_kind(OF_FACADES)
     at = {name: index for index, name in enumerate(plan.facades.id)}
-    found = {at[id]: dict(one) for id, one in said.items() if id in at}
-    lost = [id for id in said if id not in at]
-    if lost:
-        again = _by_place(plan, crs, [next(iter(said[id].values())) for id in lost])
-        for number, index in sorted(again.items()):  # what is said of the facade itself is newer
-            found[index] = dict(said[lost[number]]) | found.get(index, {})
-        lost = [id for number, id in enumerate(lost) if number not in again]
-    return {index: Corrected(**{what: one.value for what, one in of.items()}) for index, of in found.items()}, lost
+    found = {at[id]: Corrected(**{what: one.value for what, one in of.items()}) for id, of in said.items() if id in at}
+    return found, [id for id in said if id not in at]
 
 
-def _by_place(plan: Plan, crs: CRS | str, said: Sequence[Correction]) -> dict[int, int]:
-    """Which facade stands where each of some corrections was made, number -> facade: its middle within PLACE_M, and as wide."""
-    facades = plan.facades
-    if not len(facades):
+def facades_by_place(plan: Plan, corrections: Corrections, crs: CRS | str) -> dict[str, str]:
+    """Of corrected facades that have another id now, that one: of the facade whose middle is within PLACE_M of where each was
+    corrected, and as wide."""
+    facades, known = plan.facades, set(plan.facades.id)
+    said = corrections.of_kind(OF_FACADES)
+    lost = [(id, next(iter(of.values()))) for id, of in said.items() if id not in known]
+    placed = [(id, one, one.place) for id, one in lost if one.place is not None]
+    if not placed or not len(facades):
         return {}
-    feet = plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2]
-    middle = shapely.STRtree(shapely.points(feet.mean(axis=1)))
+    feet = plan.scene.charts.at_shares(facades.chart, _FOOT)[..., :2].mean(axis=1)
+    middle = shapely.STRtree(shapely.points(feet))
     found = {}
-    for number, one in enumerate(said):
-        if one.place is None:
-            continue
-        x, y = between(LONLAT, crs)(np.array([one.place[0]]), np.array([one.place[1]]))
+    for id, one, (longitude, latitude) in placed:
+        x, y = between(LONLAT, crs)(np.array([longitude]), np.array([latitude]))
         near = middle.query(shapely.points(x[0], y[0]), predicate="dwithin", distance=PLACE_M).tolist()
         alike = [f for f in near if one.width is None or abs(float(facades.width[f]) / one.width - 1) <= ALIKE]
         if alike:
-            found[number] = min(alike, key=lambda f: (float(np.hypot(*(feet[f].mean(axis=0) - [x[0], y[0]]))), f))
+            nearest = min(alike, key=lambda f: (float(np.hypot(*(feet[f] - [x[0], y[0]]))), f))
+            found[id] = facades.id[nearest]
     return found

@@ -26,7 +26,7 @@ from facade_core.geometry.walls import STREET
 from facade_core.identity import Each, here
 from facade_core.plan import Plan
 from tasks.keys.stage_code import stage_code
-from tasks.kinds.corrected import corrected_of
+from tasks.kinds.corrected import corrected_of, facades_by_place
 from tasks.progress import advance, begin_stage
 from tasks.run import Run
 from tasks.stages.planning import plan_again, plan_key, plan_of
@@ -106,6 +106,7 @@ def ingest_block(run: Run, block: Block, each: Each = here) -> Outline:
             notes=_notes(block, plan),
             set_aside=set_aside,
             corrected=sorted(block.corrections.of_kind(OF_BUILDINGS)),
+            known_by_place={**block.corrections.renamed, **facades_by_place(plan, block.corrections, block.crs)},
             ingested=time.time(),
         )
         write_plan(session, plan, block.buildings, run.crs)

@@ -90,7 +90,7 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         result = made.facade
         about |= {"source": made.source, "capture_date": made.captured}
         if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
-            about |= {"corrected": True}
+            about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
         about |= refusal(refused, _told(imagery, made.depth, made.source))
         stages = result.seconds if result is not None else {}
         seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}

@@ -51,13 +51,90 @@ def own(folder: Path, *corrections: dict[str, Any]) -> Path:
     return path
 
 
-@pytest.mark.parametrize("format", ["coco", "labelme", "gpkg"])
-def test_an_export_that_nobody_changed_corrects_nothing(folder: Path, format: str) -> None:
-    written = export(folder / "out", format, folder / "exported").path
-    given = written / "annotations.json" if format == "coco" else next(written.glob("*.gpkg"), written)
-    done = import_corrections(folder / "out", given, who="anna")
-    assert (done.facades, done.buildings) == (0, 0)
-    assert not corrections_file(folder / "in" / "block.yaml").exists()
+# What is given back of an export, by its format.
+GIVEN = {
+    "coco": "annotations.json", "labelme": ".", "gpkg": "small.gpkg", "cityjson": "small.city.json",
+    "lod3": "small.lod3.city.json", "cityjsonseq": "small.city.jsonl",
+}  # fmt: skip
+
+
+def given(folder: Path, format: str, to: str) -> Path:
+    return export(folder / "out", format, folder / to).path / GIVEN[format]
+
+
+def test_what_was_corrected_is_done_again_exported_and_taken_back_as_it_stands(folder: Path) -> None:
+    """For every format: an export that nobody changed corrects nothing, before any correction and after one of every kind."""
+    out, block = folder / "out", folder / "in" / "block.yaml"
+    for format in GIVEN:
+        done = import_corrections(out, given(folder, format, f"before-{format}"), who="anna")
+        assert (done.facades, done.buildings, done.notes) == (0, 0, ()), format
+    assert not corrections_file(block).exists()
+    plain = record(folder, "b-2")
+    said = own(
+        folder,
+        {"facade_id": "b-2", "elements": [["window", 0.2, 0.2, 0.5, 0.5], ["door", 0.6, 0.7, 0.7, 1.0]]},
+        {"facade_id": "a-0", "facade": False, "hide": [[0.0, 0.6, 0.4, 1.0]], "keep": [[0.5, 0.0, 0.6, 0.2]]},
+        {"building_id": "a", "height": 8.333, "levels": 2, "roof_shape": "gabled", "roof_height": 2.5},
+        {"building_id": "a", "wall_material": "Brick", "roof_material": "slate", "roof_colour": "red"},
+        {"building_id": "b", "exemplar": "1" if plain["source"] == "0" else "0", "wall_colour": "#e0c080", "levels": 3},
+        {"building_id": "b", "roof_shape": "hipped"},
+    )
+    import_corrections(out, said, who="anna")
+    made(folder)
+    for format in GIVEN:
+        done = import_corrections(out, given(folder, format, f"after-{format}"), who="ben")
+        assert (done.facades, done.buildings, done.notes) == (0, 0, ()), format
+    assert import_corrections(out, said, who="ben").lines() == [
+        "nothing differs from what was published; nothing was written"
+    ]
+    attributes = json.loads((folder / "after-cityjson" / GIVEN["cityjson"]).read_text())["CityObjects"]["a"]
+    told = {
+        "storeysAboveGround": 2, "roofType": "gabled", "eavesHeight": 8.33, "roofHeight": 2.5, "wallMaterial": "brick",
+        "wallColour": "#965442", "roofMaterial": "slate", "roofColour": "#9e4232",
+    }  # fmt: skip
+    assert told.items() <= attributes["attributes"].items()
+    table = geopandas.read_file(folder / "after-gpkg" / GIVEN["gpkg"], layer="buildings").set_index("id")
+    assert table.loc["b", ["wall_colour", "roof_shape"]].tolist() == ["#e0c080", "hipped"]
+    assert table.loc["b", "roof_height_m"] > 0.5
+
+
+def test_attributes_of_cityjson_are_taken_back_and_nothing_else_is_done_again(folder: Path) -> None:
+    out = folder / "out"
+    file = given(folder, "cityjson", "exported")
+    document = json.loads(file.read_text())
+    house = document["CityObjects"]["b"]
+    house["attributes"] |= {"eavesHeight": 8.5, "storeysAboveGround": 2, "roofType": "gabled", "wallMaterial": "brick"}
+    (wall,) = [s for s in house["geometry"][0]["semantics"]["surfaces"] if s.get("facade") == "b-2"]
+    assert wall["isFacade"] is True
+    wall["isFacade"] = False
+    document["CityObjects"]["a"]["attributes"]["measuredHeight"] = 30.0
+    file.write_text(json.dumps(document))
+    before = started(out)
+    done = import_corrections(out, file, who="anna", why="as built")
+    assert (done.facades, done.buildings) == (1, 1)
+    assert done.notes[0].startswith("a: a measured height follows from the eaves")
+    said = read_corrections(folder / "in" / "block.yaml")
+    assert said.value("b", "height") == 8.5
+    assert said.value("b-2", "facade") is False
+    made(folder)
+    assert facades_since(before, folder) == {"b-0", "b-1", "b-2", "b-3"}, "of that house alone"
+    row = query(out, where="corrected = 1 and id = 'b-2'").iloc[0]
+    assert (row["height_m"], row["roof_shape"], row["levels"]) == (8.5, "gabled", 2)
+    assert set(query(out, where="corrected = 1")["building"]) == {"b"}
+    anew = json.loads(given(folder, "cityjson", "anew").read_text())["CityObjects"]["b"]
+    assert [s["isFacade"] for s in anew["geometry"][0]["semantics"]["surfaces"] if s.get("facade") == "b-2"] == [False]
+
+
+def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> None:
+    out = folder / "out"
+    import_corrections(out, own(folder, {"building_id": "b", "height": 12.0, "wall_material": "brick"}), who="anna")
+    write_block(folder / "in", buildings={"a": HOUSES["a"], "x": HOUSES["b"]}, streets=STREET)
+    made(folder)
+    assert query(out, where="corrected = 1 and id = 'x-2'")["height_m"].tolist() == [12.0]
+    assert import_corrections(out, given(folder, "gpkg", "exported"), who="anna").buildings == 0
+    import_corrections(out, own(folder, {"building_id": "x", "height": 10.0}), who="anna")
+    made(folder)
+    assert query(out, where="id = 'x-2'")["height_m"].tolist() == [10.0], "its own is newer"
 
 
 def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: Path, tmp_path: Path) -> None:
@@ -196,13 +273,17 @@ def test_two_people_and_what_cannot_be(folder: Path) -> None:
         ({"facade_id": "a-0", "colour": "red"}, "nothing that can be corrected"),
         ({"building_id": "a", "height": 1e9}, "is not within"),
         ({"building_id": "a", "exemplar": "villa"}, "there is no exemplar villa"),
+        ({"building_id": "a", "wall_material": "brik"}, "wall_material brik; did you mean brick"),
+        ({"building_id": "a", "roof_shape": "dome"}, "nothing is drawn of roof_shape dome"),
+        ({"building_id": "a", "roof_colour": "bluish"}, "'bluish' is no colour"),
+        ({"building_id": "a", "roof_height": 3.0}, "its roof is flat"),
         ({"elements": []}, "names its facade_id or building_id"),
     ):
         good = {"facade_id": "a-0", "facade": False}
         with pytest.raises(InputError, match=why):
             import_corrections(out, own(folder, good, said), who="anna")
     (folder / "said.json").write_text('{"what": 1}')
-    with pytest.raises(InputError, match="neither COCO nor LabelMe"):
+    with pytest.raises(InputError, match="neither COCO nor LabelMe nor CityJSON"):
         import_corrections(out, folder / "said.json", who="anna")
     assert corrections_file(folder / "in" / "block.yaml").read_text().splitlines() == lines, "all or none"
     corrections_file(folder / "in" / "block.yaml").write_text("{broken\n")

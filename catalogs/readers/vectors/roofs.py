@@ -40,7 +40,7 @@ def roof_of(tags: Mapping[str, str], outline: Any, *, degrees: bool) -> Roof | N
     height = tagged_rise(tags)
     if height is None:
         angle = parse_length(tags.get("roof:angle", "").strip("° "))
-        height = _rise(outline, shape, across, degrees, angle if angle and 0 < angle < 80 else None)
+        height = usual_rise(outline, shape, across, degrees, angle if angle and 0 < angle < 80 else None)
     direction = _direction(tags.get("roof:direction") or tags.get("roof:slope:direction") or "")
     return Roof(shape, round(height, 2), direction, across) if height > 0 else Roof("flat", 0.0)
 
@@ -54,8 +54,10 @@ def tagged_rise(tags: Mapping[str, str]) -> float | None:
     return None if levels is None or levels > 10 else levels * ROOF_STOREY
 
 
-def _rise(outline: Any, shape: str, across: bool, degrees: bool, angle: float | None) -> float:
-    """Height of a roof of a pitch over the smallest rectangle around an outline."""
+def usual_rise(
+    outline: Any, shape: str, across: bool = False, degrees: bool = False, angle: float | None = None
+) -> float:
+    """Height of a roof of a pitch over the smallest rectangle around an outline, in metres, or in lon/lat where `degrees`."""
     flat = shapely.force_2d(outline)
     if degrees:  # lengths of a degree; the sphere is exact enough for a roof
         north = 111_200.0

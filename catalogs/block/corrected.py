@@ -1,0 +1,174 @@
+"""A block as people corrected it: its buildings' heights, roofs and materials; which of a city's corrections are of it."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import shapely
+
+from catalogs.block.corrections import OF_BUILDINGS, Correction, Corrections
+from catalogs.features import notes_by_reason
+from catalogs.frames import LONLAT, between
+from catalogs.readers.vectors.colours import ROOF_MATERIALS, WALL_MATERIALS, colour_of
+from catalogs.readers.vectors.roofs import usual_rise
+from facade_core.types import Building, Finish, Roof
+
+if TYPE_CHECKING:
+    from pyproj import CRS
+
+    from catalogs.block.reading import Block
+
+# What was corrected is of a building that is no farther off than this, metres.
+PLACE_M = 2.0
+# What stands on others is at least so high, metres.
+LEAST_M = 2.0
+
+
+def as_corrected(block: Block, corrections: Corrections) -> Block:
+    """A block with what people corrected of it; of a part of a city, in its surroundings too, but it keeps those of its own.
+
+    It has no digest of that yet.
+    """
+    if not corrections:
+        return block
+    known = corrections.under(known_by_place(block.buildings, corrections, block.crs))
+    buildings, left = corrected_buildings(block.buildings, known, block.storey)
+    part = block.part
+    if part is not None:
+        beyond, _ = corrected_buildings(part.beyond, known, block.storey)
+        part, known = replace(part, beyond=beyond), of_buildings(known, part.buildings, block.buildings, block.crs)
+    return replace(block, buildings=buildings, part=part, corrections=known, notes=block.notes + left)
+
+
+def corrected_buildings(
+    buildings: Sequence[Building], corrections: Corrections, storey: float
+) -> tuple[tuple[Building, ...], tuple[str, ...]]:
+    """Buildings as they were corrected, and a note of those that cannot be: the height and roof of a model are as given, and
+    nothing ends below where it begins. No other building changes: assumed heights stay what they were."""
+    said = corrections.of_kind(OF_BUILDINGS)
+    found, left = [], []
+    for building in buildings:
+        if building.id in said:
+            values = {what: one.value for what, one in said[building.id].items()}
+            building, whole = _corrected(building, values, storey)
+            left += [] if whole else [building.id]
+        found.append(building)
+    reason = "heights or roofs corrected of models, or of what would end below where it begins, which stay as given"
+    return tuple(found), notes_by_reason({reason: left})
+
+
+def _corrected(building: Building, said: Mapping[str, Any], storey: float) -> tuple[Building, bool]:
+    """A building as it was corrected, and whether all of that could be."""
+    building = replace(building, finish=_finish(building.finish, said))
+    if "levels" in said:
+        building = replace(building, levels=int(said["levels"]))
+    if building.shell is not None:
+        return building, said.keys().isdisjoint(("height", "roof_shape", "roof_height"))
+    height, source = building.height, building.height_source
+    if "height" in said:
+        height, source = round(said["height"], 2), "height"
+    elif "levels" in said and source != "height":
+        height, source = round(building.raised + building.levels * storey, 2), "levels"  # type: ignore[operator]
+    whole = height >= building.raised + LEAST_M
+    if whole:
+        building = replace(building, height=height, height_source=source)
+    return replace(building, roof=_roof(building, said)), whole
+
+
+def _roof(building: Building, said: Mapping[str, Any]) -> Roof | None:
+    before, shape, height = building.roof, said.get("roof_shape"), said.get("roof_height")
+    if shape is None and height is None:
+        return before
+    shape = shape or (before.shape if before else "flat")
+    if shape == "flat":
+        return Roof("flat", 0.0)
+    kept = before is not None and before.shape == shape
+    if height is None:
+        if kept:
+            return replace(before, confidence=1.0)  # type: ignore[type-var]
+        rise = before.height if before is not None else 0.0
+        height = rise if rise > 0 else usual_rise(building.footprint, shape)
+    if kept:
+        return replace(before, height=round(height, 2), pitch=None, confidence=1.0)  # type: ignore[type-var]
+    return Roof(shape, round(height, 2))
+
+
+def _finish(finish: Finish, said: Mapping[str, Any]) -> Finish:
+    """A colour that a material came with goes with it."""
+    for part, usual in (("wall", WALL_MATERIALS), ("roof", ROOF_MATERIALS)):
+        before, colour = getattr(finish, f"{part}_material"), getattr(finish, f"{part}_colour")
+        material = said.get(f"{part}_material", before)
+        if material != before and colour == usual.get(before or ""):
+            colour = usual.get(material)
+        if f"{part}_colour" in said:
+            colour = colour_of(said[f"{part}_colour"])
+        finish = replace(finish, **{f"{part}_material": material, f"{part}_colour": colour})
+    return finish
+
+
+def known_by_place(buildings: Sequence[Building], corrections: Corrections, crs: CRS | str) -> dict[str, str]:
+    """Of corrected buildings that have another id now, that one: the building that stands where they were corrected."""
+    ids = {building.id for building in buildings}
+    lost = {id: said for id, said in corrections.of_kind(OF_BUILDINGS).items() if id not in ids}
+    placed = [(id, one) for id, said in lost.items() if (one := _placed(said)) is not None]
+    if not placed:
+        return {}
+    near = nearest([one for _, one in placed], buildings, crs)
+    return {id: buildings[at].id for (id, _), at in zip(placed, near, strict=True) if at >= 0}
+
+
+def of_buildings(
+    corrections: Corrections, own: Sequence[str], buildings: Sequence[Building], crs: CRS | str
+) -> Corrections:
+    """Those of a city's corrections that are of some `own` buildings, or of facades of these, by ids; buildings: these and what
+    stands around them."""
+    mine = set(own)
+    owners = owners_of(corrections, buildings, crs)
+    of = {id: said for id, said in corrections.of.items() if owners[id] in mine}
+    return Corrections(of, {id: name for id, name in corrections.renamed.items() if name in of})
+
+
+def owners_of(corrections: Corrections, buildings: Sequence[Building], crs: CRS | str) -> dict[str, str]:
+    """The building that each correction's id is of, empty where none is: the one of that id, or of the facade's, where it
+    stands there; else the nearest one within PLACE_M of where it was made, else again the one of that id."""
+    at = {building.id: index for index, building in enumerate(buildings)}
+    named = {id: at.get(id, at.get(id.rpartition("-")[0], -1)) for id in corrections.of}
+    places = {id: one for id, said in corrections.of.items() if (one := _placed(said)) is not None}
+    footprints = np.array([building.footprint for building in buildings], dtype=object)
+    away = []
+    for id, point in zip(places, _points(list(places.values()), crs), strict=True):
+        index = named[id]
+        if index < 0 or not shapely.dwithin(footprints[index], point, PLACE_M):
+            away.append(id)
+    near = nearest([places[id] for id in away], buildings, crs)
+    for id, index in zip(away, near, strict=True):
+        if index >= 0:
+            named[id] = index
+    return {id: buildings[index].id if index >= 0 else "" for id, index in named.items()}
+
+
+def nearest(places: Sequence[Correction], buildings: Sequence[Building], crs: CRS | str) -> list[int]:
+    """The building within PLACE_M of where each of some corrections was made that is nearest, of several the first; -1 where
+    there is none."""
+    found = [-1] * len(places)
+    tree = shapely.STRtree([building.footprint for building in buildings])
+    points = np.array(_points(places, crs), dtype=object)
+    if len(points) and len(buildings):
+        for number, index in sorted(zip(*tree.query_nearest(points, max_distance=PLACE_M).tolist(), strict=True)):
+            found[number] = index if found[number] < 0 else found[number]
+    return found
+
+
+def _points(places: Sequence[Correction], crs: CRS | str) -> list[Any]:
+    if not places:
+        return []
+    lonlat = np.array([one.place for one in places], float)
+    return shapely.points(np.column_stack(between(LONLAT, crs)(*lonlat.T))).tolist()
+
+
+def _placed(said: Mapping[str, Correction]) -> Correction | None:
+    """One of the corrections of a thing that tells where it is."""
+    return next((one for one in said.values() if one.place is not None), None)

@@ -1,0 +1,164 @@
+"""Taking back what people corrected, in an export or in the viewer: what differs from what was published goes beside the file
+of the block, or of the city of which that is a part."""
+
+from __future__ import annotations
+
+import io
+from collections import defaultdict
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any
+
+from catalogs.block.corrections import (
+    OF_BUILDINGS,
+    OF_FACADES,
+    Correction,
+    add_corrections,
+    corrections_file,
+    home_of,
+    read_corrections,
+)
+from catalogs.published.places import Folder
+from catalogs.published.runs import CITY, runs_in
+from catalogs.published.snapshot import current
+from catalogs.readers.annotations import Said, pictures_of, read_annotations, said_in
+from facade_core.errors import InputError
+from tasks.corrections.told import Told
+from tasks.published.opened import Published, published
+from tasks.store.standing import recorded_source
+
+
+@dataclass(frozen=True)
+class Imported:
+    """What an import came to: the files it went to, the command that does again what depends on it, and how many facades and
+    buildings were corrected. notes: corrections by somebody else that newer ones took the place of, and what is not taken."""
+
+    files: tuple[Path, ...]
+    command: str
+    facades: int
+    buildings: int
+    notes: tuple[str, ...]
+
+    def lines(self) -> list[str]:
+        if not self.files:
+            return ["nothing differs from what was published; nothing was written"]
+        where = self.files[0] if len(self.files) == 1 else f"{len(self.files)} files beside those of the blocks"
+        return [
+            f"{self.facades} facades and {self.buildings} buildings corrected in {where}",
+            f"what depends on them is due: {self.command}",
+        ]
+
+
+def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when: datetime | None = None) -> Imported:
+    """Take back corrections of what the run in `out`, or the runs of a city's blocks there, published from a file. All are
+    written, or none.
+
+    Raises InputError for a file that is none, ids that are not there, and values that cannot be.
+    """
+    by = _by(who, why, when)
+    if (out / CITY).is_file():
+        return _import_of_city(out, path, by)
+    with published(out) as found:
+        said = read_annotations(path, pictures_of(list(found.plan.facades.id)))
+        run = found.snapshot.out
+        return _kept(run, [_told(run, found, said, str(path), by)])
+
+
+def take_corrections(
+    out: Folder, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = ""
+) -> Imported:
+    """The same of one run, of corrections as streetloom's own JSON lists them; `named`: what they are called where one cannot
+    be."""
+    with published(out) as found:
+        return _kept(out, [_told(out, found, said_in(corrections, named), named, _by(who, why))])
+
+
+def block_of(out: Folder) -> Path:
+    """The block file of the run in `out`, beside which its corrections are. Raises InputError where it is gone."""
+    block = recorded_source(out)
+    if block is None or not block.is_file():
+        raise InputError(f"{out}: its block file {block or ''} is not there any more; corrections are kept beside it")
+    return block
+
+
+# The block file of a run, what is new of it, and what to look at.
+_New = tuple[Path, list[Correction], list[str]]
+
+
+def _by(who: str, why: str, when: datetime | None = None) -> Correction:
+    return Correction("", "", None, who=who, when=(when or datetime.now(UTC)).strftime("%Y-%m-%dT%H:%M:%SZ"), why=why)
+
+
+def _told(out: Folder, found: Published, said: Sequence[Said], named: str, by: Correction) -> _New:
+    block = block_of(out)
+    told = Told(found, read_corrections(block))
+    return block, told.corrections(named, said, by), told.notes
+
+
+def _kept(out: Folder, of_blocks: Sequence[_New]) -> Imported:
+    """Keep what is new of some blocks, whose runs are in a folder."""
+    by_file: dict[Path, tuple[Path, list[Correction]]] = {}
+    for block, new, _ in of_blocks:
+        if new:
+            by_file.setdefault(corrections_file(block), (block, []))[1].extend(new)
+    for block, new in by_file.values():
+        add_corrections(block, new)
+    every = [one for _, new, _ in of_blocks for one in new]
+    facades, buildings = (len({one.id for one in every if one.what in kind}) for kind in (OF_FACADES, OF_BUILDINGS))
+    notes = tuple(note for *_, more in of_blocks for note in more)
+    return Imported(tuple(by_file), _command(out, of_blocks[0][0]), facades, buildings, notes)
+
+
+def _command(out: Folder, block: Path) -> str:
+    """What does again what is due of a block whose run, or that of its city, is in a folder."""
+    home = home_of(block)
+    if (out / CITY).is_file():
+        return f"streetloom city {home if home != block else 'CITY.yaml'} --out {out}"
+    if home != block:
+        return f"streetloom city {home} --out {out.parent.parent}"
+    return f"streetloom run {block} --out {out}"
+
+
+def _import_of_city(out: Folder, path: Path, by: Correction) -> Imported:
+    """What a file says of a city goes to the blocks that it is of."""
+    runs = {run.name: run.folder for run in runs_in(out)[0]}
+    of: dict[str, str] = {}
+    facades: list[str] = []
+    for name, folder in runs.items():
+        with current(folder).being_read() as snapshot:
+            mine, houses = _ids_in(snapshot.items)
+        facades += mine
+        of |= dict.fromkeys((*mine, *houses), name)
+    said = read_annotations(path, pictures_of(facades))
+    if any(id not in of for id, _, _ in said):  # a house without a facade is in no catalogue
+        for name, folder in runs.items():
+            with published(folder) as found:
+                of |= {found.names[index]: name for index in found.choose(()).tolist()}
+    by_block = defaultdict(list)
+    for one in said:
+        if one[0] not in of:
+            near = get_close_matches(one[0], of, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(of)[:3])}"
+            raise InputError(f"{path}: no block of the city in {out} has {one[0]}; {hint}")
+        by_block[of[one[0]]].append(one)
+    found_in = []
+    for name, some in by_block.items():
+        with published(runs[name]) as found:
+            found_in.append(_told(runs[name], found, some, str(path), by))
+    return _kept(out, found_in) if found_in else Imported((), "", 0, 0, ())
+
+
+def _ids_in(items: Folder) -> tuple[list[str], list[str]]:
+    """The facades of a catalogue, and their buildings."""
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+
+    try:
+        rows = pq.read_table(io.BytesIO(items.read_bytes()), columns=["id", "kind", "building"]).to_pylist()
+    except (OSError, pa.ArrowException) as error:
+        raise InputError(f"{items}: cannot be read; `streetloom city` publishes again") from error
+    rows = [row for row in rows if row["kind"] == "facade"]
+    return [row["id"] for row in rows], list({row["building"]: None for row in rows})

@@ -1,0 +1,212 @@
+"""What was said of a block against what stands there: corrections are what differs from that."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from difflib import get_close_matches
+from functools import cached_property
+from typing import Any, cast
+
+import numpy as np
+
+from catalogs.block.corrected import LEAST_M
+from catalogs.block.corrections import OF_BUILDINGS, OF_FACADES, Correction, Corrections, checked
+from catalogs.frames import LONLAT, between
+from catalogs.readers.annotations import MEASURED, Said
+from catalogs.readers.vectors.colours import ROOF_MATERIALS, WALL_MATERIALS
+from facade_core.correction import unlike
+from facade_core.errors import InputError
+from facade_core.types import Element
+from tasks.published.opened import Published
+
+# Exports round boxes to a hundredth of a texel, the journal to a tenth: what differs by less was not moved. Heights likewise.
+MOVED, METRES = 0.6, 0.006
+# Roofs that are drawn, by OpenStreetMap's roof:shape; what walls are of, beside what has a colour.
+ROOF_SHAPES = ("flat", "gabled", "hipped", "half-hipped", "pyramidal", "skillion", "gambrel", "mansard")
+PLASTER = "plaster"
+# What a model's own shape says.
+OF_SHAPE = ("height", "roof_shape", "roof_height")
+
+
+class Told:
+    """What stands of a block now: as published, or as somebody corrected it. notes: what to look at of what was said."""
+
+    def __init__(self, found: Published, before: Corrections) -> None:
+        self.found = found
+        self.before = before.under(cast(dict[str, str], found.group.attrs.get("known_by_place", {})))
+        self.facades = {id: index for index, id in enumerate(found.plan.facades.id)}
+        self.buildings = {id: index for index, id in found.names.items()}
+        self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
+        self.notes: list[str] = []
+
+    def corrections(self, named: str, said: Sequence[Said], by: Correction) -> list[Correction]:
+        """Those of what was said that are another than what stands, `by` whom. Raises InputError, with what they are `named`,
+        for what cannot be."""
+        new = [one for id, what, value in said if (one := self._correction(named, id, what, value, by)) is not None]
+        shapes = {one.id: one.value for one in new if one.what == "roof_shape"}
+        for one in new:
+            if one.what != "roof_height" or one.value is None:
+                continue
+            if (shapes.get(one.id) or self._stands(one.id, "roof_shape")) in (None, "flat"):
+                raise InputError(f"{named}: {one.id}: its roof is flat and has no height; give a roof_shape too")
+        return new
+
+    def _correction(self, named: str, id: Any, what: str, value: Any, by: Correction) -> Correction | None:
+        """What was said, as a correction; None where nothing is another than it stands."""
+        known = self.facades if what in OF_FACADES else self.buildings
+        of_building = what in (*OF_BUILDINGS, MEASURED)
+        if of_building and id in known and value is not None and self._same(id, what, value, self._stands(id, what)):
+            return None  # what an export wrote is never refused
+        if what == MEASURED and id in known:
+            self.notes.append(
+                f"{id}: a measured height follows from the eaves and the roof and is not taken; give the height of its eaves"
+            )
+            return None
+        if what == "roof_height" and value == 0 and id in known:  # of a flat roof exports say so
+            if self._stands(id, "roof_shape") not in (None, "flat"):
+                self.notes.append(f"{id}: a roof height of 0 is not taken; say by its shape that it is flat")
+            return None
+        try:
+            one = checked(replace(by, id=id, what=what, value=value))
+        except InputError as error:
+            raise InputError(f"{named}: {error}") from error
+        if id not in known:
+            kind = "facade" if what in OF_FACADES else "building"
+            near = get_close_matches(id, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"known are e.g. {', '.join(list(known)[:3])}"
+            raise InputError(f"{named}: the block {self.found.block} has no {kind} {id}; {hint}")
+        if one.value is None:
+            if self.before.value(id, what) is None:
+                return None
+        elif self._same(id, what, one.value, self._stands(id, what)):
+            return None
+        elif reason := self._impossible(one):
+            raise InputError(f"{named}: {id}: {reason}")
+        self._conflict(one)
+        return self._placed(one) if what in OF_FACADES else self._standing(one)
+
+    def _impossible(self, one: Correction) -> str | None:
+        """Why something cannot be corrected to a value; None where it can."""
+        if one.what == "exemplar" and one.value not in self.exemplars:
+            return f"there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
+        if one.what in _WORDS and one.value not in (words := _WORDS[one.what]()):
+            near = get_close_matches(one.value, words, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(words)}"
+            return f"nothing is drawn of {one.what} {one.value}; {hint}"
+        if one.what in OF_SHAPE and self._column("height_source", one.id) == "model":
+            return f"it is a model, whose {one.what} is as given; correct the model"
+        begins = float(self._column("raised", one.id) or 0.0) if one.what == "height" else 0.0
+        if one.what == "height" and one.value < begins + LEAST_M:
+            return f"it begins {begins:g} m over the ground and cannot end at {one.value:g} m"
+        return None
+
+    def _stands(self, id: str, what: str) -> Any:
+        """What is said of something, or else what was published of it."""
+        corrected = self.before.value(id, what)
+        if corrected is not None:
+            return corrected
+        match what:
+            case "elements":
+                return self._elements(id)
+            case "facade":
+                return True
+            case "hide" | "keep":
+                return ()
+            case "exemplar":
+                return None
+            case "levels":
+                return int(self._column("levels", id)) or None
+            case _ if what == MEASURED:
+                return self._measured.get(id)
+            case _:
+                value = self._column(what, id)
+                return None if value is None or value == "" or value != value else value
+
+    def _column(self, name: str, building: str) -> Any:
+        """What was published of a building; None in a store of before that was kept."""
+        table = self.found.buildings
+        return table[name][self.buildings[building]] if name in table else None
+
+    @cached_property
+    def _measured(self) -> dict[str, float]:
+        """How high each building is in exports of CityJSON."""
+        from tasks.export.city import measured_heights
+
+        return measured_heights(self.found)
+
+    def _same(self, id: str, what: str, value: Any, stands: Any) -> bool:
+        if stands is None:
+            return False
+        if what == "elements":
+            said, there = (self._drawn(id, layout) for layout in (value, stands))
+            return len(said) == len(there) and not (
+                unlike(said, there, moved=MOVED) or unlike(there, said, moved=MOVED)
+            )
+        if what in ("height", "roof_height", MEASURED):
+            return isinstance(value, int | float) and math.isclose(value, stands, rel_tol=0.0, abs_tol=METRES)
+        return bool(value == stands)
+
+    def _drawn(self, facade: str, shares: Sequence[Sequence[Any]]) -> list[Element]:
+        """Elements in shares of a wall, in its texels."""
+        height, width = self._size(facade)
+        return [Element(label, x0 * width, y0 * height, x1 * width, y1 * height) for label, x0, y0, x1, y1 in shares]
+
+    def _elements(self, facade: str) -> list[Any]:
+        height, width = self._size(facade)
+        found = self.found.elements(self.facades[facade])
+        shares = [(e.label, e.x0 / width, e.y0 / height, e.x1 / width, e.y1 / height) for e in found]
+        return [(label, *(min(max(v, 0.0), 1.0) for v in box)) for label, *box in shares]
+
+    def _size(self, facade: str) -> tuple[int, int]:
+        placement, chart = self.found.plan.scene.placement, int(self.found.plan.facades.chart[self.facades[facade]])
+        return int(placement.height[chart]), int(placement.width[chart])
+
+    def _conflict(self, one: Correction) -> None:
+        stands = self.before.of.get(one.id, {}).get(one.what)
+        if stands is not None and stands.who != one.who:
+            self.notes.append(
+                f"{one.what} of {one.id}: {stands.who or 'somebody'} corrected it on {stands.when[:10]}, {one.who} does now, "
+                "which counts; both are kept"
+            )
+
+    def _placed(self, one: Correction) -> Correction:
+        plan, index = self.found.plan, self.facades[one.id]
+        charts, chart = plan.scene.charts, int(plan.facades.chart[index])
+        middle = charts.origin[chart, :2] + charts.axis_u[chart, :2] * charts.size[chart, 0] / 2
+        longitude, latitude = between(self.found.crs, LONLAT)(middle[:1], middle[1:])
+        return replace(
+            one,
+            place=(round(float(longitude[0]), 7), round(float(latitude[0]), 7)),
+            width=round(float(plan.facades.width[index]), 2),
+        )
+
+    def _standing(self, one: Correction) -> Correction:
+        """A correction of a building with a place in its outline."""
+        outline = self._outlines.get(self.buildings[one.id])
+        if outline is None:
+            return one
+        point = outline.representative_point()
+        longitude, latitude = between(self.found.crs, LONLAT)(np.array([point.x]), np.array([point.y]))
+        return replace(one, place=(round(float(longitude[0]), 7), round(float(latitude[0]), 7)))
+
+    @cached_property
+    def _outlines(self) -> Mapping[int, Any]:
+        from facade_core.export.footprints import footprints
+
+        return footprints(self.found.textured)
+
+
+def _roofing() -> list[str]:
+    from facade_core.street.field import ROOFING
+
+    return sorted({*ROOF_MATERIALS, *(name for names in ROOFING.values() for name in names)})
+
+
+# The words that are drawn, of what is corrected to one.
+_WORDS = {
+    "roof_shape": lambda: list(ROOF_SHAPES),
+    "wall_material": lambda: sorted({PLASTER, *WALL_MATERIALS}),
+    "roof_material": _roofing,
+}

@@ -1,0 +1,108 @@
+"""What people corrected of a city: beside its own file, done again in the blocks that it touches, kept however it is cut."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from catalogs.block import read_block
+from catalogs.block.corrections import Correction, corrections_file, read_corrections
+from catalogs.query import query
+from facade_core.errors import InputError
+from tasks.city.account import known
+from tasks.city.blocks import read_city
+from tasks.corrections import import_corrections, take_corrections
+from tasks.export.formats import export
+from tasks.stages.publish import publish_block
+from tasks.store.standing import record_source
+from tests.pipeline.stages import texture, write_block
+
+# Houses along one street, farther apart than context reaches, and one beside the second; a block each, the last two in one.
+HOUSES = {"h0": (4, 5, 12, 2.8, 7.0), "h1": (304, 5, 12, 2.8, 7.0), "h2": (324, 5, 12, 2.8, 9.0)}
+STREETS = {"1": [(0, 0), (300, 0), (345, 0)]}
+
+
+def town(folder: Path, metres: int = 300, houses: dict[str, tuple[float, ...]] = HOUSES) -> Path:
+    block = write_block(folder, buildings=houses, streets=STREETS)
+    keys = yaml.safe_load(block.read_text()) | {"name": "town", "cut": {"metres": metres}}
+    (folder / "town.yaml").write_text(yaml.safe_dump(keys))
+    return folder / "town.yaml"
+
+
+def made(city: Path, *names: str) -> dict[str, Path]:
+    """The blocks of a city, textured and published: all, or some; their files by name."""
+    out = city.parent / "out"
+    files = known(city, out)[1]
+    for name in names or files:
+        done = texture(files[name], out / "blocks" / name)
+        record_source(out / "blocks" / name, files[name])
+        publish_block.fn(done.run, files[name])
+    return files
+
+
+def said(folder: Path, *corrections: dict[str, Any]) -> Path:
+    (folder / "said.json").write_text(json.dumps({"corrections": corrections}))
+    return folder / "said.json"
+
+
+def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_path: Path) -> None:
+    city, out = town(tmp_path), tmp_path / "out"
+    files = made(city)
+    before = known(city, out)[0].digests
+    assert len(before) == 2
+    of = {b: name for name in files for b in read_block(files[name]).part.buildings}  # type: ignore[union-attr]
+    store = tmp_path / "town.corrections.jsonl"
+    done = import_corrections(
+        out,
+        said(
+            tmp_path,
+            {"building_id": "h1", "height": 9.5, "wall_material": "brick"},
+            {"facade_id": "h2-0", "elements": [["door", 0.4, 0.7, 0.5, 1.0]]},
+        ),
+        who="anna",
+    )
+    assert (done.files, done.facades, done.buildings) == ((store,), 1, 1)
+    assert done.command == f"streetloom city {city} --out {out}"
+    after = known(city, out)[0].digests
+    assert [name for name in before if before[name] != after[name]] == [of["h1"]] == [of["h2"]]
+    made(city, of["h1"])
+    assert set(query(out, where="corrected = 1")["building"]) == {"h1", "h2"}
+    assert set(query(out, where="building = 'h1'")["height_m"]) == {9.5}
+    assert read_block(files[of["h1"]]).digest == after[of["h1"]], "its run reads what the city was cut with"
+    for name in files:
+        given = export(out / "blocks" / name, "cityjson", tmp_path / f"exported-{name}").path
+        assert not import_corrections(out, next(given.glob("*.city.json")), who="ben").files
+
+    # of a block by itself, as the viewer does, it goes to the same file
+    take_corrections(out / "blocks" / of["h0"], [{"building_id": "h0", "levels": 2}], "said", who="ben")
+    assert {"h0", "h1", "h2-0"} == set(read_corrections(city).of)
+    assert corrections_file(files[of["h0"]]) == store
+    with pytest.raises(InputError, match=r"no block of the city in .* has h9"):
+        import_corrections(out, said(tmp_path, {"building_id": "h9", "levels": 2}), who="anna")
+
+    # cut otherwise, with another id for a house and one house less: nothing is lost
+    renamed = {"h0": HOUSES["h0"], "x": HOUSES["h1"]}
+    cut = read_city(town(tmp_path, 5000, renamed), out)
+    (block,) = [read_block(one.file) for one in cut.blocks]
+    assert {building.id: building.height for building in block.buildings} == {"h0": 7.0, "x": 9.5}
+    assert {building.id: building.finish.wall_material for building in block.buildings} == {"h0": None, "x": "brick"}
+    assert set(block.corrections.of) == {"h0", "x"}
+    assert [one for one in cut.set_aside if one[0] == "correction"] == [
+        ("correction", "h2-0", "corrected, and not in the city as it is: kept and not used")
+    ]
+    assert {"h0", "h1", "h2-0"} == set(read_corrections(city).of)
+
+
+def test_corrections_beside_a_block_of_a_city_go_to_the_citys(tmp_path: Path) -> None:
+    city, folder = town(tmp_path), tmp_path / "out" / "input"
+    folder.mkdir(parents=True)
+    line = json.dumps({"id": "h0-0", "what": "facade", "value": False})
+    (folder / "x0y0.corrections.jsonl").write_text(line)
+    blocks = read_city(city, tmp_path / "out").blocks
+    assert not list(folder.glob("*.jsonl"))
+    assert read_corrections(city).of["h0-0"]["facade"] == Correction("h0-0", "facade", False)
+    assert [set(read_block(one.file).corrections.of) for one in blocks] == [{"h0-0"}, set()]
