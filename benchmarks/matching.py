@@ -22,7 +22,7 @@ from facade_core.rectify import rectify
 from facade_core.rectify.matching import likely_walls, taken_by
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 from facade_core.types import Pose
-from tasks.matching import CANDIDATES, LEAST, SURE
+from tasks.matching.finding import CANDIDATES, LEAST, SURE
 
 WIDE_DEG, SIZE, PANORAMA = 75.0, (960, 1280), 4096
 
@@ -81,7 +81,7 @@ def measure(streets: int, buildings: int) -> dict[str, Any]:
                 if taken is None:
                     counts["lost"] += 1
                     continue
-                likely = likely_walls(street.scene, walls, taken, near, stated[name], seed=0)
+                likely = likely_walls(street.scene, walls, taken, near, stated[name], seed=0).likely
                 counts[_outcome(walls, likely, chart)] += 1
             seconds.append(time.perf_counter() - begun)
     return {name: dict(sorted(counts.items())) for name, counts in told.items()} | {

@@ -42,6 +42,23 @@ class Taken:
     roof: float | None
 
 
+@dataclass(frozen=True, slots=True)
+class Likely:
+    """Of walls, how likely it is that a photo's middle shows each, and what speaks for it.
+
+    Args:
+        likely: (n,) they sum to less than 1, as it may show none.
+        met: (n,) the share of the tried places from which the ray through the photo's middle meets it.
+        turned: (n,) degrees from the stated heading to that of a camera that sees it so; NaN where none is stated.
+        roof: (n,) metres over the ground at which the photo has its roof; NaN where that is not seen, or it is not met.
+    """
+
+    likely: np.ndarray
+    met: np.ndarray
+    turned: np.ndarray
+    roof: np.ndarray
+
+
 def taken_by(image: np.ndarray, seen: np.ndarray, homography: np.ndarray, focal: float, size: tuple[int, int]) -> Taken:
     """What a photo of size (h, w) tells that a homography (3, 3) rectifies to image (H, W, 3), seen (H, W) bool; focal in photo
     pixels; the principal point is the photo's centre."""
@@ -88,10 +105,9 @@ def _roof(image: np.ndarray, seen: np.ndarray, middle: float, camera: np.ndarray
 
 def likely_walls(
     scene: Scene, walls: np.ndarray, taken: Taken, place: np.ndarray, heading: float | None, *, seed: int
-) -> np.ndarray:
-    """How likely it is of each wall (n,), by its chart, that a photo's middle shows it, (n,).
+) -> Likely:
+    """How likely it is of each wall (n,), by its chart, that a photo's middle shows it.
 
-    They sum to less than 1, as it may show none.
     place (3,): where the photo says that it was taken, on the ground, metres; heading: degrees clockwise from the frame's
     north, None where it states none. seed: of the places around it that are tried."""
     charts = scene.charts
@@ -107,17 +123,21 @@ def likely_walls(
     )
     around = np.random.default_rng(seed).normal(0, PLACE_M, (PLACES, 2))
     origin = np.column_stack([place[:2] + around, np.full(PLACES, place[2] + LOOK_M)])
-    likely = np.zeros(len(walls))
+    likely, shares = np.zeros(len(walls)), np.zeros(len(walls))
+    turned, roof = np.full(len(walls), np.nan), np.full(len(walls), np.nan)
     for i in tried.tolist():
         metres, met = scene.caster.cast(origin, np.broadcast_to(way[i], origin.shape))
         hit = (met == walls[i]) & (metres < REACH_M)
+        shares[i] = hit.mean()
         weight = hit.astype(float)
         if taken.roof is not None:
             before = np.where(hit, metres, 1.0) * taken.ahead[1]
             over = charts.size[walls[i], 1] - EYE_M
             weight *= np.exp(-((np.log(max(over, 0.5) / np.maximum(taken.roof * before, 0.5)) / ROOF) ** 2) / 2)
+            roof[i] = EYE_M + taken.roof * np.median(before[hit]) if hit.any() else np.nan
         likely[i] = weight.mean()
         if heading is not None:
             off = (np.degrees(np.arctan2(way[i, 0], way[i, 1])) - heading + 180) % 360 - 180
             likely[i] *= (1 - LYING) * np.exp(-((off / HEADING_DEG) ** 2) / 2) + LYING
-    return likely / (likely.sum() + ELSEWHERE)
+            turned[i] = off
+    return Likely(likely / (likely.sum() + ELSEWHERE), shares, turned, roof)

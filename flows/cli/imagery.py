@@ -87,13 +87,16 @@ def fetch_imagery(
     "--poses", type=EXISTING_FILE, help="Where photos were taken, instead of their EXIF: CSV of file,lon,lat,heading."
 )
 @click.option("--out", type=NEW_FILE, help="The table.  [default: matches.csv beside the block file]")
-@click.option("--take", type=EXISTING_FILE, metavar="TABLE", help="Copy the photos to the block, as this table says.")
-def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, take: Path | None) -> None:
+@click.option(
+    "--take", "taken", type=EXISTING_FILE, metavar="TABLE", help="Copy the photos to the block, as this table says."
+)
+def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, taken: Path | None) -> None:
     """Find out which facades photos show: by where they say they were taken, and what they show of walls and roofs.
 
     Photos are as taken from the street, under any name, the wall in their middle. A table tells the facade of each that
     is sure, and the candidates of the others: write the right one into its column `facade`, or leave it empty. With --take
-    its photos are copied to the block's, under their facades' names.
+    its photos are copied to the block's, under their facades' names; copies of before that it says otherwise of now go.
+    `streetloom view OUT --edit --photos PHOTOS` shows them beside their candidates, to choose on a page.
 
     \b
     Examples:
@@ -102,33 +105,42 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     """
     from facade_core.errors import InputError
     from flows.cli.console import progress
-    from tasks.matching import check_new, match_photos, take_matches, write_matches
+    from tasks.matching.finding import match_photos
+    from tasks.matching.table import TABLE, read_table, write_table
+    from tasks.matching.taking import take, taking
 
-    if take is not None:
+    if taken is not None:
         if poses is not None or out is not None:
             raise click.UsageError(
                 "--take: the photos' places and the table are those of before; leave out --poses and --out"
             )
-        count, by_hand = take_matches(block_file, photos, take)
-        say(f"photos     {count} taken")
+        found = taking(block_file, photos, read_table(taken))
+        by_hand = take(found)
+        say(f"photos     {found.count} taken")
         if by_hand:
             note(f"write into the block file: {by_hand}")
         say(f"ready: streetloom run {block_file}")
         return
-    table = out or block_file.parent / "matches.csv"
-    check_new(table)
+    table = out or block_file.parent / TABLE
     with progress(quiet=not sys.stderr.isatty()):
-        matches, faults = match_photos(block_file, photos, poses)
+        found_table, faults = match_photos(block_file, photos, table, poses)
     for fault in faults:
         note(f"{fault.id}: {fault.reason}")
+    matches = found_table.matches()
     if not matches:
         raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")
-    write_matches(matches, table)
+    write_table(found_table)
     for one in matches:
-        told = ", ".join(f"{facade} ({probability:.2f})" for facade, probability in one.candidates)
-        sure = f"{one.facade} ({one.candidates[0][1]:.2f})" if one.facade else f"? {told or 'no wall of the block'}"
-        say(f"{one.photo.name}  {sure}")
-    say(f"{sum(one.facade is not None for one in matches)} of {len(matches)} are sure; the others' candidates: {table}")
+        told = ", ".join(f"{each.facade} ({each.probability:.2f})" for each in one.candidates)
+        sure = (
+            f"{one.facade} ({one.candidates[0].probability:.2f})"
+            if one.facade
+            else f"? {told or 'no wall of the block'}"
+        )
+        say(f"{one.photo}  {sure}")
+    say(f"{sum(bool(one.facade) for one in matches)} of {len(matches)} are sure; the others' candidates: {table}")
+    if out is None:
+        say(f"to decide on a page: streetloom view OUT --edit --photos {photos}")
     say(f"then: streetloom match {block_file} {photos} --take {table}")
 
 

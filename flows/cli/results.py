@@ -226,18 +226,26 @@ def catalog(folder: Folder, to: str | None) -> None:
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
 @click.option("--edit", is_flag=True, help="Let whoever opens the address that is printed correct facades; see below.")
 @click.option("--who", metavar="NAME", help="With --edit: who corrects.  [default: this user]")
-def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str | None) -> None:
+@click.option(
+    "--photos",
+    type=EXISTING_FOLDER,
+    help="With --edit: photos whose walls are to be decided, after `streetloom match`.",
+)
+def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str | None, photos: Path | None) -> None:
     """Serve a page of the run in folder OUT: map, facades stage by stage, streets, the block in 3D, where a finished run
     opens. Ctrl-C ends it.
 
     With --edit, boxes are drawn, moved and deleted on the facades' pictures, and kept as `streetloom import` keeps them; a
-    button runs what is due. On this machine only, for who has the address, which no browser is told of: others would see it.
+    button runs what is due. With --photos too, those that `streetloom match` left to a person are shown beside the walls
+    that they may show, and go the way of its --take. On this machine only, for who has the address, which no browser is
+    told of: others would see it.
 
     \b
     Examples:
       streetloom view out/demo
       streetloom view out/mine --port 0 --no-open      beside a run that is still going
       streetloom view out/mine --edit --who anna
+      streetloom view out/mine --edit --photos my-photos/
     """
     from facade_core.errors import InputError
     from flows.cli.interrupts import end_early
@@ -246,16 +254,23 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         raise InputError(f"--host: is empty; name an address, such as {VIEWER_HOST}")
     if who is not None and not edit:
         raise click.UsageError("--who needs --edit")
+    if photos is not None and not edit:
+        raise click.UsageError("--photos needs --edit")
     out = _run_in(out)
     try:
         from flows.viewer.app import serve
         from flows.viewer.editing import Editor
         from tasks.corrections import block_of
+        from tasks.matching.table import TABLE
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
     if edit:
-        block_of(out)  # beside which corrections are kept
+        beside = block_of(out).parent  # where corrections are kept
+        if photos is not None and not (beside / TABLE).is_file():
+            raise InputError(
+                f"{beside / TABLE}: there is no such table; write it: streetloom match {block_of(out)} {photos}"
+            )
 
     def ready(address: str, seen_by: str | None) -> None:
         if seen_by:
@@ -268,7 +283,7 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
             webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
 
     end_early("the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was")
-    serve(out, host, port, ready, Editor(who or user()) if edit else None)
+    serve(out, host, port, ready, Editor(who or user(), photos) if edit else None)
 
 
 def _run_in(folder: Folder) -> Folder:

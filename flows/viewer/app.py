@@ -22,6 +22,7 @@ from facade_core.errors import FacadeError, InputError, StoreError
 from flows.lock import is_held
 from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import Guard, guard, in_address
+from flows.viewer.matching import match_routes
 from flows.viewer.model import model, model_file
 from tasks.viewing import Reader, picture, stages
 from tasks.viewing.growth import Growth
@@ -125,6 +126,8 @@ def application(out: Folder, host: str, bound: str, editor: Editor | None = None
     ]
     if editor is not None:
         routes += edit_routes(reader, editor)
+        if editor.photos is not None:
+            routes += match_routes(reader, editor, editor.photos)
     middleware = [
         Middleware(_Guarded, guard=who),
         Middleware(GZipMiddleware, minimum_size=2000),

@@ -6,6 +6,7 @@ import json
 import secrets
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from starlette.concurrency import run_in_threadpool
@@ -30,9 +31,11 @@ MOST_BYTES = 1_000_000
 
 @dataclass(frozen=True)
 class Editor:
-    """Who corrects what the viewer shows: the name that is kept with corrections, and the token that the page must state."""
+    """Who corrects what the viewer shows: the name that is kept with corrections, the folder of photos that they say the walls
+    of, and the token that the page must state."""
 
     who: str
+    photos: Path | None = None
     token: str = field(default_factory=lambda: secrets.token_urlsafe(24))
 
 
@@ -41,7 +44,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
     redo = Redo(reader.out)
 
     def state(request: Request) -> dict[str, Any]:
-        return {"who": editor.who, "labels": ELEMENT_CLASSES, "redo": redo.said()}
+        return {"who": editor.who, "labels": ELEMENT_CLASSES, "redo": redo.said(), "photos": editor.photos is not None}
 
     def stand_of(id: str) -> dict[str, Any]:
         view = reader.view()
@@ -64,37 +67,43 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
         redo.start(block_of(reader.out))
         return redo.said()
 
-    def read(make: Callable[[Request], dict[str, Any]]) -> Callable[..., Any]:
-        async def endpoint(request: Request) -> Response:
-            if refused := _refused(request, editor, writes=False):
-                return refused
-            return await _answered(make, request)
-
-        return endpoint
-
-    def written(make: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
-        async def endpoint(request: Request) -> Response:
-            if refused := _refused(request, editor, writes=True):
-                return refused
-            body = b""
-            async for part in request.stream():
-                body += part
-                if len(body) > MOST_BYTES:
-                    return JSONResponse({"reason": "that is too much for corrections"}, 413)
-            try:
-                said = json.loads(body)
-            except (ValueError, RecursionError):
-                return JSONResponse({"reason": "what is sent is no JSON"}, 400)
-            return await _answered(make, said)
-
-        return endpoint
-
     return [
-        Route("/edit/state", read(state)),
-        Route("/edit/facade", read(facade)),
-        Route("/edit/corrections", written(save), methods=["POST"]),
-        Route("/edit/redo", written(start), methods=["POST"]),
+        Route("/edit/state", read(editor, state)),
+        Route("/edit/facade", read(editor, facade)),
+        Route("/edit/corrections", written(editor, save), methods=["POST"]),
+        Route("/edit/redo", written(editor, start), methods=["POST"]),
     ]
+
+
+def read(editor: Editor, make: Callable[[Request], dict[str, Any] | Response]) -> Callable[..., Any]:
+    """What answers who holds the editor's token."""
+
+    async def endpoint(request: Request) -> Response:
+        if refused := _refused(request, editor, writes=False):
+            return refused
+        return await _answered(make, request)
+
+    return endpoint
+
+
+def written(editor: Editor, make: Callable[[Any], dict[str, Any]]) -> Callable[..., Any]:
+    """What takes JSON of who holds the editor's token, on the viewer's own page."""
+
+    async def endpoint(request: Request) -> Response:
+        if refused := _refused(request, editor, writes=True):
+            return refused
+        body = b""
+        async for part in request.stream():
+            body += part
+            if len(body) > MOST_BYTES:
+                return JSONResponse({"reason": "that is too much for corrections"}, 413)
+        try:
+            said = json.loads(body)
+        except (ValueError, RecursionError):
+            return JSONResponse({"reason": "what is sent is no JSON"}, 400)
+        return await _answered(make, said)
+
+    return endpoint
 
 
 def _refused(request: Request, editor: Editor, *, writes: bool) -> Response | None:
@@ -104,9 +113,10 @@ def _refused(request: Request, editor: Editor, *, writes: bool) -> Response | No
     return JSONResponse({"reason": found[1]}, found[0]) if found else None
 
 
-async def _answered(make: Callable[[Any], dict[str, Any]], asked: Any) -> Response:
+async def _answered(make: Callable[[Any], dict[str, Any] | Response], asked: Any) -> Response:
     try:
-        return JSONResponse(await run_in_threadpool(make, asked))
+        made = await run_in_threadpool(make, asked)
+        return made if isinstance(made, Response) else JSONResponse(made)
     except StoreError as error:
         return JSONResponse({"reason": str(error)}, 503)
     except (FacadeError, ValueError) as error:

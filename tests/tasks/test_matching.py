@@ -16,7 +16,8 @@ from catalogs.block import read_block
 from facade_core.errors import InputError
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import main
-from tasks.matching import take_matches
+from tasks.matching.table import Decision, decided, read_table, write_table
+from tasks.matching.taking import take, taking
 from tests.pipeline.stages import EAST, NORTH, write_block
 
 LONLAT = Transformer.from_crs("EPSG:32635", "EPSG:4326", always_xy=True)
@@ -82,13 +83,15 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert "is there and may have been mended" in refused.output
     # as a spreadsheet saves it
     table.write_text(table.read_text().replace(",", ";"))
-    again = CliRunner().invoke(main, ["match", str(block_file), str(photos), "--take", str(table)])
-    assert again.exit_code == 0, again.output
+    taken = CliRunner().invoke(main, ["match", str(block_file), str(photos), "--take", str(table)])
+    assert taken.exit_code == 0, taken.output
     block = read_block(block_file)
     assert block.photos == {facade: block_file.parent / "photos" / f"{facade}.jpg"}
     assert not block.photos_rectified
     assert block.photos[facade].read_bytes() == (photos / "IMG_1.jpg").read_bytes()
-    assert take_matches(block_file, photos, table) == (1, None), "again is the same"
+    again = taking(block_file, photos, read_table(table))
+    assert (again.count, again.copied, again.gone) == (1, {}, ()), "again is the same"
+    assert take(again) is None
     assert len(list((block_file.parent / "photos").iterdir())) == 1
 
 
@@ -108,11 +111,56 @@ def test_a_table_that_names_what_is_not_there_takes_nothing(block_file: Path, ro
     table = block_file.parent / "mended.csv"
     table.write_text("photo,facade,probability,candidates\n" + rows.format(a=facade) + "\n")
     with pytest.raises(InputError, match=said):
-        take_matches(block_file, block_file.parent.parent / "photos", table)
+        taking(block_file, block_file.parent.parent / "photos", read_table(table))
     assert not (block_file.parent / "photos").exists()
 
 
 def test_a_file_that_is_no_table_is_refused(block_file: Path) -> None:
     (wrong := block_file.parent / "wrong.csv").write_text("file,wall\nIMG_1.jpg,a\n")
     with pytest.raises(InputError, match="has no columns `photo` and `facade`"):
-        take_matches(block_file, block_file.parent.parent / "photos", wrong)
+        read_table(wrong)
+
+
+def test_what_is_decided_otherwise_leaves_the_block(block_file: Path) -> None:
+    """A photo that was taken for one house goes to the other with the table, and a person's `none` is kept as such."""
+    photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
+    assert CliRunner().invoke(main, ["match", str(block_file), str(photos)]).exit_code == 0
+    table = read_table(path)
+    first, far = sorted(table.matches(), key=lambda match: match.photo)
+    assert first.candidates[0].facade == first.facade
+    assert first.candidates[0].probability > 0.8
+    assert "degrees off the stated heading, its roof at " in first.candidates[0].why
+    assert first.place is not None
+    assert first.heading is not None
+    assert (far.decided, far.candidates) == (False, ())
+    take(taking(block_file, photos, table))
+    other = next(f"b-{n}" for n in range(4) if f"b-{n}" != first.facade)
+    none = Decision("far.jpg", "", True, ("", ""))
+    table = decided(table, [Decision("IMG_1.jpg", other, True, (first.facade, "")), none], who="anna")
+    write_table(table)
+    assert read_table(path) == table
+    assert {match.photo: (match.facade, match.by) for match in read_table(path).matches()} == {
+        "IMG_1.jpg": (other, "anna"),
+        "far.jpg": ("", "anna"),
+    }
+    take(taking(block_file, photos, table))
+    assert [file.name for file in (block_file.parent / "photos").iterdir()] == [f"{other}.jpg"]
+    assert list(read_block(block_file).photos) == [other]
+    with pytest.raises(InputError, match="meanwhile"):
+        decided(table, [none], who="ben")
+    with pytest.raises(InputError, match=r"has no photo 'IMG_7\.jpg' any more"):
+        decided(table, [Decision("IMG_7.jpg", "", True, ("", ""))], who="ben")
+    nothing = decided(table, [Decision("IMG_1.jpg", "", True, (other, "anna"))], who="ben")
+    with pytest.raises(InputError, match=r"no photo would be left; remove imagery\.photos"):
+        taking(block_file, photos, nothing)
+
+
+def test_a_photo_that_somebody_named_by_hand_stays(block_file: Path) -> None:
+    """What the table leaves open says nothing of the block's photos."""
+    photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
+    path.write_text("photo,facade\nIMG_1.jpg,a-0\n")
+    take(taking(block_file, photos, read_table(path)))
+    path.write_text("photo,facade,candidates\nIMG_1.jpg,,a-0 0.5; b-0 0.4\n")
+    table = read_table(path)
+    assert [(one.facade, one.probability) for one in table.matches()[0].candidates] == [("a-0", 0.5), ("b-0", 0.4)]
+    assert taking(block_file, photos, table).gone == ()

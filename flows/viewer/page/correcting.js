@@ -1,7 +1,9 @@
-// Correcting facades, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page.
+// Correcting facades, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page; and
+// #/photos where it was given photos.
 
 import { Editor } from "./editor.js";
 import { ask, element, facadeAddress, picture, said } from "./elements.js";
+import { Photos } from "./photos.js";
 
 const LOOK_AGAIN_MS = 1000;
 // Stages that have the wall's own size: what elements are drawn on.
@@ -17,6 +19,7 @@ export async function begin(token, again) {
       body: body === undefined ? undefined : JSON.stringify(body),
     });
     if (answer.status === 404) return null;
+    if (answer.headers.get("Content-Type") === "image/jpeg") return answer.blob();
     const words = await answer.json();
     if (!answer.ok) throw new Error(words.reason || answer.statusText);
     return words;
@@ -32,7 +35,8 @@ class Correcting {
     this.run = element("button", { type: "button", id: "redo-now", onclick: () => this.redo() }, "Redo now");
     this.running = element("p", { role: "status", id: "redo-said" });
     document.getElementById("editing").replaceChildren(this.run, this.running);
-    addEventListener("beforeunload", (event) => [...this.open.values()].some((one) => one.dirty()) && event.preventDefault());
+    this.photos = state.photos ? new Photos(told) : null;
+    addEventListener("beforeunload", (event) => ([...this.open.values()].some((one) => one.dirty()) || this.photos?.dirty()) && event.preventDefault());
     this.follow(state.redo);
   }
 

@@ -3,7 +3,7 @@
 const SVG = "http://www.w3.org/2000/svg";
 
 export function element(name, attributes = {}, ...children) {
-  const made = ["svg", "g", "path", "line", "circle", "rect", "image", "title"].includes(name)
+  const made = ["svg", "g", "path", "line", "circle", "rect", "image", "title", "text"].includes(name)
     ? document.createElementNS(SVG, name)
     : document.createElement(name);
   for (const [key, value] of Object.entries(attributes)) {

@@ -1,6 +1,7 @@
-// The run's page. Addresses: #/map, #/review, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run; for who corrects #/edit/ID.
+// The run's page. Addresses: #/map, #/review, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run; for who corrects #/edit/ID and #/photos/NAME.
 
 import { ask, element, facadeAddress, legend, picture, said } from "./elements.js";
+import { map } from "./map.js";
 
 const main = document.getElementById("main");
 const state = document.getElementById("state");
@@ -53,41 +54,6 @@ function colouring(name) {
   };
 }
 
-// The map; y runs down on the page. `strong` may say which facades are drawn in full; `here` is a place to mark.
-function map({ colour, strong = () => true, here = null, label }) {
-  const [width, height] = block.size;
-  const free = 0.04 * Math.max(width, height, 20);
-  const thick = Math.max(width, height, 20) / 130;
-  const flip = ([x, y]) => [x, height - y];
-  const svg = element("svg", {
-    viewBox: `${-free} ${-free} ${width + 2 * free} ${height + 2 * free}`,
-    role: "img",
-    "aria-label": label,
-  });
-  for (const street of block.streets) {
-    const points = street.line.map((point) => flip(point).join(" ")).join("L");
-    svg.append(element("path", { class: "street", d: `M${points}`, "stroke-width": thick * 0.9 }, element("title", {}, street.name)));
-  }
-  block.facades.forEach((facade, number) => {
-    const [[x1, y1], [x2, y2]] = facade.line.map(flip);
-    svg.append(
-      element(
-        "line",
-        {
-          class: "facade", "data-facade": facade.id, x1, y1, x2, y2, stroke: colour(facade), "stroke-width": thick,
-          opacity: strong(number) ? 1 : 0.25, onclick: () => (location.hash = facadeAddress(facade.id)),
-        },
-        element("title", {}, `${facade.id}: ${facade.street}, ${facade.status}`),
-      ),
-    );
-  });
-  if (here) {
-    const [cx, cy] = flip(here);
-    svg.append(element("circle", { class: "here", cx, cy, r: thick * 1.1, "stroke-width": thick * 0.3 }));
-  }
-  return element("div", { class: "map" }, svg);
-}
-
 function drawMap() {
   const chosen = element(
     "select",
@@ -121,7 +87,7 @@ function drawMap() {
     element("div", { class: "controls" }, element("label", { for: "coloured-by" }, "Colour by"), chosen, element("label", { for: "filter" }, "Find"), filter, count),
     element(
       "div", { class: "split" },
-      element("div", {}, map({ colour: scheme.of, label: `Map of ${block.facades.length} facades coloured by ${colouredBy}; the table lists them` }), legend(scheme.legend)),
+      element("div", {}, map(block, { colour: scheme.of, label: `Map of ${block.facades.length} facades coloured by ${colouredBy}; the table lists them` }), legend(scheme.legend)),
       element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Facades" },
         element("table", {}, element("thead", {}, element("tr", {}, ...["Facade", "Street", colouredBy].map((text) => element("th", { scope: "col" }, text)))), rows)),
     ),
@@ -215,7 +181,7 @@ function drawStreet(street, step) {
         ? element("div", {}, shot("panorama", `Panorama at viewpoint ${step + 1}`, "What the viewpoint sees, textured"),
             shot("grown", `The street after viewpoint ${step + 1}`, "The atlas after this viewpoint: what it has not reached is pale, what is not the street's is grey"))
         : element("p", {}, "This viewpoint is not textured yet."),
-      map({ colour: (facade) => STATUS[facade.status], strong: (number) => seen.has(number), here: block.viewpoints[viewpoint].at,
+      map(block, { colour: (facade) => STATUS[facade.status], strong: (number) => seen.has(number), here: block.viewpoints[viewpoint].at,
         label: `Map: the ${seen.size} facades that the street has seen so far stand out` })),
   ];
   const kept = document.getElementById("step");
@@ -292,6 +258,7 @@ async function draw(again = false) {
     else if (parts[0] === "run") drawRun();
     else if (parts[0] === "review") drawReview();
     else if (parts[0] === "edit" && correcting) await correcting.draw(block, parts[1], fill);
+    else if (parts[0] === "photos" && correcting?.photos) await correcting.photos.draw(block, parts[1], fill);
     else drawMap();
   } catch (error) {
     fill(element("p", { class: "failed" }, error.message));
@@ -299,8 +266,8 @@ async function draw(again = false) {
   if (moved && !again && parts[0] !== "model") main.focus({ preventScroll: true });
 }
 
-// What may be drawn anew under a reader's hands: not a model, a list in use or a slider that is held.
-const calm = () => !shown.startsWith("#/model") && !["step", "filter", "coloured-by", "street"].includes(document.activeElement?.id);
+// What may be drawn anew under a reader's hands: not a model, photos that are decided, a list in use or a slider that is held.
+const calm = () => !shown.startsWith("#/model") && !shown.startsWith("#/photos") && !["step", "filter", "coloured-by", "street"].includes(document.activeElement?.id);
 
 const later = (after) => {
   clearTimeout(timer);
@@ -353,6 +320,7 @@ async function begin() {
   if (token) {
     try {
       correcting = await (await import("./correcting.js")).begin(token, () => later(0));
+      if (page === "token" && correcting?.photos) history.replaceState(null, "", "#/photos");
     } catch (error) {
       document.getElementById("editing").replaceChildren(element("p", { class: "failed" }, `Nothing can be corrected: ${error.message}`));
     }

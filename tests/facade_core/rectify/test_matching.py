@@ -63,10 +63,14 @@ def test_the_wall_is_found_that_the_ray_meets_and_none_behind_others(street: Syn
         taken = Taken(np.array([0.0, 1.0]), (height - 1.65) / 14)
         heading = float(np.degrees(np.arctan2(-normal[0], -normal[1])))
         place = foot + 14 * normal
-        likely = likely_walls(street.scene, walls, taken, place, heading, seed=0)
-        assert walls[likely.argmax()] == chart
+        found = likely_walls(street.scene, walls, taken, place, heading + 7, seed=0)
+        likely, best = found.likely, found.likely.argmax()
+        assert walls[best] == chart
+        assert 0.4 < found.met[best] <= 1
+        assert found.turned[best] == pytest.approx(-7)
+        assert found.roof[best] == pytest.approx(height, rel=0.25), "of places that are 5 m off, the middle one"
         assert 0.5 < likely.sum() < 1
         assert likely[~np.isin(walls, street.charts)].max() < 0.01, "sides and backs do not stand there"
         wrong = Taken(taken.ahead, 40 * height / 14)
-        assert likely_walls(street.scene, walls, wrong, place, heading, seed=0).sum() < 0.1, "no roof is so high"
-        assert not likely_walls(street.scene, walls, taken, place + 900.0, heading, seed=0).any()
+        assert likely_walls(street.scene, walls, wrong, place, heading, seed=0).likely.sum() < 0.1, "no roof is so high"
+        assert not likely_walls(street.scene, walls, taken, place + 900.0, heading, seed=0).likely.any()

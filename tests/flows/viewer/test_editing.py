@@ -16,7 +16,7 @@ from flows.viewer.app import application, serve
 from flows.viewer.editing import MOST_BYTES, TOKEN, Editor
 
 HERE = "http://127.0.0.1:PORT"
-ADDRESSES = ("/edit/corrections", "/edit/redo")
+ADDRESSES = ("/edit/corrections", "/edit/redo", "/edit/decisions")
 
 
 def served(out: Path, editor: Editor | None) -> Iterator[int]:
@@ -37,7 +37,8 @@ def served(out: Path, editor: Editor | None) -> Iterator[int]:
 
 @pytest.fixture(scope="module")
 def port(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
-    yield from served(tmp_path_factory.mktemp("out"), Editor("anna", "right"))
+    photos = tmp_path_factory.mktemp("photos")
+    yield from served(tmp_path_factory.mktemp("out"), Editor("anna", photos, "right"))
 
 
 def ask(port: int, method: str, path: str, headers: dict[str, str], body: bytes = b"{}") -> tuple[int, bytes]:
@@ -82,14 +83,22 @@ def test_what_is_no_correction_is_refused_in_one_line(port: int) -> None:
         code, said = ask(port, "POST", "/edit/corrections", mine, body)
         assert code == status, body[:20]
         assert "\n" not in json.loads(said)["reason"]
+    for body in (b"[]", b"{}", b'{"decisions": [{"photo": "a.jpg", "facade": 1, "decided": true, "stood": ["", ""]}]}'):
+        assert ask(port, "POST", "/edit/decisions", mine, body)[0] == 400, body
     assert ask(port, "GET", "/edit/corrections", mine)[0] == 405
-    assert ask(port, "GET", "/edit/state", {TOKEN: "wrong"})[0] == 403
+    for address in ("/edit/state", "/edit/matches", "/edit/photo?name=a.jpg"):
+        assert ask(port, "GET", address, {TOKEN: "wrong"})[0] == 403, address
     assert json.loads(ask(port, "GET", "/edit/state", {TOKEN: "right"})[1])["who"] == "anna"
 
 
 def test_without_edit_nothing_can_be_written(tmp_path: Path) -> None:
     for port in served(tmp_path, None):
-        for method, address in (("GET", "/edit/state"), *(("POST", address) for address in ADDRESSES)):
+        for method, address in (
+            ("GET", "/edit/state"),
+            ("GET", "/edit/matches"),
+            ("GET", "/edit/photo?name=a"),
+            *(("POST", address) for address in ADDRESSES),
+        ):
             assert ask(port, method, address, {TOKEN: "right", "Origin": HERE})[0] == 404, address
 
 

@@ -1,0 +1,88 @@
+"""What the viewer's page asks to decide which walls photos show: these addresses are there with `--edit --photos` alone."""
+
+from __future__ import annotations
+
+import threading
+from pathlib import Path
+from typing import Any
+
+from starlette.requests import Request
+from starlette.responses import Response
+from starlette.routing import Route
+
+from catalogs.readers.pictures.opening import read_picture
+from facade_core.errors import InputError
+from flows.viewer.editing import Editor, read, written
+from tasks.corrections import block_of
+from tasks.matching.table import TABLE, Decision, Match, decided, read_table, write_table
+from tasks.matching.taking import take, taking
+from tasks.viewing import Reader
+from tasks.viewing.pictures import encode
+
+# The longer side of a photo as it is shown, pixels.
+SHOWN = 1600
+
+
+def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
+    """The addresses for who decides which walls the photos in a folder show; what they say goes into the table beside the block
+    file, and the way of `streetloom match --take`."""
+    one_at_a_time = threading.Lock()
+
+    def all_of() -> dict[str, Any]:
+        return {"photos": [_row(match) for match in read_table(block_of(reader.out).parent / TABLE).matches()]}
+
+    def picture(request: Request) -> Response:
+        name = request.query_params.get("name", "")
+        if not any(match.photo == name for match in read_table(block_of(reader.out).parent / TABLE).matches()):
+            raise InputError(f"the table has no photo {name!r}")
+        if name != Path(name).name or not (photos / name).is_file():
+            raise InputError(f"there is no photo {name!r} in {photos}")
+        image = read_picture(photos / name, longest=SHOWN).rgb
+        return Response(encode(image, "JPEG"), media_type="image/jpeg", headers={"Cache-Control": "no-store"})
+
+    def save(body: Any) -> dict[str, Any]:
+        block = block_of(reader.out)
+        with one_at_a_time:
+            table = decided(read_table(block.parent / TABLE), _decisions(body), who=editor.who)
+            found = taking(block, photos, table)  # all is checked before anything is written
+            write_table(table)
+            by_hand = take(found)
+        notes = [f"write into the block file: {by_hand}"] if by_hand else []
+        return {"said": f"{found.count} photos are the block's; what depends on them is due", "notes": notes} | all_of()
+
+    return [
+        Route("/edit/matches", read(editor, lambda request: all_of())),
+        Route("/edit/photo", read(editor, picture)),
+        Route("/edit/decisions", written(editor, save), methods=["POST"]),
+    ]
+
+
+def _row(match: Match) -> dict[str, Any]:
+    return {
+        "photo": match.photo,
+        "facade": match.facade,
+        "by": match.by,
+        "candidates": [{"id": one.facade, "probability": one.probability, "why": one.why} for one in match.candidates],
+        "place": match.place,
+        "heading": match.heading,
+    }
+
+
+def _decisions(body: Any) -> list[Decision]:
+    """Raises ValueError for what the page does not send."""
+    try:
+        return [
+            Decision(_text(one["photo"]), _text(one["facade"]), one["decided"] is True, (_text(facade), _text(by)))
+            for one in body["decisions"]
+            for facade, by in [one["stood"]]
+        ]
+    except (KeyError, TypeError, ValueError) as error:
+        raise ValueError(
+            'what is saved is {"decisions": [{"photo", "facade", "decided", "stood": [FACADE, BY]}]}'
+        ) from error
+
+
+def _text(value: Any) -> str:
+    if not isinstance(value, str):
+        raise TypeError(value)
+    return value

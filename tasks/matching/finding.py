@@ -1,0 +1,104 @@
+"""Photos matched to the walls of a block: which facade each may show, by where it was taken and what it shows."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.block import Block, read_block
+from catalogs.broken import is_machines
+from catalogs.features import Fault
+from catalogs.readers.pictures.folders import image_files
+from catalogs.readers.pictures.panoramas import in_frame, stated_place
+from catalogs.readers.pictures.poses import SourcePose, read_poses
+from facade_core.errors import FacadeError, InputError
+from facade_core.geometry.terrain import Terrain, terrain_of
+from facade_core.naming import number_of
+from facade_core.plan import Plan
+from facade_core.rectify.matching import Likely, likely_walls, taken_by
+from tasks.matching.table import COLUMNS, Candidate, Table, found_row
+from tasks.outcome import reason_of
+from tasks.progress import advance, begin_stage
+from tasks.stages.planning import plan_of
+from tasks.units.evidence import rectified_photo
+
+# A photo is of the wall that it shows with this probability; else a person decides.
+SURE = 0.8
+# So many walls are told of each, which have at least this probability.
+CANDIDATES, LEAST = 3, 0.02
+_FULL = (0.0, 0.0, 1.0, 1.0)
+
+
+def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None = None) -> tuple[Table, list[Fault]]:
+    """Which facades the photos in a folder show, as taken from the street, as the table that goes to `path`; and a fault for
+    each photo that cannot be told.
+
+    Where a photo was taken, and its heading, are read in `poses`, else in its EXIF. Raises InputError where the block, the
+    folder or the poses cannot be read, and where there is a table already, which a person may have mended.
+    """
+    if path.exists():
+        raise InputError(
+            f"{path} is there and may have been mended; take its photos (--take), remove it, or name another with --out"
+        )
+    block = read_block(block_file)
+    plan = plan_of(replace(block, panoramas=()))
+    terrain = terrain_of(block.buildings, block.terrain)
+    paths, unreadable = image_files(folder, "photo")
+    stated = read_poses(poses) if poses else {}
+    begin_stage("match", len(paths))
+    found, faults = [], list(unreadable)
+    for photo in paths:
+        try:
+            named = stated.get(photo.name) or stated.get(photo.stem)
+            found.append(_row(plan, terrain, block, photo, named))
+        except (FacadeError, ValueError, OSError) as error:
+            if is_machines(error):
+                raise
+            faults.append(Fault(photo.name, "photo", reason_of(error)))
+        advance("match", 1)
+    return Table(path, COLUMNS, tuple(found)), faults
+
+
+def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, stated: SourcePose | str | None) -> dict[str, str]:
+    if isinstance(stated, str):
+        raise InputError(stated)
+    place = stated or stated_place(path)
+    if place is None:
+        raise InputError(
+            "it does not say where it was taken; name where with --poses (file,lon,lat,heading), or name it after its facade"
+        )
+    pose = in_frame(place, _FULL, block.crs, {})
+    photo, size = rectified_photo(path)
+    taken = taken_by(photo.image, photo.seen, photo.homography, photo.focal, size)
+    (level,) = terrain.height(np.array([[pose.x, pose.y]]))
+    walls = plan.facades.chart
+    found = likely_walls(
+        plan.scene,
+        walls,
+        taken,
+        np.array([pose.x, pose.y, level]),
+        None if place.heading is None else pose.heading,
+        seed=number_of(path.name),
+    )
+    best = np.argsort(-found.likely, kind="stable")[:CANDIDATES]
+    candidates = [
+        Candidate(
+            plan.facades.id[i], round(float(found.likely[i]), 3), _why(found, i, plan.scene.charts.size[walls[i], 1])
+        )
+        for i in best.tolist()
+        if found.likely[i] >= LEAST
+    ]
+    facade = candidates[0].facade if candidates and candidates[0].probability >= SURE else None
+    return found_row(path.name, facade, candidates, pose, heading=place.heading is not None)
+
+
+def _why(found: Likely, wall: int, height: float) -> str:
+    """What speaks for a wall, in a line; its height by the model, metres."""
+    said = [f"before the camera from {100 * found.met[wall]:.0f} % of the places near the stated one"]
+    if np.isfinite(found.turned[wall]):
+        said.append(f"{abs(found.turned[wall]):.0f} degrees off the stated heading")
+    if np.isfinite(found.roof[wall]):
+        said.append(f"its roof at {found.roof[wall]:.1f} m, {height:.1f} m by the model")
+    return ", ".join(said)

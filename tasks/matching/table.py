@@ -1,0 +1,159 @@
+"""The table of matches: which facade each photo shows, and what it may show; a person mends it, or decides in the viewer."""
+
+from __future__ import annotations
+
+import csv
+import io
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from facade_core.errors import InputError
+from facade_core.types import Pose
+
+# Its name, beside a block file.
+TABLE = "matches.csv"
+# `facade` is empty where a person is to decide, and where somebody (`by`) decided that none is right. x, y, heading: in the
+# block's frame, where the photo says that it was taken.
+COLUMNS = ("photo", "facade", "probability", "candidates", "why", "x", "y", "heading", "by")
+# Between what is said of one candidate and of the next.
+_NEXT = "; "
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A facade that a photo may show, with what probability, and what speaks for it, in a line."""
+
+    facade: str
+    probability: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Match:
+    """A photo's row: the facade it shows ("" for none, or not decided yet), who decided that ("": nobody but the matching, or
+    a hand in the table), the candidates, the likeliest first; where it was taken and its heading, degrees, where known."""
+
+    photo: str
+    facade: str
+    by: str
+    candidates: tuple[Candidate, ...]
+    place: tuple[float, float] | None
+    heading: float | None
+
+    @property
+    def decided(self) -> bool:
+        return bool(self.facade or self.by)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows by column as they stand in a file, what separates its columns, and the columns."""
+
+    path: Path
+    columns: tuple[str, ...]
+    rows: tuple[Mapping[str, str], ...]
+    separator: str = ","
+
+    def matches(self) -> list[Match]:
+        """The rows that name a photo, read."""
+        return [_match(row) for row in self.rows if row["photo"]]
+
+
+def found_row(
+    photo: str, facade: str | None, candidates: Sequence[Candidate], pose: Pose, *, heading: bool
+) -> dict[str, str]:
+    """A row of what was found; heading: whether the photo states one."""
+    return {
+        "photo": photo,
+        "facade": facade or "",
+        "probability": f"{candidates[0].probability:.2f}" if candidates else "",
+        "candidates": _NEXT.join(f"{one.facade} {one.probability:.2f}" for one in candidates),
+        "why": _NEXT.join(one.why for one in candidates),
+        "x": f"{pose.x:.2f}",
+        "y": f"{pose.y:.2f}",
+        "heading": f"{pose.heading:.1f}" if heading else "",
+        "by": "",
+    }
+
+
+def read_table(path: Path) -> Table:
+    """Raises InputError for a file that is none."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            lines = file.readlines()
+        # spreadsheets save with what their country separates by
+        separator = max(",;\t", key=lines[0].count) if lines else ","
+        reader = csv.DictReader(lines, delimiter=separator, restkey="", restval="")
+        rows = tuple(reader)
+        columns = tuple(reader.fieldnames or ())
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise InputError(f"{path} cannot be read ({error}); give the table that `streetloom match` wrote") from error
+    if not {"photo", "facade"} <= set(columns):
+        raise InputError(f"{path} has no columns `photo` and `facade`; give the table that `streetloom match` wrote")
+    known = [*columns, *(name for name in COLUMNS if name not in columns)]
+    stripped = tuple({name: (row.get(name) or "").strip() for name in known} for row in rows)
+    return Table(path, tuple(known), stripped, separator)
+
+
+def write_table(table: Table) -> None:
+    """In one step."""
+    text = io.StringIO(newline="")
+    rows = csv.DictWriter(text, table.columns, delimiter=table.separator)
+    rows.writeheader()
+    rows.writerows(table.rows)
+    temporary = table.path.with_name(f".{table.path.name}.tmp")
+    temporary.write_text(text.getvalue(), encoding="utf-8", newline="")
+    os.replace(temporary, table.path)
+
+
+@dataclass(frozen=True)
+class Decision:
+    """What somebody says that a photo shows ("" for no facade of the block), or, not `decided`, that it is as `facade` says
+    again; stood: facade and by of its row when they looked."""
+
+    photo: str
+    facade: str
+    decided: bool
+    stood: tuple[str, str]
+
+
+def decided(table: Table, decisions: Sequence[Decision], *, who: str) -> Table:
+    """The table with what somebody decided in it. Raises InputError for a photo that it has not, and for a row that somebody
+    else changed meanwhile."""
+    said = {one.photo: one for one in decisions}
+    if missing := set(said) - {row["photo"] for row in table.rows}:
+        raise InputError(f"{table.path} has no photo {min(missing)!r} any more; load the page again")
+    rows = []
+    for row in table.rows:
+        one = said.get(row["photo"])
+        if one is None:
+            rows.append(row)
+            continue
+        if (row["facade"], row["by"]) != one.stood:
+            raise InputError(f"{one.photo} was decided in {table.path} meanwhile; load the page again and look")
+        rows.append({**row, "facade": one.facade, "by": who if one.decided else ""})
+    return replace(table, rows=tuple(rows))
+
+
+def _match(row: Mapping[str, str]) -> Match:
+    x, y, heading = (_number(row[name]) for name in ("x", "y", "heading"))
+    reasons = row["why"].split(_NEXT)
+    candidates = []
+    for number, part in enumerate(row["candidates"].split(_NEXT)):
+        facade, _, probability = part.rpartition(" ")
+        value = _number(probability)
+        if facade and value is not None:
+            candidates.append(Candidate(facade, value, reasons[number] if number < len(reasons) else ""))
+    place = None if x is None or y is None else (x, y)
+    return Match(row["photo"], row["facade"], row["by"], tuple(candidates), place, heading)
+
+
+def _number(text: str) -> float | None:
+    """What a cell says, in whatever way a spreadsheet wrote it; None where it is no number."""
+    try:
+        value = float(text.replace(",", "."))
+    except ValueError:
+        return None
+    return value if abs(value) < 1e9 else None

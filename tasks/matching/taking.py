@@ -1,0 +1,118 @@
+"""The photos of a table of matches taken: copied to a block's, under their facades' names."""
+
+from __future__ import annotations
+
+import os
+import shutil
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from catalogs.block import read_block
+from catalogs.block.adding import add_imagery, imagery_line
+from catalogs.file_digest import file_digest
+from facade_core.errors import InputError
+from tasks.matching.table import Table
+from tasks.stages.planning import plan_of
+
+# Where photos go that are taken, beside a block file that names no folder.
+FOLDER = "photos"
+
+
+@dataclass(frozen=True)
+class Taking:
+    """What is to be done, checked: of how many photos, into which folder, which are copied there by facade, and which go from
+    there, as they were taken for another facade before; whether the block file names the folder."""
+
+    block: Path
+    count: int
+    folder: Path
+    copied: Mapping[str, Path]
+    gone: tuple[Path, ...]
+    named: bool
+
+
+def taking(block_file: Path, folder: Path, table: Table) -> Taking:
+    """What it is to take the photos of a table that have a facade.
+
+    A copy of a photo that the table decides otherwise now goes. Raises InputError for a photo that is not there, a facade that
+    the block has not, one that has two photos, or another photo already; for a block whose photos are rectified, and one
+    that would have no photo left.
+    """
+    block = read_block(block_file)
+    if block.photos and block.photos_rectified:
+        raise InputError(
+            f"{block_file}: its photos are rectified, these are as taken, and a block has one kind; rectify them, or set "
+            "imagery.photos.rectified: false and take all as they are"
+        )
+    wanted = _wanted(table, folder, set(plan_of(replace(block, panoramas=())).facades.id))
+    gone = _taken_otherwise(block.photos, folder, table)
+    for facade, photo in wanted.items():
+        old = block.photos.get(facade)
+        if old is not None and facade not in gone and file_digest(old) != file_digest(photo):
+            raise InputError(f"{table.path}: {photo.name}: {facade} has the photo {old}; remove one of both")
+    there = next(iter(block.photos.values())).parent if block.photos else block_file.parent / FOLDER
+    if block.photos and not wanted and len(gone) == len(block.photos):
+        raise InputError(f"{block_file}: no photo would be left; remove imagery.photos from it, and the folder {there}")
+    copied = {facade: photo for facade, photo in wanted.items() if facade not in block.photos or facade in gone}
+    return Taking(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos))
+
+
+def take(done: Taking) -> str | None:
+    """Copy them. Returns what is to be written into the block file by hand where it could not be."""
+    if done.copied:
+        done.folder.mkdir(exist_ok=True)
+    arriving = {}
+    for facade, photo in done.copied.items():
+        arriving[facade] = done.folder / f".{facade}{photo.suffix.lower()}.tmp"
+        shutil.copyfile(photo, arriving[facade])
+    for old in done.gone:
+        old.unlink()
+    for facade, photo in done.copied.items():
+        os.replace(arriving[facade], done.folder / f"{facade}{photo.suffix.lower()}")
+    values = {"path": FOLDER, "rectified": False}
+    if done.named or not done.copied or add_imagery(done.block, "photos", values):
+        return None
+    return f"imagery: {{{imagery_line('photos', values)}}}"
+
+
+def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table) -> dict[str, Path]:
+    """The block's photos, by facade, that are copies of ones of which the table says another facade, or none."""
+    said: dict[int, list[tuple[Path, str]]] = {}
+    for match in table.matches():
+        path = folder / match.photo
+        if match.decided and match.photo == Path(match.photo).name and path.is_file():
+            said.setdefault(path.stat().st_size, []).append((path, match.facade))
+    found = {}
+    for facade, path in photos.items():
+        alike = said.get(path.stat().st_size, [])
+        facades = {name for photo, name in alike if file_digest(photo) == file_digest(path)}
+        if facades and facade not in facades:
+            found[facade] = path
+    return found
+
+
+def _wanted(table: Table, folder: Path, known: set[str]) -> dict[str, Path]:
+    """Photos by the facade that a table names for them."""
+    found: dict[str, Path] = {}
+    for line, row in enumerate(table.rows, 2):
+        name, facade = row["photo"], row["facade"]
+        if not facade:
+            continue
+        photo = folder / name
+        if name != Path(name).name or not photo.is_file():
+            raise InputError(f"{table.path}: line {line}: there is no photo {name!r} in {folder}; mend that line")
+        if facade not in known:
+            raise InputError(
+                f"{table.path}: line {line}: the block has no facade {facade!r}; take one of its candidates"
+            )
+        if Path(facade).name != facade:
+            raise InputError(
+                f"{table.path}: line {line}: no file can be named {facade!r}; give the building an id of letters and digits"
+            )
+        if facade in found:
+            raise InputError(
+                f"{table.path}: line {line}: {found[facade].name} shows {facade} already; empty one of both lines"
+            )
+        found[facade] = photo
+    return found
