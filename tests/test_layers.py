@@ -40,7 +40,6 @@ STOREYS = {
         ("stages",),
         (
             "city",
-            "corrections",
             "doctor",
             "examples",
             "export",
@@ -52,6 +51,7 @@ STOREYS = {
             "training",
             "viewing",
         ),
+        ("corrections",),
     ),
     "catalogs": (
         ("broken", "features", "file_digest", "frames", "visible"),
