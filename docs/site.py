@@ -14,7 +14,7 @@ from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
 _LOCAL = re.compile(r"\]\((?!\w+:)([^)\s#]+)((?:#[^)\s]*)?)\)")
-_SHOWN = {".md", ".jpg", ".png", ".svg", ".html", ".webp"}
+_SHOWN = {".md", ".jpg", ".png", ".svg", ".html", ".webp", ".ipynb"}
 
 
 def on_files(files: Files, config: Any) -> Files:

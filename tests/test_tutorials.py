@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import re
 import shlex
@@ -98,6 +99,22 @@ def test_from_python(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
     said = capsys.readouterr().out
     assert "facades with windows" in said
     assert len(names["by_street"]) > 0
+
+
+def test_the_notebook(here: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    """Its cells in their order, beside a second run; it is kept without what they gave."""
+    shutil.copytree(here / "out" / "demo", here / "out" / "second", copy_function=os.link, symlinks=True)
+    cells = json.loads((ROOT / "docs" / "block.ipynb").read_text(encoding="utf-8"))["cells"]
+    coded = [cell for cell in cells if cell["cell_type"] == "code"]
+    names: dict[str, Any] = {}
+    for cell in coded:
+        assert cell["outputs"] == []
+        exec(compile("".join(cell["source"]), f"docs/block.ipynb, {cell['id']}", "exec"), names)
+    assert set(names["by_run"]["run"]) == {"demo", "second"}
+    assert names["facade"].sizes["y"] > 0
+    said = capsys.readouterr().out
+    assert "texels in chunks of" in said
+    assert names["name"] in said
 
 
 def test_the_site_has_every_page_that_it_lists_and_lists_those_of_docs() -> None:
