@@ -14,12 +14,13 @@ from starlette.requests import Request
 from starlette.responses import JSONResponse, Response
 from starlette.routing import Route
 
-from catalogs.block.corrections import read_corrections
+from catalogs.block.corrections import corrections_file, read_corrections
 from facade_core.errors import FacadeError, StoreError
 from facade_core.labels import ELEMENT_CLASSES
 from flows.viewer.guard import refusal_to_edit
 from flows.viewer.redo import Redo
-from tasks.corrections import block_of, take_corrections
+from tasks.corrections import Taker, block_of
+from tasks.store.standing import recorded_source
 from tasks.viewing import Reader
 from tasks.viewing.standing import standing
 
@@ -41,10 +42,17 @@ class Editor:
 
 def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
     """The addresses for who corrects, of whose requests those of other sites have been refused already."""
-    redo = Redo(reader.out)
+    redo, taker = Redo(reader.out), Taker(reader.out)
 
     def state(request: Request) -> dict[str, Any]:
-        return {"who": editor.who, "labels": ELEMENT_CLASSES, "redo": redo.said(), "photos": editor.photos is not None}
+        block = recorded_source(reader.out)
+        return {
+            "who": editor.who,
+            "labels": ELEMENT_CLASSES,
+            "kept": str(corrections_file(block)) if block else "",
+            "redo": redo.said(),
+            "photos": editor.photos is not None,
+        }
 
     def stand_of(id: str) -> dict[str, Any]:
         view = reader.view()
@@ -58,9 +66,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
             raise ValueError('what is saved is {"corrections": [...], "why": TEXT}')
         if "facade" in body and body.get("stood") != stand_of(str(body["facade"]))["corrected"]:
             raise ValueError("it was corrected meanwhile, as is told below; save again to put yours in its place")
-        done = take_corrections(
-            reader.out, body["corrections"], "not saved", who=editor.who, why=str(body.get("why", ""))
-        )
+        done = taker.take(body["corrections"], "not saved", who=editor.who, why=str(body.get("why", "")))
         return {"saved": done.facades + done.buildings, "said": done.lines()[0], "notes": done.notes}
 
     def start(body: Any) -> dict[str, Any]:

@@ -4,6 +4,7 @@ of the block, or of the city of which that is a part."""
 from __future__ import annotations
 
 import io
+import threading
 from collections import defaultdict
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from catalogs.published.snapshot import current
 from catalogs.readers.annotations import Said, pictures_of, read_annotations, said_in
 from facade_core.errors import InputError
 from tasks.corrections.told import Told
-from tasks.published.opened import Published, published
+from tasks.published.opened import Published, opened, published
 from tasks.store.standing import recorded_source
 
 
@@ -67,13 +68,22 @@ def import_corrections(out: Folder, path: Path, *, who: str, why: str = "", when
         return _kept(run, [_told(run, found, said, str(path), by)])
 
 
-def take_corrections(
-    out: Folder, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = ""
-) -> Imported:
-    """The same of one run, of corrections as streetloom's own JSON lists them; `named`: what they are called where one cannot
-    be."""
-    with published(out) as found:
-        return _kept(out, [_told(out, found, said_in(corrections, named), named, _by(who, why))])
+class Taker:
+    """Takes corrections of one run, which stays open from one to the next, until another snapshot is published; one at a
+    time."""
+
+    def __init__(self, out: Folder) -> None:
+        self.out = out
+        self._lock = threading.Lock()
+        self._found: Published | None = None
+
+    def take(self, corrections: Sequence[Mapping[str, Any]], named: str, *, who: str, why: str = "") -> Imported:
+        """Take corrections as streetloom's own JSON lists them; `named`: what they are called where one cannot be. All are
+        written, or none. Raises InputError as `import_corrections`."""
+        with self._lock, current(self.out).being_read() as snapshot:
+            if self._found is None or self._found.snapshot.id != snapshot.id:
+                self._found = opened(snapshot)
+            return _kept(self.out, [_told(self.out, self._found, said_in(corrections, named), named, _by(who, why))])
 
 
 def block_of(out: Folder) -> Path:

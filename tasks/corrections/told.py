@@ -35,7 +35,8 @@ class Told:
 
     def __init__(self, found: Published, before: Corrections) -> None:
         self.found = found
-        self.before = before.under(cast(dict[str, str], found.group.attrs.get("known_by_place", {})))
+        self._names = cast(dict[str, str], found.group.attrs.get("known_by_place", {}))
+        self._as_kept, self.before = before, before.under(self._names)
         self.facades = {id: index for index, id in enumerate(found.plan.facades.id)}
         self.buildings = {id: index for index, id in found.names.items()}
         self.exemplars = [record["unit"] for record in found.journals["exemplars"] if record]
@@ -44,7 +45,8 @@ class Told:
     def corrections(self, named: str, said: Sequence[Said], by: Correction) -> list[Correction]:
         """Those of what was said that are another than what stands, `by` whom. Raises InputError, with what they are `named`,
         for what cannot be."""
-        new = [one for id, what, value in said if (one := self._correction(named, id, what, value, by)) is not None]
+        found = [one for id, what, value in said if (one := self._correction(named, id, what, value, by)) is not None]
+        new = [of for one in found for of in (self._withdrawn(one) if one.value is None else [one])]
         shapes = {one.id: one.value for one in new if one.what == "roof_shape"}
         for one in new:
             if one.what != "roof_height" or one.value is None:
@@ -86,6 +88,11 @@ class Told:
             raise InputError(f"{named}: {id}: {reason}")
         self._conflict(one)
         return self._placed(one) if what in OF_FACADES else self._standing(one)
+
+    def _withdrawn(self, one: Correction) -> list[Correction]:
+        """Something taken back under every id that it is said of."""
+        ids = [one.id, *(before for before, now in self._names.items() if now == one.id)]
+        return [replace(one, id=id) for id in ids if self._as_kept.value(id, one.what) is not None]
 
     def _impossible(self, one: Correction) -> str | None:
         """Why something cannot be corrected to a value; None where it can."""

@@ -101,10 +101,11 @@ def published(out: Folder) -> Iterator[Published]:
     if len(runs) > 1:
         raise InputError(f"{out}: holds {len(runs)} runs; name one, such as {runs[0].folder}")
     with current(runs[0].folder).being_read() as snapshot:
-        yield _opened(snapshot)
+        yield opened(snapshot)
 
 
-def _opened(snapshot: Snapshot) -> Published:
+def opened(snapshot: Snapshot) -> Published:
+    """What a snapshot that is kept from being pruned holds. Raises as `published`."""
     import icechunk
 
     session = snapshot.session()

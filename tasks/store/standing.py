@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import json
+import os
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 from catalogs.published.files import amiss
 from catalogs.published.places import Folder
+from catalogs.published.runs import CITY
 from catalogs.published.snapshot import current_if_any, snapshot_in
 from catalogs.stac.catalog import CATALOG
 from facade_core.atlas.check import DAMAGE, is_whole
@@ -24,7 +26,7 @@ from tasks.run import Run
 from tasks.store.carry import has_all_stages
 from tasks.store.wounds import find_wounds, is_suspect
 
-# In a run's folder: the path of its block file.
+# In a run's folder: the path of its block file, from there where it lies within.
 SOURCE = "source"
 
 
@@ -43,13 +45,26 @@ def unpublished(out: Folder, snapshot: str) -> str | None:
 
 
 def record_source(out: Folder, source: Path) -> None:
-    """Note in a run's folder which block file it is of."""
-    if recorded_source(out) != source:
-        (out / SOURCE).write_text(f"{source}\n")
+    """Note in a run's folder which block file it is of: one within it, or within its city's, by the way there, so that a copy
+    of the folder is of the copied one."""
+    noted = source
+    if isinstance(out, Path):
+        city = out.parent.parent
+        if source.is_relative_to(out) or (source.is_relative_to(city) and (city / CITY).is_file()):
+            noted = Path(os.path.relpath(source, out))
+    if _noted(out) != noted:
+        (out / SOURCE).write_text(f"{noted}\n")
 
 
 def recorded_source(out: Folder) -> Path | None:
     """The block file of which the run in a folder was last; None where it is not noted."""
+    noted = _noted(out)
+    if noted is None or not isinstance(out, Path):
+        return noted
+    return Path(os.path.normpath(out / noted))
+
+
+def _noted(out: Folder) -> Path | None:
     try:
         return Path((out / SOURCE).read_text().strip())
     except (OSError, ValueError):

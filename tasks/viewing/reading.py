@@ -46,6 +46,7 @@ class _Tables:
     line: np.ndarray
     azimuth: np.ndarray
     buildings: tuple[str, ...]
+    height: np.ndarray
     height_source: tuple[str, ...]
     streets: tuple[dict[str, Any], ...]
     position: np.ndarray
@@ -97,6 +98,16 @@ class View:
         if facade not in self.facade_number:
             raise InputError(f"no facade {facade} in this block; its page lists those there are")
         return self.facade_number[facade]
+
+    @cached_property
+    def exemplars(self) -> list[str]:
+        """Those that could be prepared."""
+        return [record["unit"] for record in self.journals["exemplars"] if record and record["status"] == "done"]
+
+    @cached_property
+    def known_by_place(self) -> dict[str, str]:
+        """The ids under which corrections were made of what has another id now -> that one."""
+        return cast(dict[str, str], self.group.attrs.get("known_by_place", {}))
 
     def facade(self, index: int) -> StoredFacade:
         """Facade number `index`."""
@@ -239,6 +250,7 @@ def _read_tables(session: icechunk.Session) -> _Tables:
         np.stack([start, start + along[:, :2] * charts["size"][facades.chart, :1]], axis=1),
         np.degrees(np.arctan2(normal[:, 0], normal[:, 1])) % 360,
         buildings["id"],
+        buildings["height"],
         buildings["height_source"],
         tuple(
             {"id": id_, "name": name, "line": streets["point"][streets["point_street"] == i].tolist()}

@@ -10,11 +10,13 @@ from tasks.viewing.reading import View
 
 
 def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]:
-    """Of facade number `index`: size of its pictures [w, h], texels; elements [[class, left, top, right, bottom]] and lattice
-    {rows, columns} in texels; whether it is a facade, its building and that one's levels; texels_per_metre; and the corrections
-    that count, each with who, when and why."""
-    tables = view.tables
-    facade, building = tables.facades.id[index], tables.buildings[int(tables.facades.building[index])]
+    """Of facade number `index`: size of its pictures [w, h], texels; elements [[class, left, top, right, bottom]], hide and
+    keep [[left, top, right, bottom]] and lattice {rows, columns} in texels; whether it is a facade; its building, that one's
+    levels, height (None of a model) and the exemplar that somebody chose for it, of `exemplars`; texels_per_metre; and the
+    corrections that count, each with who, when and why. What is known by its place counts too."""
+    tables, corrections = view.tables, corrections.under(view.known_by_place)
+    row = int(tables.facades.building[index])
+    facade, building = tables.facades.id[index], tables.buildings[row]
     chart = int(tables.facades.chart[index])
     width, height = int(tables.placement.width[chart]), int(tables.placement.height[chart])
     record: Mapping[str, Any] = view.records[index] or {}
@@ -23,17 +25,29 @@ def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]
         found = [list(element[:5]) for element in record.get("elements", [])]
     else:
         found = [[label, x0 * width, y0 * height, x1 * width, y1 * height] for label, x0, y0, x1, y1 in elements]
+    masks = {
+        what: [
+            [x0 * width, y0 * height, x1 * width, y1 * height]
+            for x0, y0, x1, y1 in corrections.value(facade, what) or ()
+        ]
+        for what in ("hide", "keep")
+    }
+    eaves = corrections.value(building, "height") or float(tables.height[row])
     lattice = record.get("lattice", {})
     said = [one for id in (facade, building) for one in corrections.of.get(id, {}).values()]
     return {
         "size": [width, height],
         "texels_per_metre": width / float(tables.facades.width[index]),
         "elements": found,
+        **masks,
         "rows": list(lattice.get("rows", [0, height])),
         "columns": list(lattice.get("columns", [0, width])),
         "facade": corrections.value(facade, "facade") is not False,
         "building": building,
         "levels": corrections.value(building, "levels") or int(tables.facades.floors[index]),
+        "height": None if tables.height_source[row] == "model" else round(eaves, 2),
+        "exemplar": corrections.value(building, "exemplar") or "",
+        "exemplars": view.exemplars,
         "corrected": [
             {"id": one.id, "what": one.what, "who": one.who, "when": one.when, "why": one.why} for one in said
         ],

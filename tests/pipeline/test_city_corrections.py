@@ -15,7 +15,7 @@ from catalogs.query import query
 from facade_core.errors import InputError
 from tasks.city.account import known
 from tasks.city.blocks import read_city
-from tasks.corrections import import_corrections, take_corrections
+from tasks.corrections import Taker, import_corrections
 from tasks.export.formats import export
 from tasks.stages.publish import publish_block
 from tasks.store.standing import record_source
@@ -78,7 +78,7 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
         assert not import_corrections(out, next(given.glob("*.city.json")), who="ben").files
 
     # of a block by itself, as the viewer does, it goes to the same file
-    take_corrections(out / "blocks" / of["h0"], [{"building_id": "h0", "levels": 2}], "said", who="ben")
+    Taker(out / "blocks" / of["h0"]).take([{"building_id": "h0", "levels": 2}], "said", who="ben")
     assert {"h0", "h1", "h2-0"} == set(read_corrections(city).of)
     assert corrections_file(files[of["h0"]]) == store
     with pytest.raises(InputError, match=r"no block of the city in .* has h9"):

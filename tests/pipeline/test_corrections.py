@@ -16,11 +16,13 @@ from catalogs.block.corrections import corrections_file, read_corrections
 from catalogs.query import query
 from facade_core.errors import InputError
 from facade_core.layout.model import SHIPPED
-from tasks.corrections import import_corrections
+from tasks.corrections import Taker, import_corrections
 from tasks.export.formats import export
 from tasks.store.commits import journal
-from tasks.store.standing import record_source
+from tasks.store.standing import record_source, recorded_source
 from tasks.training.corrected import corrected_facades
+from tasks.viewing import Reader
+from tasks.viewing.standing import standing
 from tests.pipeline.corrected import HOUSES, STREET, made, textured_houses
 from tests.pipeline.stages import digests_of, redone, started, texture, write_block
 
@@ -135,6 +137,23 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
     import_corrections(out, own(folder, {"building_id": "x", "height": 10.0}), who="anna")
     made(folder)
     assert query(out, where="id = 'x-2'")["height_m"].tolist() == [10.0], "its own is newer"
+    # who edits it sees that, and takes it back whatever it was called
+    view = Reader(out).view()
+    stands = standing(view, view.number("x-2"), read_corrections(folder / "in" / "block.yaml"))
+    assert (stands["height"], {one["what"] for one in stands["corrected"]}) == (10.0, {"height", "wall_material"})
+    done = Taker(out).take([{"building_id": "x", "height": None, "wall_material": None}], "said", who="anna")
+    assert done.buildings == 2, "under both ids"
+    assert not read_corrections(folder / "in" / "block.yaml")
+
+
+def test_a_copy_of_a_run_with_its_block_is_corrected_by_itself(tmp_path: Path) -> None:
+    block = write_block(tmp_path / "out" / "input", buildings=HOUSES, streets=STREET)
+    record_source(tmp_path / "out", block)
+    shutil.copytree(tmp_path / "out", tmp_path / "copy")
+    assert recorded_source(tmp_path / "out") == block
+    assert recorded_source(tmp_path / "copy") == tmp_path / "copy" / "input" / "block.yaml"
+    record_source(tmp_path / "copy", block)
+    assert recorded_source(tmp_path / "copy") == block, "of a block elsewhere"
 
 
 def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: Path, tmp_path: Path) -> None:
@@ -147,6 +166,8 @@ def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: 
     document["annotations"].remove(gone)
     moved["bbox"] = [moved["bbox"][0], 1.0, 3.0, 4.0]
     written.write_text(json.dumps(document))
+    taker = Taker(folder / "out")
+    assert not taker.take([{"facade_id": "b-2", "hide": [], "keep": None, "facade": True}], "said", who="anna").files
     done = import_corrections(folder / "out", written, who="anna", why="seen from the street")
     assert (done.facades, done.buildings) == (1, 0)
     kept = read_corrections(folder / "in" / "block.yaml").of["b-2"]["elements"]
@@ -170,8 +191,9 @@ def test_corrected_boxes_are_done_again_alone_and_come_back_as_they_are(folder: 
     assert import_corrections(folder / "out", newly, who="anna").facades == 0, "and is exported so"
     assert texture(folder / "in" / "block.yaml", tmp_path / "fresh").said is None
     assert digests_of(tmp_path / "fresh") == digests_of(folder / "out")
-    withdrawn = own(folder, {"facade_id": "b-2", "elements": None})
-    assert import_corrections(folder / "out", withdrawn, who="anna").facades == 1
+    assert taker.take([{"facade_id": "b-2", "elements": None}], "said", who="anna").facades == 1, (
+        "what is published now"
+    )
     made(folder)
     assert len(record(folder, "b-2")["elements"]) == len(ours)
 

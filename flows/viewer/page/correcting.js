@@ -1,7 +1,7 @@
 // Correcting facades, for who opened the viewer by the address with its token: #/edit/ID, and "Redo now" on every page; and
 // #/photos where it was given photos.
 
-import { Editor } from "./editor.js";
+import { Editor, MASKS } from "./editor.js";
 import { ask, element, facadeAddress, picture, said } from "./elements.js";
 import { Photos } from "./photos.js";
 
@@ -30,7 +30,7 @@ export async function begin(token, again) {
 
 class Correcting {
   constructor(told, state, again) {
-    Object.assign(this, { told, labels: state.labels, who: state.who, again });
+    Object.assign(this, { told, labels: [...state.labels, ...MASKS], who: state.who, kept: state.kept, again });
     this.open = new Map(); // facade -> what is being done there; kept while other pages are looked at
     this.run = element("button", { type: "button", id: "redo-now", onclick: () => this.redo() }, "Redo now");
     this.running = element("p", { role: "status", id: "redo-said" });
@@ -110,7 +110,8 @@ class Page {
   }
 
   dirty() {
-    return this.editor !== undefined && (this.editor.dirty || this.none !== !this.stand.facade || this.levels !== this.stand.levels);
+    return this.editor !== undefined && (this.editor.dirty || this.none !== !this.stand.facade || this.levels !== this.stand.levels
+      || this.height !== this.stand.height || this.exemplar.value !== this.stand.exemplar);
   }
 
   // The storeys that are said; those that are known where the field is empty.
@@ -119,11 +120,19 @@ class Page {
     return Number.isNaN(said) ? this.stand.levels : said;
   }
 
+  // Likewise metres from the ground to the eaves; null of a model.
+  get height() {
+    const said = this.eaves.valueAsNumber;
+    return Number.isNaN(said) ? this.stand.height : said;
+  }
+
   // What is known to be kept.
   stands(stand) {
     this.stand = stand;
     this.none = !stand.facade;
     this.storeys.value = stand.levels;
+    this.eaves.value = stand.height ?? "";
+    this.exemplar.value = stand.exemplar;
     this.listed();
   }
 
@@ -132,7 +141,7 @@ class Page {
     const { corrected } = this.stand;
     this.before.replaceChildren(...corrected.map((one) =>
       element("li", {}, `${one.what} of ${one.id}: ${one.who || "somebody"}, ${one.when.slice(0, 10)}${one.why ? `, “${one.why}”` : ""}`)));
-    this.back.hidden = !corrected.some((one) => one.id === this.id);
+    this.back.hidden = !corrected.length;
   }
 
   async reload() {
@@ -149,7 +158,7 @@ class Page {
     this.stands(stand);
     this.editor.lines = { rows: stand.rows, columns: stand.columns };
     this.editor.lattice();
-    this.editor.restart(stand.elements);
+    this.editor.restart(stand);
     this.editor.select(null);
   }
 
@@ -179,6 +188,9 @@ class Page {
     this.told = element("p", { role: "status", id: "box-said" });
     this.not = button("not-a-facade", "Not a facade", () => { this.none = !this.none; this.changed(); });
     this.storeys = element("input", { type: "number", id: "storeys", min: 1, max: 300, step: 1, value: stand.levels, oninput: () => this.changed() });
+    this.eaves = element("input", { type: "number", id: "height", min: 2, max: 1000, step: "any", oninput: () => this.changed(), disabled: stand.height === null });
+    const names = stand.exemplars.includes(stand.exemplar) || !stand.exemplar ? stand.exemplars : [...stand.exemplars, stand.exemplar];
+    this.exemplar = choice("exemplar", [["", "as chosen by itself"], ...names.map((name) => [name, name])], () => this.changed());
     this.why = element("input", { type: "text", id: "why", maxlength: 500 });
     this.keep = button("save", "Save", () => this.save(), "Control+S");
     this.back = button("as-found", "Take back what was corrected", () => this.withdraw());
@@ -196,8 +208,10 @@ class Page {
         labelled("On", this.under), labelled("Size", this.zoom)),
       this.canvas, this.told,
       element("p", { id: "keys", class: "keys" }, "In the picture: drag a box, its handles or a new one. Keys: A adds, N and P choose, arrows move, Shift and arrows stretch, 1 to ",
-        `${editor.labels.length} label, Delete, S snaps, Ctrl Z and Ctrl Y, Ctrl S saves.`),
-      element("div", { class: "controls" }, this.not, labelled(`Storeys of building ${stand.building}`, this.storeys), labelled("Why", this.why), this.keep, this.back),
+        `${editor.labels.length} label, Delete, S snaps, Ctrl Z and Ctrl Y, Ctrl S saves. “hide” is what a picture shows that is not of the facade, “keep” what is of it although it looks like something in front. `,
+        `What is saved is kept in ${this.correcting.kept}; pictures change at “Redo now” only.`),
+      element("div", { class: "controls" }, this.not, labelled(`Storeys of building ${stand.building}`, this.storeys),
+        labelled("its height to the eaves, m", this.eaves), labelled("its exemplar", this.exemplar), labelled("Why", this.why), this.keep, this.back),
       this.result, this.before);
     return [page];
   }
@@ -233,15 +247,18 @@ class Page {
     const corrections = [];
     const { editor, stand, none } = this;
     const boxes = editor.steps.now;
-    if (editor.dirty) corrections.push({ facade_id: this.id, elements: editor.shares() });
+    if (editor.dirty) corrections.push({ facade_id: this.id, ...editor.shares() });
     if (none !== !stand.facade) corrections.push({ facade_id: this.id, facade: none ? false : null });
     if (this.levels !== stand.levels) corrections.push({ building_id: stand.building, levels: this.levels });
+    if (this.height !== stand.height) corrections.push({ building_id: stand.building, height: this.height });
+    if (this.exemplar.value !== stand.exemplar) corrections.push({ building_id: stand.building, exemplar: this.exemplar.value || null });
     if (await this.send(corrections)) editor.saved = boxes;
     this.changed();
   }
 
   async withdraw() {
-    if (await this.send([{ facade_id: this.id, elements: null, facade: null, hide: null, keep: null }])) this.editor.restart(this.stand.elements);
+    const corrections = this.stand.corrected.map(({ id, what }) => ({ [id === this.id ? "facade_id" : "building_id"]: id, [what]: null }));
+    if (await this.send(corrections)) this.editor.restart(this.stand);
     this.editor.select(null);
   }
 

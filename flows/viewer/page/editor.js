@@ -9,6 +9,11 @@ const HANDLE = matchMedia("(pointer: coarse)").matches ? 11 : 5;
 const EDGES = ["nw", "n", "ne", "e", "se", "s", "sw", "w"];
 const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
 
+// Boxes that are no elements: what pictures show that is not of the facade, and what is of it although it looks like something
+// in front.
+export const MASKS = ["hide", "keep"];
+const MASK_COLOURS = { hide: "#e01b24", keep: "#33d17a" };
+
 export class Editor {
   // stand: what /edit/facade says; colours: label -> colour; changed: called after every step.
   constructor(stand, labels, colours, changed) {
@@ -18,7 +23,7 @@ export class Editor {
     this.snap = true;
     this.selected = null;
     this.drag = null;
-    this.restart(stand.elements);
+    this.restart(stand);
     const [width, height] = this.size;
     this.image = element("image", { width, height, preserveAspectRatio: "none" });
     this.grid = element("g", { class: "lattice" });
@@ -32,8 +37,9 @@ export class Editor {
     this.lattice();
   }
 
-  restart(elements) {
-    this.steps = new Steps(elements.map(([label, x0, y0, x1, y1]) => ({ label, x0, y0, x1, y1 })));
+  restart(stand) {
+    const masks = MASKS.flatMap((label) => stand[label].map((box) => [label, ...box]));
+    this.steps = new Steps([...stand.elements, ...masks].map(([label, x0, y0, x1, y1]) => ({ label, x0, y0, x1, y1 })));
     this.saved = this.steps.now;
     this.selected = null;
   }
@@ -46,10 +52,13 @@ export class Editor {
     return this.selected === null ? null : this.steps.now[this.selected];
   }
 
-  // Elements as they are saved: shares of the wall.
+  // Boxes as they are saved, shares of the wall: elements, and what is hidden and kept; null where nothing is.
   shares() {
     const [width, height] = this.size;
-    return this.steps.now.map(({ label, x0, y0, x1, y1 }) => [label, x0 / width, y0 / height, x1 / width, y1 / height]);
+    const share = ({ x0, y0, x1, y1 }) => [x0 / width, y0 / height, x1 / width, y1 / height];
+    const mask = (label) => this.steps.now.filter((box) => box.label === label).map(share);
+    const elements = this.steps.now.filter((box) => !MASKS.includes(box.label)).map((box) => [box.label, ...share(box)]);
+    return { elements, ...Object.fromEntries(MASKS.map((label) => [label, mask(label).length ? mask(label) : null])) };
   }
 
   lattice() {
@@ -69,9 +78,13 @@ export class Editor {
     shown.sort(([a, m], [b, n]) => held(m) - held(n) || area(b) - area(a));
     const drawn = shown.map(([box, number]) => element("rect", {
       class: held(number) ? "box held" : "box", "data-number": number, x: box.x0, y: box.y0, width: box.x1 - box.x0, height: box.y1 - box.y0,
-      stroke: this.colours[box.label], fill: this.colours[box.label],
+      stroke: this.colour(box.label), fill: this.colour(box.label),
     }, element("title", {}, box.label)));
     this.layer.replaceChildren(...drawn, ...(this.box && !this.drag ? this.handles(this.box) : []));
+  }
+
+  colour(label) {
+    return this.colours[label] ?? MASK_COLOURS[label];
   }
 
   handles(box) {
@@ -112,7 +125,8 @@ export class Editor {
   }
 
   add() {
-    this.take([...this.steps.now, placed(this.label, this.box, this.metre, this.size)], this.steps.now.length);
+    const box = placed(this.label, this.box, this.metre, this.size);
+    this.take([...this.steps.now, this.snap ? snapped(box, null, this.lines, Infinity, this.size) : box], this.steps.now.length);
   }
 
   remove() {
