@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 
     from catalogs.block.reading import Block
 
-# What was corrected is of a building that is no farther off than this, metres.
-PLACE_M = 2.0
+# A facade that was corrected is of a building that is no farther off than this, metres; a building stands over its own place,
+# give or take so much: next to what is gone there is another.
+PLACE_M, INSIDE_M = 2.0, 0.1
 # What stands on others is at least so high, metres.
 LEAST_M = 2.0
 
@@ -133,7 +134,7 @@ def of_buildings(
 
 def owners_of(corrections: Corrections, buildings: Sequence[Building], crs: CRS | str) -> dict[str, str]:
     """The building that each correction's id is of, empty where none is: the one of that id, or of the facade's, where it
-    stands there; else the nearest one within PLACE_M of where it was made, else again the one of that id."""
+    stands there; else the nearest one to where it was made, as `nearest` has it, else again the one of that id."""
     at = {building.id: index for index, building in enumerate(buildings)}
     named = {id: at.get(id, at.get(id.rpartition("-")[0], -1)) for id in corrections.of}
     places = {id: one for id, said in corrections.of.items() if (one := _placed(said)) is not None}
@@ -151,14 +152,16 @@ def owners_of(corrections: Corrections, buildings: Sequence[Building], crs: CRS 
 
 
 def nearest(places: Sequence[Correction], buildings: Sequence[Building], crs: CRS | str) -> list[int]:
-    """The building within PLACE_M of where each of some corrections was made that is nearest, of several the first; -1 where
-    there is none."""
+    """The building nearest to where each of some corrections was made, of several the first; -1 where that is farther off than
+    PLACE_M, of a building than INSIDE_M."""
     found = [-1] * len(places)
     tree = shapely.STRtree([building.footprint for building in buildings])
     points = np.array(_points(places, crs), dtype=object)
     if len(points) and len(buildings):
         for number, index in sorted(zip(*tree.query_nearest(points, max_distance=PLACE_M).tolist(), strict=True)):
-            found[number] = index if found[number] < 0 else found[number]
+            reach = INSIDE_M if places[number].what in OF_BUILDINGS else PLACE_M
+            if found[number] < 0 and shapely.dwithin(points[number], buildings[index].footprint, reach):
+                found[number] = index
     return found
 
 

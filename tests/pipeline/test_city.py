@@ -79,6 +79,17 @@ def test_a_city_goes_on_after_a_kill_and_has_nothing_to_do_afterwards(town: Path
     assert (again["blocks_done"], again["blocks_skipped"]) == (2, 2)
     assert again["atlas_digest"] == summary["atlas_digest"]
 
+    facade = query(out, where="building = 'b' and role = 'street'")["id"].iloc[0]
+    said = {"facade_id": facade, "elements": [["door", 0.4, 0.7, 0.5, 1.0]]}
+    (town.parent / "said.json").write_text(json.dumps({"corrections": [said]}))
+    importing = [sys.executable, "-m", "flows", "import", str(out), str(town.parent / "said.json"), "--who", "anna"]
+    done = subprocess.run(importing, cwd=ROOT, env=environment(town.parent), capture_output=True, text=True, check=True)
+    assert f"streetloom city {town} --out {out}" in done.stdout + done.stderr
+    corrected = run(town)
+    assert (corrected["blocks_done"], corrected["blocks_skipped"]) == (2, 1), "of that block alone"
+    assert query(out, where="corrected = 1")["id"].tolist() == [facade]
+    assert run(town)["blocks_skipped"] == 2
+
 
 def test_the_nightly_city_is_deployed_as_its_flow_takes_it() -> None:
     entries = yaml.safe_load((ROOT / "deploy" / "prefect.yaml").read_text())["deployments"]
