@@ -54,7 +54,7 @@ clients: .venv/clients/node_modules/.package-lock.json .venv/clients/python/read
 		$(BIN)/uv pip install --quiet --python .venv/clients/python/bin/python --require-hashes -r $< && touch $@; } || \
 		echo "what $< names cannot be installed: tests of Blender are skipped"
 
-docs: setup  ## The documentation as a site in out/site, without a network; open out/site/index.html
+docs: setup  ## The documentation as a site in out/site, without a network; open out/site/index.html (its search: python3 -m http.server --directory out/site)
 	$(BIN)/uv pip install --quiet --python $(BIN)/python --require-hashes -r deploy/constraints/docs.txt
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet --site-dir out/site
 

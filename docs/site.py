@@ -13,7 +13,7 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 ROOT = Path(__file__).resolve().parent.parent
-_LOCAL = re.compile(r"\]\((?!\w+:)([^)\s#]+)((?:#[^)\s]*)?)\)")
+_LOCAL = re.compile(r"\[([^\[\]]*)\]\((?!\w+:)([^)\s#]+)((?:#[^)\s]*)?)\)")
 _SHOWN = {".md", ".jpg", ".png", ".svg", ".html", ".webp", ".ipynb"}
 
 
@@ -46,10 +46,11 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     folder = Path(page.file.src_uri).parent
 
     def kept(match: re.Match[str]) -> str:
-        path = (ROOT / folder / match[1]).resolve()
+        name, target, anchor = match.groups()
+        path = (ROOT / folder / target).resolve()
         if path.is_dir() and (path / "README.md").is_file():
-            return f"]({match[1].rstrip('/')}/README.md{match[2]})"
+            return f"[{name}]({target.rstrip('/')}/README.md{anchor})"
         there = path.is_relative_to(ROOT) and files.get_file_from_path(path.relative_to(ROOT).as_posix()) is not None
-        return match[0] if there or not path.exists() else "](#)"
+        return match[0] if there or not path.exists() else name
 
     return _LOCAL.sub(kept, markdown)
