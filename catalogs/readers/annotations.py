@@ -46,7 +46,7 @@ def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
     Boxes become shares of the picture. Raises InputError: one line with the file and the remedy.
     """
     if path.is_dir():
-        files = sorted(file for file in path.glob("*.json") if file.name != "export.json")
+        files = sorted(file for file in path.glob("*.json") if file.name not in ("export.json", ".export.json"))
         if not files:
             raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
         return [said for file in files for said in read_annotations(file, facades)]

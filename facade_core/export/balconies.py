@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -14,6 +15,9 @@ from facade_core.types import Element
 DEPTH_M, SHALLOW_M, NARROW_M = 0.9, 0.35, 1.8
 # Its floor and its railing are so thick; no smaller one is built.
 FLOOR_M, RAILING_M, LEAST_M = 0.15, 0.06, 0.5
+# A window that ends no farther than this above a railing, or anywhere below its top, goes on behind it, and ends so far above
+# the floor.
+ABOVE_RAILING_M, SILL_M = 0.25, 0.1
 # A face of it: corners (k, 3) as metres right and down in the wall's frame and out of it, where on the wall (k, 2) its look is
 # taken from, and what it is.
 BalconyFace = tuple[list[np.ndarray], list[np.ndarray], str]
@@ -31,6 +35,23 @@ def balconies_on(wall: Polygon, elements: Sequence[Element]) -> list[shapely.Pol
             continue
         if not any(box.intersects(other) for other in found):
             found.append(box)
+    return found
+
+
+def behind_railings(elements: Sequence[Element], balconies: Sequence[Polygon]) -> list[Element]:
+    """Elements of a wall, windows of which a balcony hides the foot gone on to its floor.
+
+    A picture shows the railing there, and the parse calls it balcony; one steps out through what is behind. Only a window that
+    lies between the railing's ends.
+    """
+    found = []
+    for element in elements:
+        for x0, y0, x1, y1 in (box.bounds for box in balconies if element.label == "window"):
+            floor = y1 - min(FLOOR_M, (y1 - y0) / 3) - SILL_M
+            between = x0 + RAILING_M <= element.x0 and element.x1 <= x1 - RAILING_M
+            if between and element.y0 < y0 and y0 - ABOVE_RAILING_M <= element.y1 < floor:
+                element = replace(element, y1=floor)
+        found.append(element)
     return found
 
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.sparse.csgraph import connected_components
 from shapely import Polygon
 
-from facade_core.export.balconies import BalconyFace, balconies_on, balcony
+from facade_core.export.balconies import BalconyFace, balconies_on, balcony, behind_railings
 from facade_core.export.body import Body, body_of
 from facade_core.export.cityjson import Face
 from facade_core.export.ledges import ledge, ledges_on
@@ -102,12 +102,11 @@ def modelled(
     for patch in body.shell.patches:
         chart, elements = patch.chart, layouts.get(patch.chart, ())
         if elements and source.charts.kind[chart] == WALL:
-            faces += _opened(drawn, body.shell, patch, elements, surfaces, behind)
             wall = _in_frame(drawn, [body.shell.points[list(ring)] for ring in patch.rings], chart)
+            before = balconies_on(wall, elements) if wall.is_valid else []
+            faces += _opened(drawn, body.shell, patch, behind_railings(elements, before), surfaces, behind)
             if wall.is_valid:
-                balconies += [
-                    (facades[chart], _before(drawn, chart, balcony(box))) for box in balconies_on(wall, elements)
-                ]
+                balconies += [(facades[chart], _before(drawn, chart, balcony(box))) for box in before]
                 ledges += [(facades[chart], _before(drawn, chart, ledge(box))) for box in ledges_on(wall, elements)]
         else:
             rings = tuple(body.shell.points[list(ring)] for ring in patch.rings)

@@ -20,6 +20,8 @@ from tasks.published.opened import Published, published
 
 # What an export was made of, and a digest of each of its files: what nobody has touched since, a new export may replace.
 MARKER = "export.json"
+# Its name among files that tools of others read each .json of.
+HIDDEN_MARKER = ".export.json"
 
 
 @dataclass(frozen=True)
@@ -113,6 +115,11 @@ def export(
         return _export(found, format, None if to is None else Path(to), buildings, as_file, options)
 
 
+def marker_of(format: str) -> str:
+    """The name of the file that says of an export what it was made of."""
+    return HIDDEN_MARKER if format == "labelme" else MARKER
+
+
 def _export(
     found: Published,
     format: str,
@@ -139,7 +146,7 @@ def _export(
             "crs": found.crs,
         }
         about |= {"notes": notes, "files": main, "digests": _digests(temporary)}
-        (temporary / MARKER).write_text(json.dumps(about, indent=1) + "\n")
+        (temporary / marker_of(format)).write_text(json.dumps(about, indent=1) + "\n")
         if target.exists():
             shutil.rmtree(target)
         os.replace(temporary, target)
@@ -157,8 +164,12 @@ def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) 
             target = at(place, f"exports/{format}/{found.snapshot.id}")
             written = _export(found, format, here, (), False, options)
         names = sorted(path.relative_to(here).as_posix() for path in here.rglob("*") if path.is_file())
-        each(lambda name: objects.put(at(target, name).path, at(here, name)), [n for n in names if n != MARKER], target)
-        objects.put((target / MARKER).path, here / MARKER)
+        each(
+            lambda name: objects.put(at(target, name).path, at(here, name)),
+            [n for n in names if n != marker_of(format)],
+            target,
+        )
+        objects.put((target / marker_of(format)).path, here / marker_of(format))
     finally:
         shutil.rmtree(here, ignore_errors=True)
     _forget_exports(target)
@@ -169,7 +180,11 @@ def _export_in_bucket(place: S3Folder, format: str, options: Mapping[str, Any]) 
 def _forget_exports(newest: S3Folder) -> None:
     """Remove what lies beside the newest export of a format in a bucket, but for the one before it."""
     beside = {name: one for name, one in objects.listed(newest.parent.path).items() if "/" in name}
-    whole = {name.partition("/")[0]: one.written for name, one in beside.items() if name.endswith(f"/{MARKER}")}
+    whole = {
+        name.partition("/")[0]: one.written
+        for name, one in beside.items()
+        if name.endswith((f"/{MARKER}", f"/{HIDDEN_MARKER}"))
+    }
     before = max(whole.keys() - {newest.name}, key=lambda name: whole[name], default=None)
     for name in {name.partition("/")[0] for name in beside} - {newest.name, before}:
         remove(newest.parent / name)
@@ -207,7 +222,8 @@ def _check_target(target: Path, format: str, as_file: bool) -> None:
 def _not_ours(folder: Path, format: str) -> str | None:
     """Why a folder must not be replaced, None where it is an export of the format as it was written."""
     try:
-        about = json.loads((folder / MARKER).read_text())
+        hidden = folder / HIDDEN_MARKER
+        about = json.loads((hidden if hidden.is_file() else folder / MARKER).read_text())
         digests = about["digests"]
         if about["format"] != format:
             return f"holds an export of {about['format']}"
@@ -222,7 +238,7 @@ def _digests(folder: Path) -> dict[str, str]:
     """A digest of every file below a folder, but for the marker."""
     found = {}
     for path in sorted(folder.rglob("*")):
-        if path.is_file() and path != folder / MARKER:
+        if path.is_file() and path not in (folder / MARKER, folder / HIDDEN_MARKER):
             with path.open("rb") as file:
                 found[path.relative_to(folder).as_posix()] = hashlib.file_digest(file, "sha256").hexdigest()
     return found

@@ -142,7 +142,7 @@ def names_in(format: str, folder: Path) -> set[str]:
     if format == "coco":
         return {image["facade"] for image in json.loads((folder / "annotations.json").read_text("utf-8"))["images"]}
     if format == "labelme":
-        found = [json.loads(path.read_text("utf-8")) for path in folder.glob("*.json") if path.name != "export.json"]
+        found = [json.loads(path.read_text("utf-8")) for path in folder.glob("[!.]*.json")]
         assert all((folder / one["imagePath"]).is_file() for one in found)
         return {one["imagePath"] for one in found}
     if format == "cog":

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import shapely
 
+from facade_core.export.balconies import balconies_on, behind_railings
 from facade_core.export.buildings import ground_faces, modelled
 from facade_core.export.cityjson import Face, Pool, geometry_of
 from facade_core.export.models import Drawn, Textured, layout_of
@@ -72,6 +73,22 @@ def test_openings_stay_within_their_wall_and_apart(drawn: Drawn) -> None:
     apart = [a.distance(b) for k, (_, a) in enumerate(openings) for _, b in openings[:k]]
     assert min(apart) > 0.0599
     assert openings == openings_in(wall, elements[::-1]), "in whatever order they come"
+
+
+def test_windows_go_on_behind_the_railing_of_a_balcony() -> None:
+    wall = shapely.box(0, 0, 12, 6)
+    seen = [
+        Element("balcony", 1, 3, 4, 4),
+        Element("window", 1.5, 1.5, 2.5, 2.9),  # ends at the railing
+        Element("window", 3, 1.5, 3.8, 3.2),  # overlaps it
+        Element("window", 3.9, 1.5, 4.9, 2.9),  # beside its end
+        Element("window", 1.5, 0.2, 2.5, 1.2),  # a floor above
+        Element("door", 6, 4, 7, 6),
+    ]
+    found = behind_railings(seen, balconies_on(wall, seen))
+    assert [e.y1 for e in found] == pytest.approx([4, 3.75, 3.75, 2.9, 1.2, 6])
+    assert [(e.label, e.x0, e.y0, e.x1) for e in found] == [(e.label, e.x0, e.y0, e.x1) for e in seen]
+    assert behind_railings(seen, []) == seen
 
 
 def test_a_building_is_a_watertight_body_with_openings_set_back(drawn: Drawn, coloured: Textured) -> None:

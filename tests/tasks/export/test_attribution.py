@@ -59,9 +59,8 @@ def of_coco(folder: Path) -> Iterable[str]:
 
 
 def of_labelme(folder: Path) -> Iterable[str]:
-    for file in folder.glob("*.json"):
-        if file.name != "export.json":
-            yield json.loads(file.read_text())["attribution"]["line"]
+    for file in folder.glob("[!.]*.json"):
+        yield json.loads(file.read_text())["attribution"]["line"]
     yield from map(of_png, folder.glob("*.png"))
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import shutil
 from dataclasses import replace
+from glob import glob
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -22,7 +23,7 @@ from catalogs.published.items import COLUMNS
 from facade_core.errors import InputError, StoreError
 from facade_core.export.glb import header_of
 from flows.cli.commands import main
-from tasks.export.formats import FORMATS, _writers, export
+from tasks.export.formats import FORMATS, _writers, export, marker_of
 from tasks.export.models import write_3dtiles
 from tasks.published.opened import Published
 from tests.exports import HERE
@@ -40,7 +41,7 @@ def test_every_format_by_command(undisturbed: Run, tmp_path: Path) -> None:
     for style in HERE:
         done = runner.invoke(main, ["export", str(undisturbed[0]), "--format", style, "--to", str(tmp_path / style)])
         assert done.exit_code == 0, done.output
-        about = json.loads((tmp_path / style / "export.json").read_text())
+        about = json.loads((tmp_path / style / marker_of(style)).read_text())
         assert about["snapshot"] == (undisturbed[0] / "current").read_text().strip()
         told = done.stdout.split()
         files = [str(tmp_path / style / name) for name in about["files"]]
@@ -178,16 +179,15 @@ def test_annotations_lie_in_their_pictures(found: Published, undisturbed: Run, t
         assert annotation["area"] == pytest.approx(width * height, rel=0.02)
     done = export(undisturbed[0], "labelme", tmp_path / "labelme")
     labelme = done.path
-    index = json.loads((labelme / "export.json").read_text())["files"]
+    index = json.loads((labelme / ".export.json").read_text())["files"]
     assert index == [file.name for file in done.files]
-    assert set(index) == {file.name for file in labelme.glob("*.json")} - {"export.json"}
+    assert set(index) == set(glob("*.json", root_dir=labelme)), "each .json there is a facade's"
     shapes = 0
-    for file in labelme.glob("*.json"):
-        value = json.loads(file.read_text())
-        if file.name != "export.json":
-            with Image.open(labelme / value["imagePath"]) as image:
-                assert image.size == (value["imageWidth"], value["imageHeight"])
-            shapes += len(value["shapes"])
+    for name in index:
+        value = json.loads((labelme / name).read_text())
+        with Image.open(labelme / value["imagePath"]) as image:
+            assert image.size == (value["imageWidth"], value["imageHeight"])
+        shapes += len(value["shapes"])
     assert shapes == len(coco["annotations"])
 
 
