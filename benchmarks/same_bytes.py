@@ -32,7 +32,7 @@ FORMATS = ("glb", "3dtiles", "cityjson", "cityjsonseq", "lod3", "citygml", "coco
 # Columns that say when something was done, how long that took, where, and by which code.
 VOLATILE = ["updated", "seconds", "run", "config_digest"]
 # What an export says of its own files, which are compared themselves.
-CONTENTS = "export.json"
+CONTENTS = ("export.json", ".export.json")
 # Likewise in the text of exports: times, the version with its digest of code, names of snapshots.
 VOLATILE_TEXT = re.compile(rb"\d{4}-\d\d-\d\d(T[\d:.]+(Z|\+00:00)?)?|0\.1\.0\+[0-9a-f]{12}|[0-9A-Z]{20}")
 
@@ -82,7 +82,7 @@ def _results(checkout: Path, block: Path, out: Path) -> dict[str, str]:
         folder = out.with_name(f"{out.name}-{form}{'.gpkg' if form == 'gpkg' else ''}")
         command("export", str(out), "--format", form, "--to", str(folder))
         if folder.is_dir():
-            files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name != CONTENTS]
+            files = [path for path in sorted(folder.rglob("*")) if path.is_file() and path.name not in CONTENTS]
             found |= {f"{form}/{path.relative_to(folder).as_posix()}": _digest(path.read_bytes()) for path in files}
         else:
             found |= {f"{form}/{layer}": _digest(_layer(folder, layer)) for layer, _ in pyogrio.list_layers(folder)}
