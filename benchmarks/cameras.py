@@ -2,11 +2,12 @@
 
 A synthetic street whose ground is painted, with cut-outs of cars, trees and lamps before the houses, is seen by panoramas of
 different exposure whose poses are off by 0.3 m and 1 degree and then refined, as a run does it. Over the texels of ground that
-some camera shows, PSNR in dB with a factor per channel aside: of what `facade_core.cameras` takes, with the material in the
-texels that it leaves (`ours`); of each texel from the camera that shows it best, as it is (`plain`); of the material alone, as
-without cameras (`material`). taken: PSNR and share of the texels that are taken. through: the share of those that show a
-cut-out instead of the ground, `plain` likewise. exposure: what is left of the cameras' differences, as a ratio (1 is none).
-seconds: of each step, a camera.
+some camera shows, PSNR in dB with a factor per channel aside: of what a run finishes (`ours`), of each texel from the camera
+that shows it best, as it is (`plain`), of the material alone, as without cameras (`material`). Apart: `seen`, what a camera
+shows with nothing before it; `hidden`, behind cut-outs for every camera; `taken` from cameras; continued by `example`; the
+`rest`, of material. through: the share of texels taken that show a cut-out instead of the ground, `plain` likewise. exposure:
+what is left of the cameras' differences, as a ratio (1 is none). seconds: to look down, to mask and to take a piece, a camera;
+to finish a piece.
 """
 
 from __future__ import annotations
@@ -15,13 +16,18 @@ import argparse
 import json
 import statistics
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from pathlib import Path
 from typing import Any
 
+import cv2
 import numpy as np
+import shapely
 
-from facade_core.cameras import Camera, factors, in_the_way, look_down, photographed, usual_of
+from facade_core.atlas.provenance import INPAINTED, PHOTO, UNSEEN
+from facade_core.atlas.surroundings import Reader
+from facade_core.cameras import Camera, Shown, factors, in_the_way, look_down, photographed, usual_of
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import pack
 from facade_core.rectify import refine_pose
@@ -29,16 +35,19 @@ from facade_core.rectify.camera import GROUND_REACH_M
 from facade_core.rectify.panorama import rectify_view
 from facade_core.street.field import Materials
 from facade_core.street.scene import Scene
+from facade_core.street.surfaces import Known, surface
 from facade_core.synth.street_truth import SyntheticStreet, hidden_points, painted_ground, panorama, synthetic_street
-from facade_core.types import Pose
+from facade_core.types import Pose, Street
 
 POSE_NOISE_M, POSE_NOISE_DEG = 0.3, 1.0
 # Of the ground's texels; those of the walls stay.
 DENSITY = 16.0
 
 
-def measure(*, seed: int = 3, buildings: int = 8, cameras: int = 5, width: int = 4096) -> dict[str, Any]:
-    """A street of so many houses and cameras."""
+def measure(
+    *, seed: int = 3, buildings: int = 8, cameras: int = 5, width: int = 4096, pictures: Path | None = None
+) -> dict[str, Any]:
+    """A street of so many houses and cameras; pictures: a folder for those of its ground."""
     street = synthetic_street(buildings, seed=seed)
     paint = painted_ground(street)
     rng = np.random.default_rng(seed)
@@ -63,7 +72,15 @@ def measure(*, seed: int = 3, buildings: int = 8, cameras: int = 5, width: int =
     scene = _finer(street.scene)
     found: dict[str, Any] = {"benchmark": "cameras", "cameras": cameras, "texels_per_metre": DENSITY}
     for name, poses in (("given", given), ("refined", None), ("true", true)):
-        found[name] = _recovered(scene, street, images, true, poses or _refined(street.scene, images, given), gains)
+        found[name] = _recovered(
+            scene,
+            street,
+            images,
+            true,
+            poses or _refined(street.scene, images, given),
+            gains,
+            pictures and pictures / name,
+        )
     return found
 
 
@@ -85,9 +102,10 @@ def _recovered(
     true: Sequence[Pose],
     poses: Sequence[Pose],
     gains: Sequence[float],
+    pictures: Path | None,
 ) -> dict[str, Any]:
     paint = painted_ground(street)
-    seconds: dict[str, list[float]] = {"look": [], "mask": [], "ground": []}
+    seconds: dict[str, list[float]] = {"look": [], "mask": [], "ground": [], "finish": []}
     cameras, squares = [], []
     for image, pose in zip(images, poses, strict=True):
         start = time.perf_counter()
@@ -100,51 +118,95 @@ def _recovered(
     factor = factors(squares)
     cameras = [replace(camera, factor=own) for camera, own in zip(cameras, factor, strict=True)]
     left = np.array(gains) * factor.mean(axis=1)
-    materials = Materials(scene, (), seed=1)
-    texels: dict[str, list[np.ndarray]] = {name: [] for name in ("truth", "ours", "plain", "material", "taken")}
-    through: dict[str, list[np.ndarray]] = {"ours": [], "plain": []}
-    for chart in np.flatnonzero(scene.charts.kind == GROUND).tolist():
+    street_line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    materials = Materials(scene, (street_line,), seed=1)
+    grounds = np.flatnonzero(scene.charts.kind == GROUND).tolist()
+    shown: dict[int, Shown] = {}
+    for chart in grounds:
+        start = time.perf_counter()
+        found = photographed(scene, chart, cameras)
+        seconds["ground"].append((time.perf_counter() - start) / len(cameras))
+        if found is not None:
+            shown[chart] = found
+    known = Known(_reader(scene, shown), shown, ())
+    parts: list[dict[str, np.ndarray]] = []
+    for chart in grounds:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
         views = [rectify_view(scene, chart, c.image, c.pose, size) for c in cameras]
         points = _points(scene, chart, size)
         away = [np.hypot(points[..., 0] - c.pose.x, points[..., 1] - c.pose.y) for c in cameras]
         seen = np.stack([v.seen & (a <= GROUND_REACH_M) for v, a in zip(views, away, strict=True)])
-        if not seen.any():
+        somewhere = np.asarray(seen.any(axis=0))
+        if not somewhere.any():
             continue
         start = time.perf_counter()
-        shown = photographed(scene, chart, cameras)
-        seconds["ground"].append((time.perf_counter() - start) / max(1, int(seen.any(axis=(1, 2)).sum())))
+        ours, provenance = surface(scene, materials, chart, known, network=False)
+        seconds["finish"].append(time.perf_counter() - start)
         best = np.where(seen, np.stack([v.quality for v in views]), -1).argmax(axis=0)
-        somewhere = seen.any(axis=0)
-        plain = np.stack([v.rgb for v in views])[best, *np.indices(size)]
-        material = materials.raster(chart).reshape(*size, 3)
-        taken = np.zeros(size, bool) if shown is None else shown.shown
-        ours = material if shown is None else np.where(taken[..., None], shown.rgb, material)
         covered = np.stack([hidden_points(street, points, a, supposed=b) for a, b in zip(true, poses, strict=True)])
-        truth = paint(points[somewhere][:, :2])
-        for name, values in (("truth", truth), ("ours", ours[somewhere]), ("plain", plain[somewhere])):
-            texels[name].append(values.astype(np.float64))
-        texels["material"].append(material[somewhere].astype(np.float64))
-        texels["taken"].append(taken[somewhere])
-        through["plain"].append(np.take_along_axis(covered, best[None], axis=0)[0][somewhere])
-        if shown is not None:
-            camera = np.maximum(shown.camera, 0)[None].astype(np.intp)
-            through["ours"].append(np.take_along_axis(covered, camera, axis=0)[0][taken])
-    whole = {name: np.concatenate(parts) for name, parts in texels.items()}
-    taken = whole.pop("taken")
+        camera = shown[chart].camera if chart in shown else np.full(size, -1, np.int8)
+        rasters = {
+            "truth": paint(points.reshape(-1, 3)[:, :2]).reshape(points.shape),
+            "ours": ours,
+            "plain": np.stack([v.rgb for v in views])[best, *np.indices(size)],
+            "material": materials.raster(chart).reshape(*size, 3),
+            "hidden": np.asarray(~(seen & ~covered).any(axis=0)),
+            "taken": camera >= 0,
+            "example": provenance == INPAINTED,
+            "plain through": np.take_along_axis(covered, best[None], axis=0)[0],
+            "ours through": np.take_along_axis(covered, np.maximum(camera, 0)[None].astype(np.intp), axis=0)[0],
+        }
+        if pictures is not None:
+            row = [rasters[name] * somewhere[..., None] for name in ("plain", "truth")]
+            picture = np.concatenate([ours, *row], axis=1).astype(np.uint8)
+            cv2.imwrite(str(pictures.with_name(f"{pictures.name}-{chart}.png")), picture[..., ::-1])
+        parts.append({name: raster[somewhere] for name, raster in rasters.items()})
+    whole = {name: np.concatenate([part[name] for part in parts]) for name in parts[0]}
+    hidden, taken, example = whole["hidden"], whole["taken"], whole["example"]
+    regions = {
+        "all": np.ones_like(hidden),
+        "seen": ~hidden,
+        "hidden": hidden,
+        "taken": taken,
+        "example": example,
+        "rest": ~(taken | example),
+    }
     return {
-        **{name: _psnr(whole[name], whole["truth"]) for name in ("ours", "plain", "material")},
-        "taken": {
-            "share": round(float(taken.mean()), 3),
-            **{name: _psnr(whole[name][taken], whole["truth"][taken]) for name in ("ours", "plain", "material")},
+        **{name: _compared(whole, region) for name, region in regions.items()},
+        "through": {
+            "ours": round(float(whole["ours through"][taken].mean()), 5) if taken.any() else None,
+            "plain": round(float(whole["plain through"].mean()), 5),
         },
-        "through": {n: round(float(np.concatenate(p).mean()), 5) if p else None for n, p in through.items()},
         "exposure": {
             "before": round(max(gains) / min(gains), 3),
             "after": round(float(left.max() / left.min()), 3),
         },
         "seconds": {name: round(statistics.mean(values), 3) for name, values in seconds.items()},
     }
+
+
+def _compared(whole: dict[str, np.ndarray], region: np.ndarray) -> dict[str, Any]:
+    """The share of a region, and PSNR over it."""
+    found: dict[str, Any] = {"share": round(float(region.mean()), 3)}
+    if region.any():
+        truth = whole["truth"][region].astype(np.float64)
+        for name in ("ours", "plain", "material"):
+            found[name] = _psnr(whole[name][region].astype(np.float64), truth)
+    return found
+
+
+def _reader(scene: Scene, shown: Mapping[int, Shown]) -> Reader:
+    """What cameras show of charts, as a run reads it."""
+
+    def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        if chart not in shown:
+            shape = (rows.stop - rows.start, columns.stop - columns.start)
+            return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
+        found = shown[chart]
+        rank = np.where(found.shown, PHOTO, UNSEEN).astype(np.uint8)
+        return found.rgb[rows, columns], rank[rows, columns]
+
+    return read
 
 
 def _points(scene: Scene, chart: int, size: tuple[int, int]) -> np.ndarray:
@@ -165,8 +227,14 @@ def main() -> None:
     parser.add_argument("--buildings", type=int, default=8, help="houses on the street, an even number")
     parser.add_argument("--cameras", type=int, default=5)
     parser.add_argument("--width", type=int, default=4096, help="pixels of a panorama")
+    parser.add_argument(
+        "--pictures", type=Path, help="folder for pictures of the ground: ours, plain projection, the truth"
+    )
     options = parser.parse_args()
-    print(json.dumps(measure(buildings=options.buildings, cameras=options.cameras, width=options.width), indent=1))
+    found = measure(
+        buildings=options.buildings, cameras=options.cameras, width=options.width, pictures=options.pictures
+    )
+    print(json.dumps(found, indent=1))
 
 
 if __name__ == "__main__":

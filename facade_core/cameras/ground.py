@@ -11,6 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from facade_core.atlas.levelling import spread
 from facade_core.rectify.camera import GROUND_REACH_M, position
 from facade_core.rectify.fusion import View, fuse_views
 from facade_core.rectify.panorama import rectify_view
@@ -32,6 +33,10 @@ SQUARE_M, APART = 0.5, 0.22
 ODD, OFTEN = 0.35, 3.0
 # A square of which less is clear is not compared.
 LEAST_CLEAR = 0.25
+# Side of the cells in which thin things are looked for, metres: trunks, posts, cables, of which a square is not. One is as far
+# off the median of so much around it as this, as a logarithm, and goes with a rim of so many cells, unless another camera shows
+# that colour within as many cells.
+THIN_M, BESIDE_M, THIN, RIM = 0.125, 1.6, 0.3, 2
 # Pieces smaller than this are left to the material, square metres, as is what is narrower, metres.
 LEAST_M2, NARROW_M = 2.0, 0.6
 
@@ -116,22 +121,45 @@ def believed(
         else:
             middle, half = like
             alone &= (np.abs(logs[i] - middle) <= np.maximum(ODD, OFTEN * half)).all(axis=2)
-        whole = [
-            square.repeat(side, axis=0).repeat(side, axis=1)[: view.seen.shape[0], : view.seen.shape[1]]
-            for square in (supported[i], alone)
-        ]
+        whole = [_on_texels(square, side, view.seen.shape) for square in (supported[i], alone)]
         kept.append(view.clear & (whole[0] | (whole[1] & (away[i] >= ALONE_M))))
-    return kept
+    return [one & ~thin for one, thin in zip(kept, _thin(views, density), strict=True)]
 
 
-def _near(one: np.ndarray, other: np.ndarray, there: np.ndarray) -> np.ndarray:
-    """Squares (r, c) of which another view shows the colour there or beside: a pose may be off by a square."""
+def _thin(views: Sequence[View], density: float) -> list[np.ndarray]:
+    """Texels (h, w) bool of each view that stand out from the ground around them, which no other view confirms."""
+    import cv2
+
+    side = max(1, round(THIN_M * density))
+    window = 2 * round(BESIDE_M / THIN_M / 2) + 1
+    there = [_means(view.clear.astype(np.float32), side) > LEAST_CLEAR for view in views]
+    logs = [_logs(view, side) for view in views]
+    found = []
+    for i, view in enumerate(views):
+        colour = np.rint(spread(np.exp(logs[i]), there[i])).clip(1, 255).astype(np.uint8)
+        usual = np.log(np.maximum(cv2.medianBlur(colour, window), 1).astype(np.float32))
+        odd = there[i] & (np.abs(logs[i] - usual).max(axis=2) > THIN)
+        for j in range(len(views)):
+            if j != i and odd.any():
+                odd &= ~_near(logs[i], logs[j], there[j], RIM)
+        wide = cv2.dilate(odd.astype(np.uint8), np.ones((2 * RIM + 1,) * 2, np.uint8)) > 0
+        found.append(_on_texels(wide, side, view.seen.shape))
+    return found
+
+
+def _on_texels(squares: np.ndarray, side: int, shape: tuple[int, ...]) -> np.ndarray:
+    """Squares (r, c) of `side` texels on the texels (h, w) of a raster."""
+    return squares.repeat(side, axis=0).repeat(side, axis=1)[: shape[0], : shape[1]]
+
+
+def _near(one: np.ndarray, other: np.ndarray, there: np.ndarray, reach: int = 1) -> np.ndarray:
+    """Squares (r, c) of which another view shows the colour there or so many beside: a pose may be off by that."""
     found = np.zeros(there.shape, bool)
     rows, columns = there.shape
-    padded = np.pad(other, ((1, 1), (1, 1), (0, 0)))
-    known = np.pad(there, 1)
-    for down in range(3):
-        for right in range(3):
+    padded = np.pad(other, ((reach, reach), (reach, reach), (0, 0)))
+    known = np.pad(there, reach)
+    for down in range(2 * reach + 1):
+        for right in range(2 * reach + 1):
             at = (slice(down, down + rows), slice(right, right + columns))
             found |= known[at] & (np.abs(one - padded[at]).max(axis=2) <= APART)
     return found

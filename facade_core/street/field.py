@@ -33,6 +33,7 @@ from facade_core.street.field_kernels import (
 from facade_core.street.grain import Grains
 from facade_core.street.grain_file import shipped
 from facade_core.street.ground import Squares
+from facade_core.street.ground_kinds import kinds_of
 from facade_core.street.materials import BRICKS, FITTINGS, PLASTERS, SOFFIT, WOODS
 from facade_core.street.own_walls import WallMaterial
 from facade_core.street.render import shade
@@ -172,6 +173,13 @@ class Materials:
             rows, columns = np.divmod(np.arange(start, start + len(part)), out.shape[1])
             self._paint(chart, rows, columns, part)
         return out
+
+    def kinds(self, chart: int, margin: int) -> np.ndarray:
+        """Kinds of ground, as of `kinds_of`, on a chart and `margin` texels around it: (h + 2 m, w + 2 m) uint8."""
+        placement = self._scene.placement
+        size = (int(placement.height[chart]), int(placement.width[chart]))
+        density = float(placement.texels_per_metre[chart])
+        return kinds_of(self._scene.charts, chart, self._ground.around(chart), density, size, margin)
 
     def _paint(self, chart: int, rows: np.ndarray, columns: np.ndarray, out: np.ndarray) -> None:
         """Texels (k,) of a chart, by the kernel that places are coloured by: one more that calls it would be compiled with all

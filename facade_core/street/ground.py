@@ -109,6 +109,10 @@ class Squares:
             self._digests[square] = self.piece(square).digest
         return self._digests[square]
 
+    def around(self, chart: int) -> Piece:
+        """What the ground on a chart and around it is drawn of."""
+        return self.piece(tuple(self._square[chart].tolist()))
+
     def _of(self, square: tuple[int, int]) -> tuple[np.ndarray, ...]:
         if square not in self._drawn:
             self._drawn[square] = draw(self.piece(square))
@@ -171,7 +175,7 @@ def draw(piece: Piece) -> tuple[np.ndarray, ...]:
     """A square's part of Drawn, from start_layer on."""
     roads = [way for way in piece.ways if way.kind == "road"]
     carriageway, junctions = carriageways(roads)
-    layers = _layers(piece, roads, carriageway)
+    layers = layers_of(piece, roads, carriageway)
     frames = _frames(roads)
     drawn = marks(piece.ways, carriageway, junctions)
     low = np.array(piece.low)
@@ -220,7 +224,8 @@ def _direction(line: LineString, place: shapely.Point) -> np.ndarray:
     return (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9)
 
 
-def _layers(piece: Piece, roads: Sequence[Way], carriageway: shapely.Geometry) -> dict[int, shapely.Geometry]:
+def layers_of(piece: Piece, roads: Sequence[Way], carriageway: shapely.Geometry) -> dict[int, shapely.Geometry]:
+    """What covers a square, from below: the shape of each layer."""
     shapes: dict[int, list[shapely.Geometry]] = {}
     for area in piece.areas:
         shapes.setdefault(AREAS + SURFACES.index(area.surface), []).append(area.outline)

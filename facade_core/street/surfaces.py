@@ -8,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from facade_core.atlas.levelling import LEVELLED_M, LEVELLED_REACHES, level
-from facade_core.atlas.provenance import MATERIAL, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN
+from facade_core.atlas.provenance import INPAINTED, MATERIAL, PHOTO, SYNTHESISED, TRANSLATED, UNSEEN
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import Placement
+from facade_core.street.by_example import by_example
 from facade_core.street.contact import contact
 from facade_core.street.enclosed import enclosed
 from facade_core.street.facade_light import in_its_light
@@ -144,40 +145,58 @@ def _levelled_surface(
     guessed = bare | (provenance <= TRANSLATED)
     if scene.charts.kind[chart] != GROUND:
         return _levelled(scene, chart, colour, ~guessed, guessed, known.read, known.seeded, TRANSLATED), provenance
-    if chart not in known.seeded:
+    # a picture of the ground says nothing of ground far from it, which is not levelled to it: the picture goes on by example a
+    # little way and then fades into the material. Beside a picture from above it ends nowhere: what readers know of the next
+    # piece does not have that picture yet
+    near = {chart, *pieces_around(scene.charts, chart, BESIDE_M).tolist()} if aerial is None else {chart}
+    if near.isdisjoint(known.seeded):
         return colour, provenance
-    # a picture of the ground says nothing of ground beside it, which is not levelled to it: the picture fades into that. Beside
-    # a picture from above it ends nowhere: what readers know of the next piece does not have that picture yet
-    share = faded(scene, chart, provenance, known if aerial is None else None)
-    mixed = (share < 1) & ~guessed
+    pictured, end = ~guessed, provenance != PHOTO
+    if aerial is None:
+        colour, filled, end = _continued(scene, materials, chart, colour, guessed, known)
+        provenance[filled] = INPAINTED
+        pictured |= filled
+    share = faded(scene, chart, end)
+    mixed = (share < 1) & pictured
     part, painted = share[mixed][:, None], materials.texels(chart, *np.nonzero(mixed))
     colour[mixed] = (part * colour[mixed] + (1 - part) * painted + 0.5).astype(np.uint8)
     return colour, provenance
 
 
-def faded(scene: Scene, chart: int, provenance: np.ndarray, known: Known | None) -> np.ndarray:
-    """How much of a picture of the ground counts (h, w) float32: it fades into the material over FADE_M to where no picture is,
-    but not to the block's border, nor to a wall; to pieces beside it where it is `known` what they show."""
+def _continued(
+    scene: Scene, materials: Materials, chart: int, colour: np.ndarray, free: np.ndarray, known: Known
+) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Pictures of the ground go on by example where a piece's texels are free (h, w) bool: its colour, where they do, and, of
+    the piece with BESIDE_M around it, where no picture is nor goes on."""
+    density, size = float(scene.placement.texels_per_metre[chart]), (free.shape[0], free.shape[1])
+    margin = round(BESIDE_M * density)
+    own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
+
+    def from_one(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        shown, rank = known.read(one, rows, columns)
+        return shown, rank + 1  # 0 is where no piece is
+
+    wide, rank = surrounded(scene.charts, scene.placement.texels_per_metre, chart, size, margin, from_one)
+    pictured, there = rank == PHOTO + 1, rank > 0
+    there[own] &= free
+    made, filled = by_example(wide, pictured, there, materials.kinds(chart, margin), density)
+    end = (rank > 0) & ~pictured & ~filled
+    found = filled[own]
+    return np.where(found[..., None], made[own], colour), found, end
+
+
+def faded(scene: Scene, chart: int, end: np.ndarray) -> np.ndarray:
+    """How much of a picture of the ground counts (h, w) float32: it fades into the material over FADE_M to the texels `end`
+    (h + 2 m, w + 2 m) bool of the piece and m around it, but not to the block's border, nor to a wall."""
     import cv2
 
-    density, size = float(scene.placement.texels_per_metre[chart]), (provenance.shape[0], provenance.shape[1])
-    margin = round(FADE_M * density) + 1
-    wide = np.zeros((size[0] + 2 * margin, size[1] + 2 * margin), np.uint8)
-    if known is not None:
-        read = known.read
-
-        def from_one(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
-            colour, rank = read(one, rows, columns)
-            return colour, rank + 1  # 0 is where no piece is
-
-        rank = surrounded(scene.charts, scene.placement.texels_per_metre, chart, size, margin, from_one)[1]
-        wide = (rank > 0).astype(np.uint8) + (rank == PHOTO + 1)
-    own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
-    wide[own] = 1 + (provenance == PHOTO)
-    if not (wide == 1).any():
-        return np.ones(size, np.float32)
-    away = cv2.distanceTransform((wide != 1).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)[own]
-    return np.clip(away / max(1.0, FADE_M * density), 0, 1).astype(np.float32)
+    rows, columns = int(scene.placement.height[chart]), int(scene.placement.width[chart])
+    if not end.any():
+        return np.ones((rows, columns), np.float32)
+    margin = (end.shape[0] - rows) // 2
+    away = cv2.distanceTransform((~end).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
+    away = away[margin : margin + rows, margin : margin + columns]
+    return np.clip(away / max(1.0, FADE_M * float(scene.placement.texels_per_metre[chart])), 0, 1).astype(np.float32)
 
 
 def _plain(scene: Scene, materials: Materials, chart: int) -> np.ndarray:

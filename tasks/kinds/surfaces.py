@@ -8,6 +8,7 @@ from catalogs.block import Block
 from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.surroundings import pieces_around
 from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.geometry.charts import GROUND
 from facade_core.grouping import Grouped
 from facade_core.plan import Plan
 from facade_core.street.surfaces import BESIDE_M
@@ -36,6 +37,7 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
     seeds = latest_digests([record for stage in SEEDING for record in read_journal(group, stage)], [])
     streets = latest_digests([], read_journal(group, "streets"))
     texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
+    is_ground = plan.scene.charts.kind == GROUND
     units = []
     for index, (name, charts) in enumerate(parts_of_block(plan)):
         beside = sorted(
@@ -49,7 +51,7 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
                 name,
                 (surface_key(run, plan, charts, beside, seeds, streets),),
                 (tuple(charts), seeded, written),
-                surface_memory(texels[charts]),
+                surface_memory(texels[charts], continued=bool(seeded) and bool(is_ground[charts[0]])),
                 tuple(charts),
             )
         )

@@ -148,3 +148,19 @@ def test_a_view_of_the_panorama_is_masked_where_the_parser_sees_things(monkeypat
     assert mask.sum() < 2.2 * 30 * 40
     half = in_the_way(image[90:, 180:540], Pose(0, 0, 2.5, 0.0, view=(0.25, 0.25, 0.5, 0.75)))
     assert (half == mask[90:, 180:540]).mean() > 0.995
+
+
+def test_what_is_thin_and_shown_by_one_camera_is_not_believed() -> None:
+    """A trunk lies elsewhere for each camera; a line on the ground in the same place for both."""
+    views = []
+    for trunk in (20, 44):
+        rgb = np.full((80, 80, 3), 100, np.uint8)
+        rgb[:, 60:63] = 200
+        rgb[30:74, trunk : trunk + 3] = 45
+        views.append(View(rgb, np.ones((80, 80), bool), np.full((80, 80), 0.5, np.float32)))
+    far = np.full((80, 80), 9, np.float32)
+    kept = believed(views, [far, far], [USUAL, USUAL], 16.0)
+    for one, trunk in zip(kept, (20, 44), strict=True):
+        assert not one[34:70, trunk : trunk + 3].any()
+        assert one[:, 60:63].all()
+        assert one.mean() > 0.8

@@ -6,9 +6,10 @@ import numpy as np
 import pytest
 import shapely
 
-from facade_core.atlas import MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
+from facade_core.atlas import INPAINTED, MATERIAL, PHOTO, TRANSLATED, UNSEEN, AtlasSpec
 from facade_core.geometry import GROUND, WALL, block_surfaces, pack, terrain_of
 from facade_core.street import Materials, Scene, Viewpoint, Window
+from facade_core.street.by_example import FILLED_M
 from facade_core.street.contact import contact
 from facade_core.street.enclosed import enclosed
 from facade_core.street.propagate import see
@@ -86,41 +87,51 @@ def test_a_photo_stays_and_what_is_painted_beside_it_meets_it(scene: Scene, mate
     assert abs(colour[:, far].astype(float) - plain[:, far]).mean() < 2
 
 
-def test_a_picture_of_the_ground_fades_to_where_none_is_but_not_to_the_border(
-    scene: Scene, materials: Materials
-) -> None:
-    """Pieces lie above and to the left of this one, bare; below it the block ends. FADE_M is ten texels."""
+def test_a_picture_of_the_ground_fades_to_where_none_is_but_not_to_the_border(scene: Scene) -> None:
+    """FADE_M is ten texels; beyond the piece, to its left, none is either."""
     chart = ground(scene)
-    rank = bare(scene, chart)
-    rank[:, :40] = PHOTO
+    end = np.pad(bare(scene, chart), 12).astype(bool)
+    end[:, :12] = end[:, 52:] = True
     ramp = np.arange(1, 11) / 10
-    share = faded(scene, chart, rank, known(scene, chart, rank, 160))
+    share = faded(scene, chart, end)
     assert share[100, 30:41] == pytest.approx([*ramp[::-1], 0.0], abs=1e-6)
     assert share[100, :10] == pytest.approx(ramp)
-    assert share[:10, 20] == pytest.approx(ramp)
-    assert (share[-10:, 20] == 1).all()
     assert (share[:, 40:] == 0).all()
-    assert (share[10:-10, 10:30] == 1).all()
-    # where a picture from above goes on beside it, nothing ends at the piece's border
-    alone = faded(scene, chart, rank, None)
+    assert (share[:, 10:30] == 1).all()
+    # where nothing is known of what lies beside it, nothing ends at the piece's border
+    alone = faded(scene, chart, end[12:-12, 12:-12])
     assert (alone[:, :30] == 1).all()
-    assert alone[100, 30:41] == pytest.approx([*ramp[::-1], 0.0], abs=1e-6)
-    assert (faded(scene, chart, np.full_like(rank, PHOTO), None) == 1).all()
+    assert (faded(scene, chart, np.zeros_like(end)) == 1).all()
 
 
-def test_a_faded_picture_is_its_share_and_the_rest_material(scene: Scene, materials: Materials) -> None:
-    """What lies beside the picture is as without it."""
+def test_a_picture_of_the_ground_goes_on_by_example_and_fades_into_the_material(
+    scene: Scene, materials: Materials
+) -> None:
+    """Stripes along the picture's border, with a hole: they go on through the hole and FILLED_M beyond the border, the last of
+    which fades."""
     chart = ground(scene)
+    density = float(scene.placement.texels_per_metre[chart])
     rank = bare(scene, chart)
-    rank[:, :60] = PHOTO
-    read = known(scene, chart, rank, 220)
-    colour, provenance = surface(scene, materials, chart, read, network=False)
-    share, painted = faded(scene, chart, rank, read)[..., None], materials.raster(chart)
-    assert (provenance[:, :60] == PHOTO).all()
-    mixed = (share * 220 + (1 - share) * painted)[:, :60]
-    assert np.abs(colour[:, :60] - mixed).max() <= 1
-    assert (colour[20:, 12:48] == 220).all()
-    np.testing.assert_array_equal(colour[:, 60:], footed(scene, chart, painted)[:, 60:])
+    stripes = np.where(np.arange(len(rank)) // 8 % 2, 210, 90).astype(np.uint8)[:, None, None]
+    rank[:, :120] = PHOTO
+    rank[60:80, 40:70] = UNSEEN
+    plain = known(scene, chart, rank, 1).read
+
+    def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        colour, ranks = plain(one, rows, columns)
+        return (colour * stripes[rows] if one == chart else colour), ranks
+
+    colour, provenance = surface(scene, materials, chart, Known(read, {chart}, {chart}), network=False)
+    hole = provenance[60:80, 40:70]
+    assert (hole == INPAINTED).all()
+    assert np.abs(colour[60:80, 40:70].astype(float) - stripes[60:80]).mean() < 8
+    last = 120 + round(FILLED_M * density)
+    assert (provenance[20:-20, 120 : last - 2] == INPAINTED).all()
+    assert (provenance[:, last + 2 :] < INPAINTED).all()
+    painted = materials.raster(chart)
+    np.testing.assert_array_equal(colour[:, last + 2 :], footed(scene, chart, painted)[:, last + 2 :])
+    edge = np.abs(colour[20:-20, last - 3].astype(float) - painted[20:-20, last - 3]).mean()
+    assert edge < 0.5 * np.abs(stripes[20:-20, 0].astype(float) - painted[20:-20, last - 3]).mean()
 
 
 def test_what_is_painted_meets_a_photo_on_the_piece_beside_it() -> None:
