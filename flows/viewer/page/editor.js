@@ -12,7 +12,7 @@ const ARROWS = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], Arrow
 // Boxes that are no elements: what pictures show that is not of the facade, and what is of it although it looks like something
 // in front.
 export const MASKS = ["hide", "keep"];
-const MASK_COLOURS = { hide: "#e01b24", keep: "#33d17a" };
+const MASK_COLOURS = { hide: "#e5006d", keep: "#00e5ff" };
 
 export class Editor {
   // stand: what /edit/facade says; colours: label -> colour; changed: called after every step.
@@ -77,7 +77,7 @@ export class Editor {
     const area = (box) => (box.x1 - box.x0) * (box.y1 - box.y0);
     shown.sort(([a, m], [b, n]) => held(m) - held(n) || area(b) - area(a));
     const drawn = shown.map(([box, number]) => element("rect", {
-      class: held(number) ? "box held" : "box", "data-number": number, x: box.x0, y: box.y0, width: box.x1 - box.x0, height: box.y1 - box.y0,
+      class: `box${MASKS.includes(box.label) ? " mask" : ""}${held(number) ? " held" : ""}`, "data-number": number, x: box.x0, y: box.y0, width: box.x1 - box.x0, height: box.y1 - box.y0,
       stroke: this.colour(box.label), fill: this.colour(box.label),
     }, element("title", {}, box.label)));
     this.layer.replaceChildren(...drawn, ...(this.box && !this.drag ? this.handles(this.box) : []));
