@@ -149,6 +149,15 @@ COLUMNS = (
         "day of the photo, or of the newest panorama, by the poses file or their EXIF",
     ),
     Column(
+        "changed",
+        "double",
+        "0 to 1",
+        "share that is another than at the capture before, of what panoramas of both show clear of things in front; none where "
+        "there is one capture, or too little to tell",
+    ),
+    Column("compared", "double", "0 to 1", "share of the facade that both show so; none where there is one capture"),
+    Column("capture_date_before", "string", "", "day of the newest panorama of the capture before, where there is one"),
+    Column(
         "pose_residual_deg",
         "double",
         "degrees",

@@ -61,6 +61,10 @@ class Record(TypedDict, total=False):
     # facades, and floors, columns and shop_width of exemplars too
     source: str
     capture_date: str | None
+    # of those that an earlier capture shows too: of what both show the share that changed, what of the facade that is, its day
+    changed: float | None
+    compared: float
+    capture_date_before: str | None
     floors: int
     columns: int
     elements: list[list[Any]]

@@ -74,6 +74,11 @@ class Fused:
     occluded: np.ndarray
 
 
+def as_one(fused: Fused) -> View:
+    """What was made of several views, as one."""
+    return View(fused.rgb, fused.seen, fused.confidence, fused.occluded)
+
+
 def fuse_views(views: Sequence[View], *, matched: bool = False) -> Fused:
     """One raster from one to 127 views of one chart; the exposure is that of the view with the most quality in sum.
 

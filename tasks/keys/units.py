@@ -148,11 +148,16 @@ def facade_keys(
         if source == "photo" and imagery.photo is not None:
             parts["photo"] = [imagery.photo.name, imagery.rectified, file_digest(imagery.photo)]
         elif source == "panoramas":
-            parts["panoramas"] = [
-                [path.name, file_digest(path), _pose(pose), *filter(None, [imagery.captured.get(path)])]
-                for path, pose in imagery.panoramas
-            ]
-            parts["between"] = [_between(plan, chart, pose) for _, pose in imagery.panoramas]
+            parts["panoramas"], earlier = (
+                [
+                    [path.name, file_digest(path), _pose(pose), *filter(None, [imagery.captured.get(path)])]
+                    for path, pose in pictures
+                ]
+                for pictures in (imagery.panoramas, imagery.earlier)
+            )
+            if earlier:
+                parts["earlier"] = earlier
+            parts["between"] = [_between(plan, chart, pose) for _, pose in (*imagery.panoramas, *imagery.earlier)]
         elif source == "own":
             parts["own"] = _own(plan, [chart], textures)
         elif imagery.exemplar is not None:

@@ -9,6 +9,7 @@ import shapely
 
 from catalogs.block import Block
 from catalogs.block.part import ENTRANCE_M, Part
+from catalogs.readers.pictures.poses import day_of
 from facade_core.atlas.encoded import HIERARCHIES, forget_encoded
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
@@ -17,8 +18,9 @@ from facade_core.geometry.walls import LEVEL_M
 from facade_core.naming import number_of
 from facade_core.plan import Plan
 from facade_core.style import Library, Walls, choose_exemplars
-from facade_core.types import Pose, Street
+from facade_core.types import Street
 from tasks.keys.units import facade_keys
+from tasks.kinds.captures import Captures, captures_of
 from tasks.kinds.corrected import corrected_of
 from tasks.kinds.kind import Change, Kind, Records
 from tasks.kinds.poses import is_refused, refined
@@ -28,8 +30,6 @@ from tasks.units.imagery import Imagery, imagery_of
 from tasks.units.memory import facade_memory
 from tasks.units.unit import Unit
 
-# Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
-VIEWS = 4
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
 SHOP_M = 15.0
 # Where a wall begins and ends at its foot, as shares of its chart.
@@ -58,11 +58,14 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
     """The pictures that there are of every facade, with the exemplar chosen for it."""
     poses = read_journal(group, "poses")
-    shown = panoramas_of(plan)
-    panoramas = [
-        [(block.panoramas[p].path, refined(pose, poses[p])) for p, pose in of_one if not is_refused(poses[p])]
-        for of_one in shown
-    ]
+    shown = panoramas_of(plan, block)
+    panoramas, earlier = (
+        [
+            [(block.panoramas[p].path, refined(plan.poses[p], poses[p])) for p in of_one if not is_refused(poses[p])]
+            for of_one in of_all
+        ]
+        for of_all in ([one.newest for one in shown], [one.before for one in shown])
+    )
     captured = {panorama.path: panorama.captured for panorama in block.panoramas if panorama.captured}
     shops = shops_of(plan, block.shops) if block.part is None else _shops_of_part(plan, block.part)
     chosen = (
@@ -77,6 +80,7 @@ def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> lis
         block.photos,
         block.photos_rectified,
         panoramas,
+        earlier,
         captured,
         own,
         chosen,
@@ -97,12 +101,10 @@ def _chosen_by_people(plan: Plan, block: Block, records: Records) -> dict[int, t
     return found
 
 
-def panoramas_of(plan: Plan) -> list[list[tuple[int, Pose]]]:
-    """The panoramas that each facade is taken from, best first, as they were given."""
-    return [
-        [(panorama, plan.poses[panorama]) for panorama in plan.sightings.of(facade)[:VIEWS].tolist()]
-        for facade in range(len(plan.facades))
-    ]
+def panoramas_of(plan: Plan, block: Block) -> list[Captures]:
+    """The panoramas that each facade is taken from."""
+    days = {index: day for index, one in enumerate(block.panoramas) if (day := day_of(one.captured))}
+    return [captures_of(plan.sightings.of(facade).tolist(), days) for facade in range(len(plan.facades))]
 
 
 def entrances_of(plan: Plan, places: Sequence[tuple[float, float]]) -> list[tuple[float, ...]]:

@@ -33,6 +33,7 @@ REASONS = {
     "corrected": "corrected",
     "photo": "photo changed",
     "picture": "picture changed",
+    "earlier": "panoramas of an earlier capture changed",
     "panoramas": "panoramas or their poses changed",
     "pose": "pose changed",
     "exemplar": "exemplar changed",
@@ -131,7 +132,7 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
         if kind.stage == "grounds" and reasons["poses"]:  # one exposure for all of them
             reasons["grounds"] = dict.fromkeys((u.index for u in units["grounds"]), REASONS["panoramas"])
         if kind.stage == "facades":
-            reasons["facades"] = _after(reasons, units, records, plan)
+            reasons["facades"] = _after(reasons, units, records, plan, block)
         if kind.seeds:
             seeded += [chart for u in units[kind.stage] if u.index in reasons[kind.stage] for chart in u.charts]
     reasons["streets"], follow = _streets(run, plan, group, seeded)
@@ -184,18 +185,19 @@ def _after(
     units: Mapping[str, Sequence[Unit]],
     records: Sequence[Record | None],
     plan: Plan,
+    block: Block,
 ) -> dict[int, str]:
     """The facades that are due once panoramas and exemplars are done again, of which their keys know nothing yet."""
     facades, poses, exemplars = reasons["facades"], reasons["poses"], reasons["exemplars"]
     sources = {unit.name for unit in units["exemplars"] if unit.index in exemplars}
-    shown = panoramas_of(plan) if poses else []
+    shown = [(*of.newest, *of.before) for of in panoramas_of(plan, block)] if poses else []
     found = {}
     for facade, record in enumerate(records):
         reason = facades.get(facade)
         if record is not None and exemplars and (reason in (None, REASONS["exemplar"])):
             reason = REASONS["exemplar"] if record.get("source") in sources else None
         from_panoramas = record is not None and "panoramas" in parts_of(record["key"])
-        if reason is None and from_panoramas and poses and any(panorama in poses for panorama, _ in shown[facade]):
+        if reason is None and from_panoramas and poses and any(panorama in poses for panorama in shown[facade]):
             reason = REASONS["panoramas"]
         if reason is not None:
             found[facade] = reason

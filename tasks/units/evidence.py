@@ -17,7 +17,9 @@ from facade_core.in_front import things_in_front
 from facade_core.parse import parse
 from facade_core.plan import Plan
 from facade_core.rectify import Rectified, View, fuse_views, own_texture, rectify, rectify_view
+from facade_core.rectify.changes import compare
 from facade_core.rectify.cut import cut_to_facade
+from facade_core.rectify.fusion import as_one
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
 from facade_core.types import Box, Pose
@@ -29,6 +31,8 @@ if TYPE_CHECKING:
 
 # Texels around a photo's holes that count as hidden.
 RIM = 2
+# How much pictures of the capture before count beside those of the newest: they are taken where these show nothing.
+EARLIER_QUALITY = 0.25
 # A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
 SHOWN = 0.3
 
@@ -49,6 +53,7 @@ class Evidence:
         captured: the day of the newest of the pictures, where they tell.
         seen: faces, plates and text, in texels, that hidden does not hold yet.
         fit: how a photo fits the wall; None of other pictures.
+        before: how the facade was at the capture before; None where there is one capture.
     """
 
     image: np.ndarray
@@ -62,6 +67,16 @@ class Evidence:
     captured: str | None = None
     seen: Seen = field(default_factory=Seen)
     fit: Fit | None = None
+    before: Before | None = None
+
+
+class Before(NamedTuple):
+    """What of a facade changed since an earlier capture, of which the newest picture is of a day: the share of what both show,
+    None where that is too little, and the share of the facade that they do."""
+
+    changed: float | None
+    compared: float
+    day: str | None
 
 
 class Fit(NamedTuple):
@@ -126,24 +141,73 @@ def evidence_of(
 def _of_panoramas(
     plan: Plan, chart: int, size: tuple[int, int], imagery: Imagery, refused: list[Exception], parser: Path | None
 ) -> Evidence | None:
-    views, names, days = [], [], []
-    for path, pose in imagery.panoramas:
-        with refusing(refused):
-            view = _view(plan, chart, path, pose, size, parser)
-            day = imagery.captured.get(path) or capture_date(path)
-            views.append(view)
-            names.append(path.name)
-            days.append(day)
+    newest, earlier = (
+        _views(plan, chart, pictures, size, imagery, refused, parser)
+        for pictures in (imagery.panoramas, imagery.earlier)
+    )
+    if not newest:
+        newest, earlier = earlier, []
+    views, before = [one.view for one in newest], None
     if not views:
         return None
+    if earlier:
+        now, then = (as_one(fuse_views(of)) for of in (views, [one.view for one in earlier]))
+        told = compare(now, then, float(plan.scene.placement.texels_per_metre[chart]))
+        share = None if told.share is None else round(told.share, 4)
+        before = Before(share, round(told.compared, 4), _last(earlier))
+        # what is no longer so is not shown; the rest fills what the newest do not show
+        views += [
+            replace(one.view, seen=one.view.seen & ~told.changed, quality=EARLIER_QUALITY * one.view.quality)
+            for one in earlier
+        ]
     fused = fuse_views(views)
     if (fused.seen & ~fused.occluded).mean() < SHOWN:
         return None
     _, masked = things_in_front(fused.occluded)
     hidden = _widened(~fused.seen) | fused.occluded
-    captured = max(filter(None, days), default=None)
     in_front = float(fused.occluded.mean())
-    return Evidence(fused.rgb, hidden, fused.confidence, ", ".join(names), masked, in_front, captured=captured)
+    taken = [*newest, *(one for k, one in enumerate(earlier, len(newest)) if (fused.source == k).any())]
+    return Evidence(
+        fused.rgb,
+        hidden,
+        fused.confidence,
+        ", ".join(one.name for one in taken),
+        masked,
+        in_front,
+        captured=_last(newest),
+        before=before,
+    )
+
+
+class _Taken(NamedTuple):
+    """A facade as a panorama shows it, the file's name and its day, where that is known."""
+
+    view: View
+    name: str
+    day: str | None
+
+
+def _views(
+    plan: Plan,
+    chart: int,
+    pictures: Sequence[tuple[Path, Pose]],
+    size: tuple[int, int],
+    imagery: Imagery,
+    refused: list[Exception],
+    parser: Path | None,
+) -> list[_Taken]:
+    """A facade as some panoramas show it, those left out that cannot be used."""
+    found = []
+    for path, pose in pictures:
+        with refusing(refused):
+            view = _view(plan, chart, path, pose, size, parser)
+            found.append(_Taken(view, path.name, imagery.captured.get(path) or capture_date(path)))
+    return found
+
+
+def _last(taken: Sequence[_Taken]) -> str | None:
+    """The last of the days on which pictures were taken, where they tell."""
+    return max((one.day for one in taken if one.day), default=None)
 
 
 def photo_of(path: Path, rectified: bool, size: tuple[int, int], parser: Path | None = None) -> Photo:

@@ -32,7 +32,7 @@ from facade_core.walls import wall_of
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
-from tasks.units.evidence import Evidence, Fit, evidence_of
+from tasks.units.evidence import Before, Evidence, Fit, evidence_of
 from tasks.units.exemplars import read_exemplar
 from tasks.units.unit import Piece
 
@@ -51,7 +51,7 @@ Styles = dict[tuple[int, bool], tuple[Style, float]]
 class _Made(NamedTuple):
     """A facade, None where it is left to the street stage; which source it is from, by its place in the order and by name; how
     well that shows each texel, (h, w) uint8; the day it was taken, where that is known; the names of shops read on it, None
-    where none were looked for; how a photo fits the wall."""
+    where none were looked for; how a photo fits the wall; what changed since an earlier capture."""
 
     depth: int
     facade: Facade | None
@@ -60,6 +60,7 @@ class _Made(NamedTuple):
     captured: str | None = None
     shop_names: str | None = None
     fit: Fit | None = None
+    before: Before | None = None
 
 
 def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -106,6 +107,9 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
                 about["variation_digest"] = encoded_digest(result.hierarchy.to_bytes())
             if imagery.sources()[made.depth] in ("photo", "panoramas"):
                 about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
+            if made.before is not None:
+                changed, compared, day = made.before
+                about |= {"changed": changed, "compared": compared, "capture_date_before": day}
             if made.fit is not None:
                 kept, found, stretched = made.fit
                 about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
@@ -182,7 +186,9 @@ def _make(
                 )
                 result = _corrected(result, imagery)
                 names = _names_on(result, evidence, source, density)
-                return _Made(depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit)
+                return _Made(
+                    depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit, evidence.before
+                )
     depth, nothing = len(pictures), np.zeros(size, np.uint8)
     if run.texture.walls == "translate" or not said.facade:
         return _Made(depth, None, "translator", nothing)

@@ -19,7 +19,8 @@ class Imagery:
         photo: a photo of it.
         rectified: whether that shows the wall alone, upright; else it is as taken from the street.
         panoramas: those that show it and their poses, best first.
-        captured: the days of these by their path, where the poses file tells them.
+        earlier: of those that show it as it was before, by an earlier capture.
+        captured: the days of all these by their path, where they are told.
         textured: whether its wall carries a texture of the source's own.
         exemplar: (index, name) of the one chosen for it.
         shops: whether a wall that is made of that keeps its shops: no where the map has none.
@@ -30,6 +31,7 @@ class Imagery:
     photo: Path | None = None
     rectified: bool = True
     panoramas: tuple[tuple[Path, Pose], ...] = ()
+    earlier: tuple[tuple[Path, Pose], ...] = ()
     captured: Mapping[Path, str] = field(default_factory=dict)
     textured: bool = False
     exemplar: tuple[int, str] | None = None
@@ -42,7 +44,11 @@ class Imagery:
         A wall that is said to be no facade is made from none."""
         if not self.corrected.facade:
             return ("none",)
-        there = {"photo": self.photo is not None, "panoramas": bool(self.panoramas), "own": self.textured}
+        there = {
+            "photo": self.photo is not None,
+            "panoramas": bool(self.panoramas or self.earlier),
+            "own": self.textured,
+        }
         return (*(source for source, given in there.items() if given), "none")
 
 
@@ -62,6 +68,7 @@ def imagery_of(
     photos: Mapping[str, Path],
     rectified: bool,
     panoramas: Sequence[Sequence[tuple[Path, Pose]]],
+    earlier: Sequence[Sequence[tuple[Path, Pose]]],
     captured: Mapping[Path, str],
     textured: Sequence[bool],
     exemplars: Mapping[int, tuple[int, str]],
@@ -76,7 +83,8 @@ def imagery_of(
             photo=photos.get(name, photos.get(file_stem(name))),
             rectified=rectified,
             panoramas=tuple(panoramas[i]),
-            captured={path: captured[path] for path, _ in panoramas[i] if path in captured},
+            earlier=tuple(earlier[i]),
+            captured={path: captured[path] for path, _ in (*panoramas[i], *earlier[i]) if path in captured},
             textured=bool(textured[i]),
             exemplar=exemplars.get(i) if corrected.get(i, AS_FOUND).facade else None,
             shops=shops[i] != 0,

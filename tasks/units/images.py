@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from datetime import datetime
 from functools import lru_cache
 from pathlib import Path
 
 import numpy as np
 
+from catalogs.readers.pictures.days import day_taken
 from catalogs.readers.pictures.folders import labels_beside
 from catalogs.readers.pictures.opening import LEAST_SIDE, Picture, opened, read_picture
 from facade_core.errors import ImageError
@@ -45,15 +45,8 @@ def focal_length(path: Path) -> float | None:
 
 def capture_date(path: Path) -> str | None:
     """The day that a picture was taken, as "2024-05-17", from its EXIF; None where that does not tell."""
-    from PIL import ExifTags
-
     with opened(path) as image:
-        try:
-            exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
-            told = exif.get(ExifTags.Base.DateTimeOriginal) or exif.get(ExifTags.Base.DateTimeDigitized)
-            return datetime.strptime(str(told)[:10], "%Y:%m:%d").date().isoformat()
-        except Exception:  # damaged in any way, or no such day
-            return None
+        return day_taken(image)
 
 
 def read_textures(paths: Sequence[Path], used: np.ndarray, refused: list[Exception]) -> dict[int, np.ndarray]:

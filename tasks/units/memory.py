@@ -66,7 +66,8 @@ def exemplar_memory(path: Path) -> int:
 
 
 def facade_memory(texels: int, imagery: Imagery) -> int:
-    tried = ([imagery.photo] if imagery.photo else [], [path for path, _ in imagery.panoramas])  # one after the other
+    panoramas = [path for path, _ in (*imagery.panoramas, *imagery.earlier)]
+    tried = ([imagery.photo] if imagery.photo else [], panoramas)  # one after the other
     kept = max(_pixels(pictures) for pictures in tried)
     least = LEAST + (_looking() if kept else 0)
     return least + max(texels * FACADE_TEXEL, *map(_decoded, tried)) + kept * PICTURE_PIXEL

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 from catalogs.broken import one_line, reason_of
 from catalogs.features import Fault, Remark
 from catalogs.file_digest import file_digest
+from catalogs.readers.pictures.days import day_taken
 from catalogs.readers.pictures.folders import image_files
 from catalogs.readers.pictures.opening import opened
 from catalogs.readers.pictures.poses import LONLAT, SourcePose, dms_degrees, implausible, read_poses
@@ -32,13 +33,15 @@ NEAR_M, APART_DAYS = 30.0, 400
 # Pixels of a full panorama: no more are told apart.
 _WIDEST = 1e6
 _FULL = (0.0, 0.0, 1.0, 1.0)
-_OLDER = "panoramas taken more than a year before others beside them; remove those whose street has changed"
+_OLDER = (
+    "panoramas taken more than a year before others beside them; `changed` tells of facades, ground shows all of them"
+)
 
 
 @dataclass(frozen=True, slots=True)
 class PosedPanorama:
     """An equirectangular picture and its pose in the block's frame; id is the file's name without suffix. captured: the day,
-    where its entry in the poses file tells it."""
+    by its entry in the poses file, else by its EXIF; None where neither tells a day."""
 
     id: str
     path: Path
@@ -81,7 +84,7 @@ def read_panoramas(
             faults.append(Fault(path.name, "panorama", reason))
             continue
         try:
-            view, source, magnetic = _metadata(path)
+            view, source, magnetic, taken = _metadata(path)
             source = _named(sources, path) or source
             if source is None or source.heading is None:
                 raise ValueError(_unposed(source, poses))
@@ -105,7 +108,7 @@ def read_panoramas(
         alike.append(path)
         if magnetic and _named(sources, path) is None:
             remarks.append(Remark(path.stem, "panoramas whose heading from magnetic north is taken as true", None))
-        items.append(PosedPanorama(path.stem, path, pose, source.captured))
+        items.append(PosedPanorama(path.stem, path, pose, source.captured or taken))
     if not posed:
         remedy = "; ".join(f"{fault.id}: {fault.reason}" for fault in faults[:3])
         raise InputError(f"{folder} holds no panorama that can be used: {remedy}")
@@ -197,15 +200,15 @@ def check_equirectangular(path: Path) -> None:
     _metadata(path)
 
 
-def _metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose | None, bool]:
-    """What a picture says of itself: its view, its pose, and whether its heading is from magnetic north.
+def _metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose | None, bool, str | None]:
+    """What a picture says of itself: its view, its pose, whether its heading is from magnetic north, and its day.
 
     ValueError where it is not an equirectangular panorama, with the remedy.
     """
     with opened(path) as image:
         pano, gps = _gpano(image), _gps(image)
         width, height = image.size
-        turned = _turned(image)
+        turned, taken = _turned(image), day_taken(image)
     view = _view(pano)
     projection = str(pano.get("ProjectionType", "equirectangular"))
     if projection.lower() != "equirectangular":
@@ -219,7 +222,7 @@ def _metadata(path: Path) -> tuple[tuple[float, float, float, float], SourcePose
             f"is {width} x {height} pixels{whole}, and an equirectangular panorama is twice as wide as high; "
             "give the whole one or its GPano tags, or remove it"
         )
-    return view, *_own_pose(pano, gps)
+    return view, *_own_pose(pano, gps), taken
 
 
 def stated_place(path: Path) -> SourcePose | None:

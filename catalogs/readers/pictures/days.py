@@ -1,0 +1,21 @@
+"""The day that a picture was taken, by its EXIF."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+
+def day_taken(image: Image) -> str | None:
+    """As "2024-05-17"; None where its EXIF does not tell."""
+    from PIL import ExifTags
+
+    try:
+        exif = image.getexif().get_ifd(ExifTags.IFD.Exif)
+        told = exif.get(ExifTags.Base.DateTimeOriginal) or exif.get(ExifTags.Base.DateTimeDigitized)
+        return datetime.strptime(str(told)[:10], "%Y:%m:%d").date().isoformat()
+    except Exception:  # damaged in any way, or no such day
+        return None

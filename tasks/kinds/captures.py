@@ -1,0 +1,35 @@
+"""Which panoramas a facade is taken from, where its street was captured more than once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from datetime import date
+from typing import NamedTuple
+
+# Panoramas at most that a facade is taken from: more show nothing better, and each must be parsed.
+VIEWS = 4
+# Of the capture before, by which is told what changed.
+EARLIER = 2
+# Days without a picture of a facade, at least, between two captures of it.
+APART_DAYS = 30
+
+
+class Captures(NamedTuple):
+    """Panoramas of a facade, best first: of the newest capture, with those of which the day is not known; and of the capture
+    before."""
+
+    newest: tuple[int, ...]
+    before: tuple[int, ...]
+
+
+def captures_of(shown: Sequence[int], days: Mapping[int, str]) -> Captures:
+    """The panoramas that a facade is taken from, of those that show it, best first, and the day of each as "2024-05-17"."""
+    numbers = {one: date.fromisoformat(days[one]).toordinal() for one in shown if one in days}
+    capture, number, last = {}, 0, None
+    for one, day in sorted(numbers.items(), key=lambda item: -item[1]):
+        if last is not None and last - day >= APART_DAYS:
+            number += 1
+        capture[one], last = number, day
+    newest = [one for one in shown if capture.get(one, 0) == 0]
+    before = [one for one in shown if capture.get(one, 0) == 1]
+    return Captures(tuple(newest[:VIEWS]), tuple(before[:EARLIER]))

@@ -1,0 +1,88 @@
+"""A block whose streets were captured twice: what changed is told, and a newer picture does again what it shows."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+from PIL import Image
+
+from catalogs.query import query
+from facade_core.synth import facade as paint
+from tasks.stages.publish import publish_block
+from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
+
+WIDTH, HEIGHT_M, FAR = 1024, 2.5, 600.0
+WALL, OTHER = (
+    paint((12.0, 7.0), floors=2, columns=columns, style=style, metres_per_pixel=0.04, seed=seed).image
+    for columns, style, seed in ((4, "jugend", 2), (3, "functionalist", 7))
+)
+CHANGED = WALL.copy()
+CHANGED[: len(WALL) // 2] = OTHER[: len(WALL) // 2]
+
+
+def panorama(path: Path, wall: np.ndarray, light: float) -> None:
+    """What a camera sees 5 m before the middle of a wall 12 m wide and 7 m high, to the north of it."""
+    longitude = ((np.arange(WIDTH) + 0.5) / WIDTH - 0.5) * 2 * np.pi
+    latitude = (0.5 - (np.arange(WIDTH // 2) + 0.5) / (WIDTH // 2)) * np.pi
+    ahead, right = np.cos(longitude)[None], np.sin(longitude)[None]
+    with np.errstate(divide="ignore", over="ignore"):
+        away = 5.0 / np.where(ahead > 1e-6, ahead, np.nan)
+    x, z = away * right + 6.0, np.tan(latitude)[:, None] * away + HEIGHT_M
+    on = (x >= 0) & (x < 12) & (z >= 0) & (z < 7)
+    image = np.where(latitude[:, None, None] > 0, (200, 215, 235), (110, 108, 105)) * np.ones((1, WIDTH, 1))
+    rows, columns = wall.shape[:2]
+    x = np.broadcast_to(x, on.shape)
+    image[on] = wall[((7 - z[on]) / 7 * rows).astype(int), (x[on] / 12 * columns).astype(int)]
+    Image.fromarray(np.clip(image * light, 0, 255).astype(np.uint8)).save(path, quality=90)
+
+
+def captured(folder: Path, shots: dict[str, tuple[float, np.ndarray, float, str]]) -> None:
+    """Panoramas by name: metres north, the wall, the light and the day."""
+    (folder / "panoramas").mkdir(parents=True, exist_ok=True)
+    poses = {}
+    for name, (north, wall, light, day) in shots.items():
+        panorama(folder / "panoramas" / f"{name}.jpg", wall, light)
+        place = {"x": EAST + 10, "y": NORTH + north, "z": HEIGHT_M, "heading": 0, "captured": day}
+        poses[f"{name}.jpg"] = place
+    (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:32635", "poses": poses}))
+
+
+def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -> None:
+    folder, out = tmp_path / "in", tmp_path / "out"
+    shots = {
+        "a-old": (0.0, WALL, 1.0, "2021-03-01"),
+        "c-old": (FAR, WALL, 0.9, "2021-03-01"),
+        "a-new": (0.0, CHANGED, 0.8, "2024-05-17"),
+        "c-new": (FAR, WALL, 0.7, "2024-05-17"),
+    }
+    captured(folder, shots)
+    block_file = write_block(
+        folder,
+        buildings={name: BUILDINGS[name] for name in ("a", "c")},
+        streets={name: STREETS[name] for name in ("1", "3")},
+        imagery={"panoramas": {"path": "panoramas", "poses": "poses.json"}, "exemplars": {"path": "exemplars"}},
+        texture={"texels_per_metre": 6},
+    )
+    run = texture(block_file, out).run
+    publish_block.fn(run, block_file)
+    told = query(out, where="compared is not null").set_index("building")
+    assert sorted(told.index) == ["a", "c"]
+    assert told.capture_date.to_dict() == {"a": "2024-05-17", "c": "2024-05-17"}
+    assert set(told.capture_date_before) == {"2021-03-01"}
+    assert (told.compared > 0.8).all()
+    assert 0.35 < told.changed["a"] < 0.65
+    assert told.changed["c"] < 0.05
+    assert set(query(out, where="changed > 0.3").building) == {"a"}
+    assert told.source["a"].startswith("a-new.jpg")
+
+    before = started(out)
+    captured(folder, shots | {"c-newest": (FAR, CHANGED, 0.9, "2026-02-03")})
+    texture(block_file, out)
+    assert {unit for stage, unit in redone(before, out) if stage == "facades"} == {told.id["c"]}, "what it shows alone"
+    publish_block.fn(run, block_file)
+    again = query(out, where="compared is not null").set_index("building")
+    assert again.capture_date.to_dict() == {"a": "2024-05-17", "c": "2026-02-03"}
+    assert again.capture_date_before.to_dict() == {"a": "2021-03-01", "c": "2024-05-17"}
+    assert set(query(out, where="changed > 0.3").building) == {"a", "c"}
