@@ -85,16 +85,22 @@ def read_table(path: Path) -> Table:
             lines = file.readlines()
         # spreadsheets save with what their country separates by
         separator = max(",;\t", key=lines[0].count) if lines else ","
-        reader = csv.DictReader(lines, delimiter=separator, restkey="", restval="")
-        rows = tuple(reader)
-        columns = tuple(reader.fieldnames or ())
+        columns, *cells = [tuple(row) for row in csv.reader(lines, delimiter=separator) if row] or [()]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path} cannot be read ({error}); give the table that `streetloom match` wrote") from error
     if not {"photo", "facade"} <= set(columns):
         raise InputError(f"{path} has no columns `photo` and `facade`; give the table that `streetloom match` wrote")
-    known = [*columns, *(name for name in COLUMNS if name not in columns)]
-    stripped = tuple({name: (row.get(name) or "").strip() for name in known} for row in rows)
-    return Table(path, tuple(known), stripped, separator)
+    names = [name for name in columns if name]
+    if len(set(names)) < len(names):
+        raise InputError(f"{path} has two columns of one name; give each its own")
+    known = (*names, *(name for name in COLUMNS if name not in names))
+    rows = []
+    for line, row in enumerate(cells, 2):
+        said = {name: cell.strip() for name, cell in zip(columns, row, strict=False) if name}
+        if sum(bool(cell.strip()) for cell in row) > sum(map(bool, said.values())):
+            raise InputError(f"{path}: line {line}: something stands in no column; give it a name in the first line")
+        rows.append({name: said.get(name, "") for name in known})
+    return Table(path, known, tuple(rows), separator)
 
 
 def write_table(table: Table) -> None:

@@ -35,11 +35,16 @@ class Taking:
 def taking(block_file: Path, folder: Path, table: Table) -> Taking:
     """What it is to take the photos of a table that have a facade.
 
-    A copy of a photo that the table decides otherwise now goes. Raises InputError for a photo that is not there, a facade that
-    the block has not, one that has two photos, or another photo already; for a block whose photos are rectified, and one
-    that would have no photo left.
+    A copy of a photo that the table decides otherwise now goes, never the photo itself. Raises InputError for a photo that is
+    not there, a facade that the block has not, one that has two photos, or another photo already; for a block whose photos are
+    rectified, one that would have no photo left, and one that has those of its city.
     """
     block = read_block(block_file)
+    if block.part is not None:
+        raise InputError(
+            f"{block_file}: it is a part of a city and has the photos of that; name a folder in the city's file, "
+            "imagery.photos, and copy them there under their facades' names"
+        )
     if block.photos and block.photos_rectified:
         raise InputError(
             f"{block_file}: its photos are rectified, these are as taken, and a block has one kind; rectify them, or set "
@@ -55,6 +60,10 @@ def taking(block_file: Path, folder: Path, table: Table) -> Taking:
     if block.photos and not wanted and len(gone) == len(block.photos):
         raise InputError(f"{block_file}: no photo would be left; remove imagery.photos from it, and the folder {there}")
     copied = {facade: photo for facade, photo in wanted.items() if facade not in block.photos or facade in gone}
+    for facade, photo in copied.items():
+        at = _named(there, facade, photo)
+        if at.is_file() and at not in gone.values() and file_digest(at) != file_digest(photo):
+            raise InputError(f"{at} is there and is another photo than {photo.name}; remove one of both")
     return Taking(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos))
 
 
@@ -69,15 +78,21 @@ def take(done: Taking) -> str | None:
     for old in done.gone:
         old.unlink()
     for facade, photo in done.copied.items():
-        os.replace(arriving[facade], done.folder / f"{facade}{photo.suffix.lower()}")
+        os.replace(arriving[facade], _named(done.folder, facade, photo))
     values = {"path": FOLDER, "rectified": False}
     if done.named or not done.copied or add_imagery(done.block, "photos", values):
         return None
     return f"imagery: {{{imagery_line('photos', values)}}}"
 
 
+def _named(folder: Path, facade: str, photo: Path) -> Path:
+    """Where the copy of a photo of a facade is."""
+    return folder / f"{facade}{photo.suffix.lower()}"
+
+
 def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table) -> dict[str, Path]:
-    """The block's photos, by facade, that are copies of ones of which the table says another facade, or none."""
+    """The block's photos, by facade, that are copies of ones of which the table says another facade, or none. Raises InputError
+    where one is no copy, but that photo."""
     said: dict[int, list[tuple[Path, str]]] = {}
     for match in table.matches():
         path = folder / match.photo
@@ -86,9 +101,12 @@ def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table) -> 
     found = {}
     for facade, path in photos.items():
         alike = said.get(path.stat().st_size, [])
-        facades = {name for photo, name in alike if file_digest(photo) == file_digest(path)}
-        if facades and facade not in facades:
-            found[facade] = path
+        same = [(photo, name) for photo, name in alike if file_digest(photo) == file_digest(path)]
+        if not same or facade in {name for _, name in same}:
+            continue
+        if any(photo.samefile(path) for photo, _ in same):
+            raise InputError(f"{path} is the block's own photo, of which no copy is kept; match a copy of {folder}")
+        found[facade] = path
     return found
 
 

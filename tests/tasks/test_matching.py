@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import yaml
 from click.testing import CliRunner
 from PIL import Image
 from pyproj import Transformer
@@ -16,6 +17,7 @@ from catalogs.block import read_block
 from facade_core.errors import InputError
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
 from flows.cli.commands import main
+from tasks.city.blocks import read_city
 from tasks.matching.table import Decision, decided, read_table, write_table
 from tasks.matching.taking import take, taking
 from tests.pipeline.stages import EAST, NORTH, write_block
@@ -164,3 +166,51 @@ def test_a_photo_that_somebody_named_by_hand_stays(block_file: Path) -> None:
     table = read_table(path)
     assert [(one.facade, one.probability) for one in table.matches()[0].candidates] == [("a-0", 0.5), ("b-0", 0.4)]
     assert taking(block_file, photos, table).gone == ()
+
+
+def test_photos_that_are_nobodys_copies_stay(block_file: Path) -> None:
+    """Neither a photo that lies where a copy would go, nor the block's own where that folder itself was matched."""
+    photos, path, own = (
+        block_file.parent.parent / "photos",
+        block_file.parent / "matches.csv",
+        block_file.parent / "photos",
+    )
+    path.write_text("photo,facade,by\nIMG_1.jpg,a-0,\n")
+    own.mkdir()
+    (own / "a-0.jpg").write_bytes((photos / "silent.jpg").read_bytes())  # the block's file names none
+    with pytest.raises(InputError, match=r"a-0\.jpg is there and is another photo than IMG_1\.jpg"):
+        taking(block_file, photos, read_table(path))
+    assert (own / "a-0.jpg").read_bytes() == (photos / "silent.jpg").read_bytes()
+    (own / "a-0.jpg").unlink()
+    take(taking(block_file, photos, read_table(path)))
+    for facade in ("", "b-0"):
+        path.write_text(f"photo,facade,by\na-0.jpg,{facade},anna\n")
+        table = read_table(path)
+        with pytest.raises(InputError, match=r"a-0\.jpg is the block's own photo, of which no copy is kept"):
+            taking(block_file, own, table)
+
+
+def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
+    """Its photos are the city's: what its own file names would not be read."""
+    keys = yaml.safe_load(block_file.read_text()) | {"name": "town", "cut": {"metres": 300}}
+    (city := block_file.parent / "town.yaml").write_text(yaml.safe_dump(keys))
+    part = read_city(city, block_file.parent / "out").blocks[0].file
+    (table := block_file.parent / "mended.csv").write_text("photo,facade\nIMG_1.jpg,a-0\n")
+    with pytest.raises(InputError, match="it is a part of a city and has the photos of that"):
+        taking(part, block_file.parent.parent / "photos", read_table(table))
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ("photo,facade,\n1.jpg,a-0,,blurred\n", "line 2: something stands in no column"),
+        ("photo,facade,,\n1.jpg,a-0,so,\n", "line 2: something stands in no column"),
+        ("photo,facade,why,why\n1.jpg,a-0,x,y\n", "two columns of one name"),
+    ],
+)
+def test_a_remark_in_no_column_is_not_lost(tmp_path: Path, text: str, said: str) -> None:
+    (path := tmp_path / "matches.csv").write_text(text)
+    with pytest.raises(InputError, match=said):
+        read_table(path)
+    path.write_text("photo,facade,,\n1.jpg,a-0,,,,\n\n2.jpg\n")
+    assert [(one.photo, one.facade) for one in read_table(path).matches()] == [("1.jpg", "a-0"), ("2.jpg", "")]
