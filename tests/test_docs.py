@@ -112,3 +112,27 @@ def test_every_room_has_its_line() -> None:
         for path in (ROOT / layer).glob("*/__init__.py")
     }
     assert rooms | {"flows"} == set(rows)
+
+
+def commands_of_figures() -> list[str]:
+    """The commands of docs/figures.md; those that go on with the one above them begin with three dots."""
+    rows = re.findall(r"^\|.*\| ([^|]+) \|$", (ROOT / "docs" / "figures.md").read_text(encoding="utf-8"), re.MULTILINE)
+    above, found = "", []
+    for row in rows[2:]:
+        for command in CODE.findall(row):
+            if command.startswith(("streetloom bench ", "python -m benchmarks.")):
+                above = command
+            found.append(command.replace("...", above.partition(" --")[0]))
+    return found
+
+
+def test_commands_of_figures_are_there_with_their_options() -> None:
+    commands = [c for c in commands_of_figures() if c.startswith(("streetloom bench ", "python -m benchmarks."))]
+    assert len(commands) > 50
+    for command in commands:
+        name, *options = command.removeprefix("streetloom bench ").removeprefix("python -m benchmarks.").split()
+        place = ROOT / "benchmarks" / Path(*name.split("."))
+        files = [file for file in (place.with_suffix(".py"), *place.glob("*.py")) if file.is_file()]
+        assert files, command
+        source = "".join(file.read_text(encoding="utf-8") for file in files)
+        assert [o for o in options if o.startswith("--") and f'"{o.strip("[]")}"' not in source] == [], command
