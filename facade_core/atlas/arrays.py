@@ -42,7 +42,7 @@ SEEDS = (
         "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all",
         {"units": "1"},
     ),
-    Array("facade_maps/camera", PAGE, "uint16", "which panorama of the block ground is from, from 1 on; 0 none"),
+    Array("facade_maps/camera", PAGE, "uint16", "which of the cameras in its record ground is from, from 1 on; 0 none"),
 )
 STREETS = (
     Array(

@@ -107,7 +107,9 @@ def _seeds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None
 
 def _grounds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
     """The records of those who took some charts, of the ground, from panoramas."""
-    return records("grounds", np.flatnonzero(np.isin(plan.ground_near_cameras(), charts)))
+    near, own = plan.ground_near_cameras(), np.unique(charts)
+    at = np.searchsorted(near, own)
+    return records("grounds", at[np.append(near, -1)[at] == own])
 
 
 def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tuple[np.ndarray, dict[int, str | None]]:

@@ -99,8 +99,7 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[Taken]) -> str:
         settings=run.texture.texels_per_metre,
         geometry=f"{plan.ids[chart]:016x}",
         panoramas=[
-            [one.path.name, one.panorama, file_digest(one.path), _pose(one.pose), list(one.factor), one.squares]
-            for one in taken
+            [one.path.name, file_digest(one.path), _pose(one.pose), list(one.factor), one.squares] for one in taken
         ],
         between=[_between(plan, chart, one.pose) for one in taken],
     )

@@ -50,7 +50,7 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
             key=lambda i: (np.hypot(poses[i].x - middle[0], poses[i].y - middle[1]), i),
         )
         taken = tuple(
-            Taken(i, block.panoramas[i].path, poses[i], tuple(gains[i].tolist()), _squares(records[i]))
+            Taken(block.panoramas[i].path, poses[i], tuple(gains[i].tolist()), _squares(records[i]))
             for i in sorted(near[:CAMERAS])
         )
         key = ground_key(run, plan, chart, taken)
@@ -61,7 +61,11 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 def names_of_ground(plan: Plan) -> list[str]:
     """What its pieces that panoramas may show are called."""
-    return [f"ground-{int(number):016x}" for number in plan.ids[plan.ground_near_cameras()].tolist()]
+    return [_name(number) for number in plan.ids[plan.ground_near_cameras()].tolist()]
+
+
+def _name(number: int) -> str:
+    return f"ground-{number:016x}"
 
 
 def _over_ground(record: Record | None) -> bool:
@@ -79,7 +83,7 @@ def _again(change: Change) -> dict[int, int]:
     same = same_name(change.records["grounds"], names)
     again = {new: old for new, old in same.items() if charts[new] in change.stays}
     shown = set(names)
-    of_chart = {f"ground-{int(number):016x}": chart for chart, number in enumerate(change.after.ids.tolist())}
+    of_chart = {_name(number): chart for chart, number in enumerate(change.after.ids.tolist())}
     for record in change.records["grounds"]:
         if record and record["unit"] not in shown and record["unit"] in of_chart:
             change.stays.pop(of_chart[record["unit"]], None)

@@ -6,6 +6,7 @@ import json
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from datetime import UTC, datetime
+from itertools import combinations
 from pathlib import Path
 from typing import Any
 
@@ -126,7 +127,10 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 
 def _residual(record: Mapping[str, Any], residuals: Mapping[str, float | None]) -> float | None:
     """The largest of the panoramas that a facade is from; None where none of them has one."""
-    found = [residuals.get(name) for name in (record.get("source") or "").split(", ")]
+    parts = (record.get("source") or "").split(", ")
+    # a name may have a comma of its own
+    runs = (", ".join(parts[i:j]) for i, j in combinations(range(len(parts) + 1), 2))
+    found = [residuals.get(name) for name in runs]
     return max((residual for residual in found if residual is not None), default=None)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from functools import lru_cache
+from collections import OrderedDict
 from pathlib import Path
 from typing import Any, cast
 
@@ -23,6 +23,9 @@ from tasks.units.context import plan_of_run, worker_name
 from tasks.units.imagery import Taken
 from tasks.units.images import read_panorama
 from tasks.units.unit import Piece
+
+# Panoramas of which it is kept what hides their ground.
+KEPT = 8
 
 
 def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
@@ -53,7 +56,9 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     if found is not None:
         seed = found.rgb.reshape(-1, 3)
         evidence = np.where(found.shown, PHOTO, UNSEEN).astype(np.uint8).reshape(-1)
-        numbers = np.array([0, *(one.panorama + 1 for one in used)], np.uint16)
+        shown = [number for number in range(len(used)) if (found.camera == number).any()]
+        numbers = np.zeros(len(used) + 1, np.uint16)  # the first is none
+        numbers[np.array(shown) + 1] = np.arange(len(shown)) + 1
         arrays = {
             "atlas/seed": seed,
             "atlas/seed_evidence": evidence,
@@ -66,12 +71,11 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         record["digests"] = chart_digests(seed, evidence, scene.placement, rasters, plan.ids)
         record["cameras"] = [
             [
-                one.path.name,
+                used[number].path.name,
                 round(float((found.camera == number).mean()), 4),
-                _far(scene, chart, found.camera == number, one),
+                _far(scene, chart, found.camera == number, used[number]),
             ]
-            for number, one in enumerate(used)
-            if (found.camera == number).any()
+            for number in shown
         ]
     record |= cast(Record, refusal(refused, "without it"))
     return fork, {unit.index: record}
@@ -87,18 +91,23 @@ def _far(scene: Any, chart: int, own: np.ndarray, one: Taken) -> float:
 
 def _camera(one: Taken) -> Camera:
     image = read_panorama(one.path)
-    return Camera(image, one.pose, _hidden(one), np.array(one.factor), usual_of(one.squares))
+    return Camera(image, one.pose, _hidden(one, image), np.array(one.factor), usual_of(one.squares))
 
 
-def _hidden(one: Taken) -> np.ndarray:
-    """What stands on the ground of a panorama, and the faces and plates that there are on it."""
+# What hides the ground on the panoramas looked at last, in bits, by their file and pose: pieces side by side share them.
+_LOOKED_AT: OrderedDict[tuple[Path, int, int, Pose], np.ndarray] = OrderedDict()
+
+
+def _hidden(one: Taken, image: np.ndarray) -> np.ndarray:
+    """What stands on the ground of a panorama, and the faces and plates that there are on it: (H, W) bool."""
     state = one.path.stat()
-    return _hidden_on(one.path, state.st_size, state.st_mtime_ns, one.pose)
-
-
-@lru_cache(maxsize=8)
-def _hidden_on(path: Path, _size: int, _modified: int, pose: Pose) -> np.ndarray:
-    image = read_panorama(path)
-    seen = look_on_panorama(image, pose.view)
-    hidden = in_the_way(image, pose)
-    return hidden | seen.hidden(image.shape[:2]) if seen.any() else hidden
+    of = (one.path, state.st_size, state.st_mtime_ns, one.pose)
+    bits = _LOOKED_AT.get(of)
+    if bits is None:
+        seen = look_on_panorama(image, one.pose.view)
+        hidden = in_the_way(image, one.pose)
+        bits = np.packbits(hidden | seen.hidden(image.shape[:2]) if seen.any() else hidden)
+        _LOOKED_AT[of] = bits
+        if len(_LOOKED_AT) > KEPT:
+            _LOOKED_AT.popitem(last=False)
+    return np.unpackbits(bits, count=image.shape[0] * image.shape[1]).reshape(image.shape[:2]).astype(bool)

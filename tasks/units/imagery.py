@@ -53,10 +53,9 @@ class Imagery:
 
 
 class Taken(NamedTuple):
-    """A panorama near a piece of ground: its index in the block, its file and pose, the factors to the common exposure, and the
-    squares of ground that it shows, as of `facade_core.cameras.Ground`."""
+    """A panorama near a piece of ground: its file and pose, the factors to the common exposure, and the squares of ground
+    that it shows, as of `facade_core.cameras.Ground`."""
 
-    panorama: int
     path: Path
     pose: Pose
     factor: tuple[float, ...]
