@@ -137,12 +137,31 @@ def test_photos_find_their_walls_by_pointer_and_by_keys_and_the_run_has_them(pag
             stages = json.loads(get(f"{base}/api/facade", id=facade))["stages"]
             assert "rectified" in [stage["stage"] for stage in stages]
 
-        # what was decided elsewhere meanwhile is not overwritten
+        # of what was decided elsewhere meanwhile the next save tells, and nothing of it is saved over, nor undone
         table = read_table(folder / "in" / TABLE)
-        write_table(Table(table.path, table.columns, tuple({**row, "by": "ben"} for row in table.rows)))
+        write_table(
+            Table(
+                table.path,
+                table.columns,
+                tuple({**row, "by": row["by"] if row["facade"] else ""} for row in table.rows),
+            )
+        )
         page.locator(".photos").focus()
         page.keyboard.press("p")
         wait(page, "document.querySelector('h2').innerText === 'Photo IMG_0.jpg'")
+        page.keyboard.press("0")
+        page.keyboard.press("Control+s")
+        wait(page, "document.querySelector('#left').textContent.startsWith('decided by anna')")
+        assert said(folder) == {"IMG_0.jpg": ("", "anna"), "IMG_1.jpg": ("b-2", ""), "IMG_2.jpg": ("", "")}
+        assert page.is_disabled("#save")
+        page.keyboard.press("Control+z")
+        page.keyboard.press("Control+s")
+        wait(page, "document.querySelector('#left').textContent.startsWith('decided by anna')")
+        assert said(folder) == {"IMG_0.jpg": ("a-0", "anna"), "IMG_1.jpg": ("b-2", ""), "IMG_2.jpg": ("", "")}
+
+        # what was decided elsewhere meanwhile is not overwritten
+        table = read_table(folder / "in" / TABLE)
+        write_table(Table(table.path, table.columns, tuple({**row, "by": "ben"} for row in table.rows)))
         page.keyboard.press("0")
         page.keyboard.press("Control+s")
         page.wait_for_selector("#saved.failed")

@@ -37,10 +37,18 @@ export class Photos {
   }
 
   stands(rows) {
+    const open = new Set(this.unsaved().map(({ photo }) => photo));
+    const known = new Map((this.rows || []).map((row) => [row.photo, row]));
     const before = this.rows && new Map(this.rows.map((row, number) => [row.photo, number]));
     const asked = (row) => (before ? before.get(row.photo) ?? rows.length : row.facade ? 2 : row.by ? 1 : 0);
     this.rows = rows.map((row) => ({ ...row, best: row.candidates[0]?.probability ?? 0 })).sort((a, b) => asked(a) - asked(b) || (before ? 0 : b.best - a.best));
-    for (const row of this.rows) this.steps.now[row.photo] ??= { facade: row.facade, decided: Boolean(row.by) };
+    // what somebody else decided meanwhile stands here too, whatever is undone: it would be saved over as one's own
+    for (const { photo, facade, by } of this.rows) {
+      const old = known.get(photo);
+      if (open.has(photo) || (old && old.facade === facade && old.by === by)) continue;
+      const stood = { facade, decided: Boolean(by) };
+      for (const state of [this.steps.now, ...this.steps.past, ...this.steps.future]) state[photo] = stood;
+    }
   }
 
   left(row) {
