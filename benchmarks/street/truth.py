@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -11,7 +10,7 @@ import numpy as np
 
 from benchmarks.street.readings import Reading, View, blended, view_of
 from facade_core.street import Viewpoint, Window, blend, propagate
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street, with_photos
 from facade_core.types import Pose
 
 TEXELS_PER_METRE = 20.0
@@ -52,18 +51,12 @@ def measure(images: Path) -> dict[str, Any]:
 
 def street_of_photos(images: Path, seed: int) -> SyntheticStreet:
     """A synthetic street whose fronts show photos, with nothing before them."""
-    import cv2
     from PIL import Image
 
     street = synthetic_street(BUILDINGS, seed=seed, occluders=0, texels_per_metre=TEXELS_PER_METRE)
     files = sorted(images.iterdir())
     chosen = np.random.default_rng(seed).choice(len(files), BUILDINGS, replace=False)
-    painted = []
-    for facade, index in zip(street.painted, chosen, strict=True):
-        photo = np.asarray(Image.open(files[index]).convert("RGB"))
-        size = (facade.image.shape[1], facade.image.shape[0])
-        painted.append(replace(facade, image=cv2.resize(photo, size, interpolation=cv2.INTER_AREA)))
-    return replace(street, painted=tuple(painted))
+    return with_photos(street, [np.asarray(Image.open(files[index]).convert("RGB")) for index in chosen])
 
 
 def _recovered(street: SyntheticStreet, errors: tuple[float, float], seed: int) -> dict[str, list[float]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
 from typing import Any
@@ -24,6 +24,13 @@ ROWS = {
     "PUT 3": replace(BUDGET, masked=False),
     "PUT 4": replace(BUDGET, equirectangular=False),
     "full": BUDGET,
+}
+# Of the paper's method alone, of the shipped recipe, and of that with composite streets: longer, as every other step is theirs.
+LONGER = replace(BUDGET, steps=900, check=900)
+COMPOSITES = {
+    "CUT, longer": replace(LONGER, conditioned=False),
+    "full, longer": LONGER,
+    "full and composites": LONGER,
 }
 # Where the rows of a panorama begin that show facades, as a share of its height: no road and little sky.
 FACADES_FROM = 0.28
@@ -57,6 +64,26 @@ def measure(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
         "crops": int(8 * sum(len(between(views)) for views in own)),
         "rows": table,
         "orderings": {kind: _orderings(by_row, kind) for kind in ("full", "crop")},
+    }
+
+
+def composites(data: Path, models: Path, shipped: Translate) -> dict[str, Any]:
+    """What composite streets bring: three rows of one budget beside those of what is shipped, and which is nearer."""
+    scene, own, streets = ingolstadt(data)
+    real = _real(data)
+    by_row = {
+        f"{name}, weighted": _scores(scene, own, network(_file(models, name), course), "weighted", real)
+        for name, course in COMPOSITES.items()
+    }
+    by_row |= _untrained(scene, own, streets, shipped, real)
+    others = [name for name in by_row if not name.startswith("full and")]
+    claims = [("full and composites, weighted", other) for other in others]
+    return {
+        "budget": {"steps": LONGER.steps, "of_them_warm": LONGER.warm, "width": LONGER.width, "crop": LONGER.crop},
+        "real": PLACES,
+        "streets": len(own),
+        "rows": _table(by_row),
+        "orderings": {kind: _verdicts(by_row, kind, claims) for kind in ("full", "crop", "ground")},
     }
 
 
@@ -180,6 +207,11 @@ def _orderings(by_row: dict[str, dict[str, Any]], kind: str) -> dict[str, str]:
     claims += [(f"full, {blending}", f"CUT, {blending}") for blending in BLENDINGS]
     order = ["full", "PUT 4", "PUT 3", "PUT 2", "PUT 1"]
     claims += [(f"{a}, weighted", f"{b}, weighted") for a, b in zip(order[:-1], order[1:], strict=True)]
+    return _verdicts(by_row, kind, claims)
+
+
+def _verdicts(by_row: dict[str, dict[str, Any]], kind: str, claims: list[tuple[str, str]]) -> dict[str, str]:
+    """Of each claim that one row is nearer than another: whether the interval of their paired differences says so."""
     verdicts = {}
     for better, worse in claims:
         gain = interval(list(np.subtract(by_row[worse][kind], by_row[better][kind])))
@@ -188,18 +220,17 @@ def _orderings(by_row: dict[str, dict[str, Any]], kind: str) -> dict[str, str]:
     return verdicts
 
 
-def train_rows(data: Path, models: Path, *, seed: int = 0) -> dict[str, float]:
-    """Train the rows that `models` does not hold yet, in the order of the tables; seconds a step of each."""
+def train_rows(data: Path, models: Path, rows: Mapping[str, Course], *, seed: int = 0) -> dict[str, float]:
+    """Train the rows that `models` does not hold yet; seconds a step of each."""
     import time
 
     import torch
 
+    import tasks.training.composites
     from facade_core.street import translator_steps, translator_training
     from tasks.training.translator import Places, in_folders, panoramas, renderings
 
-    missing = [
-        name for name in ("full", "CUT", "PUT 4", "PUT 3", "PUT 2", "PUT 1") if not _file(models, name).is_file()
-    ]
+    missing = [name for name in rows if not _file(models, name).is_file()]
     if not missing:
         return {}
     blocks = Path(__file__).parents[2] / "catalogs" / "examples" / "blocks"
@@ -209,9 +240,10 @@ def train_rows(data: Path, models: Path, *, seed: int = 0) -> dict[str, float]:
     domains = translator_steps.Domains(rendered, learnt, rendered_judged, judged)
     seconds = {}
     for name in missing:
+        paired = tasks.training.composites.composites(data, seed=seed) if name == "full and composites" else []
         begun = time.perf_counter()
-        trained = translator_training.train(domains, ROWS[name], seed=seed)
-        seconds[name] = round((time.perf_counter() - begun) / ROWS[name].steps, 2)
+        trained = translator_training.train(replace(domains, paired=paired), rows[name], seed=seed)
+        seconds[name] = round((time.perf_counter() - begun) / rows[name].steps, 2)
         models.mkdir(parents=True, exist_ok=True)
         torch.save(dict(trained.weights), _file(models, name))
     return seconds

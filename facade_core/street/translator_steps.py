@@ -12,11 +12,12 @@ from typing import Any
 
 import numpy as np
 
-from facade_core.street.translator_views import Crop, Rendering, bare, real_crop, rendered_crop
+from facade_core.street.translator_views import Crop, Pair, Rendering, bare, paired_crop, real_crop, rendered_crop
 
 TEMPERATURE = 0.07
 PATCHES = 256
 ADVERSARIAL, CONSISTENCY, CONTRAST_RENDERED, CONTRAST_REAL = 1.0, 10.0, 0.5, 0.5
+SUPERVISED = 10.0
 # Gradients are no longer than this: without normalisation one crop of nothing but sky could end in all white for good.
 LONGEST = 0.5
 
@@ -45,12 +46,14 @@ class Course:
 
 @dataclass(frozen=True)
 class Domains:
-    """Renderings and real panoramas (h, w, 3) uint8 to learn from, and those of other places to judge by."""
+    """Renderings and real panoramas (h, w, 3) uint8 to learn from, and those of other places to judge by; pairs to learn from,
+    if any."""
 
     rendered: Sequence[Rendering]
     real: Sequence[np.ndarray]
     judged_rendered: Sequence[Rendering]
     judged_real: Sequence[np.ndarray]
+    paired: Sequence[Pair] = ()
 
 
 def restore(domains: Domains, course: Course, kept: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
@@ -119,6 +122,31 @@ def step(domains: Domains, course: Course, kept: Mapping[str, Any], seeds: tuple
         total = total + CONTRAST_RENDERED * _contrast(generator, patches, made, keys, own, course, rng)
         other = places[course.batch :]
         total = total + CONTRAST_REAL * _contrast(generator, patches, again, photo_keys, other, course, rng)
+    _descend(kept["first"], total)
+    return float(total.detach())
+
+
+def supervise(domains: Domains, course: Course, kept: Mapping[str, Any], seeds: tuple[int, int], device: Any) -> float:
+    """One step of the generator alone, by pairs: the distance to what is true, and the discriminator as it stands.
+
+    Not in the paper, which has no pairs. What was textured earlier is the truth, once through the atlas."""
+    import torch
+    from torch.nn import functional
+
+    generator, discriminator, rng = kept["generator"], kept["discriminator"], np.random.default_rng(seeds)
+    found = [paired_crop(domains.paired, course.crop, rng) for _ in range(course.batch)]
+    plain, mask = tensors([crop for crop, _, _ in found], device)
+    photo, true = tensors([Crop(image, true, crop.place) for crop, image, true in found], device)
+    if not course.conditioned:
+        mask = torch.zeros_like(mask)
+    discriminator.requires_grad_(False)
+    mixed = torch.autocast(device.type, torch.bfloat16, enabled=device.type == "cuda")
+    with mixed:
+        earlier = functional.avg_pool2d(functional.pad(photo, (1, 1, 1, 1), mode="replicate"), 3, 1)
+        partial = torch.where(mask, earlier, plain)
+        made = generator(seen_by(partial, plain, mask, course), [crop.place for crop, _, _ in found]).float()
+        apart = ((made - photo).abs() * true).sum() / (3 * true.sum()).clamp(min=1)
+        total = SUPERVISED * apart + ADVERSARIAL * (discriminator(made) - 1).square().mean()
     _descend(kept["first"], total)
     return float(total.detach())
 

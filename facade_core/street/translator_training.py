@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from facade_core.errors import ImageError, ModelError
-from facade_core.street.translator_steps import Course, Domains, as_picture, restore, seen_by, step, tensors
+from facade_core.street.translator_steps import Course, Domains, as_picture, restore, seen_by, step, supervise, tensors
 from facade_core.street.translator_views import real_crop, rendered_crop
 
 Progress = Callable[[str, int, int], None]
@@ -56,7 +56,8 @@ def train(
     progress: Progress | None = None,
     sample: Sample | None = None,
 ) -> Trained:
-    """Train a generator and return the checkpoint that is nearest to the real panoramas that were held out.
+    """Train a generator and return the checkpoint that is nearest to the real panoramas that were held out. Where there are
+    pairs, every other step learns from them.
 
     state: file that keeps the run's state at every checkpoint, and is read when it is there and of the same run. Raises
     ImageError for an empty domain, ModelError for a state of another run, for a diverged run and where torch is missing.
@@ -67,7 +68,7 @@ def train(
     from facade_core.street.translator_network import Discriminator, Generator, Patches, initialise
 
     for name, items in vars(domains).items():
-        if not len(items):
+        if name != "paired" and not len(items):
             raise ImageError(f"no pictures in {name}; give at least one place to learn from and one to judge by")
     device = torch.device("cuda" if torch.cuda.is_available() else "cpu")
     random = torch.Generator().manual_seed(seed)
@@ -85,7 +86,9 @@ def train(
         "first": first,
         "second": second,
     }
-    identity = f"{seed} {asdict(replace(course, steps=0))} {[len(items) for items in vars(domains).values()]}"
+    identity = (
+        f"{seed} {asdict(replace(course, steps=0))} {[len(items) for items in vars(domains).values() if len(items)]}"
+    )
     done, distances = 0, dict[int, float]()
     best = copy.deepcopy(generator.state_dict())
     if state is not None and state.is_file():
@@ -99,7 +102,7 @@ def train(
         for optimiser in (first, second):
             for group in optimiser.param_groups:
                 group["lr"] = WARM_RATE if number < course.warm else RATE * rate(number, course.steps)
-        learn = restore if number < course.warm else step
+        learn = restore if number < course.warm else supervise if domains.paired and number % 2 else step
         loss = learn(domains, course, kept, (seed, number), device)
         if not math.isfinite(loss):
             raise ModelError(f"training diverged at step {number}: train with another --seed")

@@ -41,6 +41,16 @@ class Crop:
     place: tuple[int, int]
 
 
+@dataclass(frozen=True, slots=True)
+class Pair:
+    """A viewpoint of a street without texture and with it: bare; image (h, w, 3) uint8 of its size; true (h, w) bool, where the
+    image is to be learnt from."""
+
+    bare: Rendering
+    image: np.ndarray
+    true: np.ndarray
+
+
 def sequence(
     scene: Scene,
     own: Sequence[Viewpoint],
@@ -116,6 +126,27 @@ def real_crop(panoramas: Sequence[np.ndarray], size: tuple[int, int], rng: np.ra
     crop = _crop(image, np.zeros(image.shape[:2], bool), size, rng)
     light = rng.uniform(0.85, 1.15) * rng.uniform(0.95, 1.05, 3)
     return Crop(np.clip(crop.image * light, 0, 255).astype(np.uint8), crop.textured, crop.place)
+
+
+def paired_crop(
+    pairs: Sequence[Pair], size: tuple[int, int], rng: np.random.Generator
+) -> tuple[Crop, np.ndarray, np.ndarray]:
+    """A random crop of a random pair at one of WIDTHS, mirrored or not: bare, its image (h, w, 3) uint8, where that is true."""
+    import cv2
+
+    chosen = pairs[int(rng.integers(len(pairs)))]
+    width = WIDTHS[int(rng.integers(len(WIDTHS)))]
+    shape = (width, width // 2)
+    grey, image = (cv2.resize(part, shape, interpolation=cv2.INTER_AREA) for part in (chosen.bare.grey, chosen.image))
+    known, true = (
+        cv2.resize(part.astype(np.uint8), shape, interpolation=cv2.INTER_NEAREST) > 0
+        for part in (chosen.bare.textured, chosen.true)
+    )
+    if rng.random() < 0.25:
+        known = np.zeros_like(known)
+    crop = _crop(np.dstack([np.repeat(grey[..., None], 3, 2), image, np.where(true, 255, 0)]), known & true, size, rng)
+    grey, image, true = crop.image[..., :3], crop.image[..., 3:6], crop.image[..., 6] > 0
+    return Crop(grey.astype(np.uint8), crop.textured, crop.place), image.astype(np.uint8), true
 
 
 def bare(photo: np.ndarray) -> np.ndarray:

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
@@ -166,6 +166,42 @@ def painted_ground(street: SyntheticStreet) -> GroundPaint:
         return np.clip(grey[:, None] * tint, 0, 255).astype(np.float32)
 
     return paint
+
+
+def with_photos(street: SyntheticStreet, photos: Sequence[np.ndarray]) -> SyntheticStreet:
+    """The street with photos (h, w, 3) uint8 on its fronts, stretched to them, in their order."""
+    import cv2
+
+    painted = []
+    for facade, photo in zip(street.painted, photos, strict=True):
+        size = (facade.image.shape[1], facade.image.shape[0])
+        painted.append(replace(facade, image=cv2.resize(photo, size, interpolation=cv2.INTER_AREA)))
+    return replace(street, painted=tuple(painted))
+
+
+def photographed_ground(
+    street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
+) -> GroundPaint:
+    """Ground of two photographs, each seamless (h, w, 3) uint8 and so many metres wide, with a kerb between them."""
+    across = np.array([-street.axis[1], street.axis[0]])
+
+    def paint(places: np.ndarray) -> np.ndarray:
+        along, beside = (places - CORNER) @ street.axis, (places - CORNER) @ across
+        road, kerb = (_laid(picture, along, beside) for picture in (roadway, pavement))
+        colour = np.where((np.abs(beside) < 4.5)[:, None], road, kerb)
+        edge = np.abs(np.abs(beside) - 4.6) < 0.1
+        colour[edge] = kerb[edge].mean(axis=1, keepdims=True)
+        return colour
+
+    return paint
+
+
+def _laid(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> np.ndarray:
+    """Colours (n, 3) float32 of a seamless picture laid side by side, at metres x, y."""
+    image, metres = picture
+    rows, columns = image.shape[:2]
+    density = columns / metres
+    return image[(y * density).astype(np.int64) % rows, (x * density).astype(np.int64) % columns].astype(np.float32)
 
 
 def _cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -146,6 +146,12 @@ def train_material_examples(data: Path, out: Path) -> None:
     help="Beginning of names of panoramas that judge checkpoints; without it the last fifth does.",
 )
 @click.option("--leave-out", multiple=True, help="Beginning of names of panoramas that take no part at all.")
+@click.option(
+    "--composites",
+    type=EXISTING_FOLDER,
+    metavar="DATA",
+    help="Folder that holds facades/ and materials/: streets of their photos, with and without texture, are learnt from too.",
+)
 @click.option("--out", type=FOLDER, required=True, help="Where translator.onnx and .json go, and where a run goes on.")
 @click.option("--recipe", type=click.Choice(["small", "full"]), default="small", show_default=True)
 @click.option("--steps", type=click.IntRange(1), help="Other than the recipe's.")
@@ -156,6 +162,7 @@ def train_translation_network(
     blocks: tuple[Path, ...],
     judge_by: tuple[str, ...],
     leave_out: tuple[str, ...],
+    composites: Path | None,
     out: Path,
     recipe: str,
     steps: int | None,
@@ -169,6 +176,7 @@ def train_translation_network(
     \b
     Examples:
       streetloom train translator --from out/mine --out translator/
+      streetloom train translator --from out/mine --composites ../shared/data --out translator/
       streetloom train translator --real my-city/ --judge-by oldtown --out translator/
       streetloom train translator --real ../shared/data/panoramas --real ../shared/data/city/amsterdam/panoramas
         --judge-by strasbourg_stra_1 --leave-out toulouse --blocks catalogs/examples/blocks/helsinki.yaml
@@ -185,7 +193,14 @@ def train_translation_network(
         course = replace(course, steps=steps)
     with progress(quiet=False):
         model = train_translator(
-            real, blocks, out, seed=seed, course=course, places=Places(judge_by, leave_out), runs=runs
+            real,
+            blocks,
+            out,
+            seed=seed,
+            course=course,
+            places=Places(judge_by, leave_out),
+            runs=runs,
+            paired=composites,
         )
     say(model)
 

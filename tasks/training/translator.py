@@ -25,6 +25,7 @@ from facade_core.synth.street_truth import synthetic_street
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
 from tasks.store.standing import recorded_source
+from tasks.training.composites import composites
 from tasks.training.parser import stage_progress
 
 # Texels are only counted in the renderings, not shown: few are enough.
@@ -75,9 +76,10 @@ def train_translator(
     course: Course,
     places: Places,
     runs: Sequence[Path] = (),
+    paired: Path | None = None,
 ) -> Path:
     """Train on panoramas in the folders `real` and of the cameras of runs, and on renderings of block files, those of the runs
-    too, and of procedural streets.
+    too, and of procedural streets; and on composite streets of the photos in a data folder, `paired`.
 
     Writes translator.onnx and translator.json into `out`, and beside them translator.state, where an interrupted run goes on,
     and a picture of every checkpoint. Raises InputError without panoramas to learn from or to judge by, ModelError
@@ -93,14 +95,18 @@ def train_translator(
     )
     out.mkdir(parents=True, exist_ok=True)
     rendered, rendered_judged = renderings(blocks, seed=seed)
-    domains = Domains(rendered, learnt, rendered_judged, judged)
+    pairs = composites(paired, seed=seed) if paired else []
+    domains = Domains(rendered, learnt, rendered_judged, judged, pairs)
     trained = translator_training.train(
         domains, course, seed=seed, state=out / "translator.state", progress=stage_progress(), sample=_sheets(out)
     )
     path = out / "translator.onnx"
     record = {
         "seed": seed,
-        "training_set": names + [f"rendered/{block.stem}" for block in blocks] + ["rendered/procedural"],
+        "training_set": names
+        + [f"rendered/{block.stem}" for block in blocks]
+        + ["rendered/procedural"]
+        + (["composite/ecp", "composite/cmp", "composite/materials"] if paired else []),
         "held_out": [*places.judged, *places.left_out],
         "best_step": trained.step,
         "kernel_distances": {str(step): round(value, 4) for step, value in trained.distances.items()},

@@ -17,10 +17,10 @@ from facade_core.street import translator_training
 from facade_core.street.equirectangular_taps import gather
 from facade_core.street.translator_distance import features, kernel_distance
 from facade_core.street.translator_export import halved, to_onnx
-from facade_core.street.translator_network import Generator, as_input, initialise
-from facade_core.street.translator_steps import Course, Domains
+from facade_core.street.translator_network import Discriminator, Generator, as_input, initialise
+from facade_core.street.translator_steps import Course, Domains, supervise
 from facade_core.street.translator_training import rate, train
-from facade_core.street.translator_views import Rendering
+from facade_core.street.translator_views import Pair, Rendering, paired_crop
 
 COURSE = Course(width=4, steps=4, warm=1, crop=(32, 64), batch=1, check=2)
 
@@ -102,3 +102,38 @@ def test_the_distance_tells_photos_of_one_kind_from_others() -> None:
         for mean in (60, 60, 200)
     )
     assert abs(kernel_distance(dark, also)) < 0.1 * kernel_distance(dark, bright)
+
+
+def pairs(colour: tuple[int, int, int], columns: int = 512) -> list[Pair]:
+    """One, of one colour, which is true in so many columns from the left."""
+    true = np.arange(1024) < columns
+    image = np.where(true[:, None], np.uint8(colour), np.uint8(0)) * np.ones((512, 1, 1), np.uint8)
+    grey = np.random.default_rng(0).integers(100, 255, (512, 1024), dtype=np.uint8)
+    return [Pair(Rendering(grey, np.ones((512, 1024), bool)), image, np.broadcast_to(true, (512, 1024)))]
+
+
+def test_crops_of_pairs_show_one_place() -> None:
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        crop, image, true = paired_crop(pairs((200, 40, 30)), (32, 64), rng)
+        assert crop.image.shape == image.shape == (32, 64, 3)
+        assert (image[true] == (200, 40, 30)).all()
+        assert not image[~true].any()
+        assert not crop.textured[~true].any(), "nothing is known where nothing is true"
+
+
+def test_pairs_teach_what_is_true() -> None:
+    course = replace(COURSE, width=8, steps=1)
+    random = torch.Generator().manual_seed(0)
+    kept = {"generator": Generator(8), "discriminator": Discriminator(8)}
+    for network in kept.values():
+        initialise(network, random)
+    kept["first"] = torch.optim.Adam(kept["generator"].parameters(), lr=2e-3)
+    given = replace(domains(), paired=pairs((200, 40, 30), 1024))
+    losses = [supervise(given, course, kept, (0, number), torch.device("cpu")) for number in range(60)]
+    assert np.mean(losses[-10:]) < 0.7 * np.mean(losses[:10])
+
+
+def test_half_of_the_steps_are_of_pairs_where_there_are_some() -> None:
+    plain, paired = (train(d, COURSE, seed=1) for d in (domains(), replace(domains(), paired=pairs((200, 40, 30)))))
+    assert any(not torch.equal(paired.weights[name], value) for name, value in plain.weights.items())

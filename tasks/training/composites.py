@@ -1,0 +1,68 @@
+"""Composite streets: photos of facades and of ground on a block of the project's own, rendered without texture and with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from catalogs.learning.datasets import ecp, split
+from facade_core.geometry.charts import GROUND
+from facade_core.geometry.streets import Viewpoint
+from facade_core.street.translator_views import WIDTHS, Pair, sequence
+from facade_core.synth.street_truth import (
+    SyntheticStreet,
+    panorama,
+    photographed_ground,
+    synthetic_street,
+    with_photos,
+)
+from facade_core.types import Pose
+from tasks.progress import advance, begin_stage
+from tasks.training.materials import picture
+from tasks.training.parser import cmp_photos
+
+STREETS, BUILDINGS = 12, 8
+TEXELS_PER_METRE = 20.0
+SPACING_M, HEIGHT_M = 5.0, 2.5
+# Pictures in materials/ and how wide they are, metres.
+ROADWAY, PAVEMENTS = ("asphalt.jpg", 1.2), (("slabs.jpg", 1.0), ("concrete.jpg", 1.2))
+
+
+def composites(data: Path, *, seed: int) -> list[Pair]:
+    """Pairs of views along streets whose houses show facades/ecp and facades/cmp without their held-out folds, and whose ground
+    shows pictures of materials/. Raises InputError where one of these is missing."""
+    photos = [facade.image for facade in split(list(ecp(data / "facades" / "ecp")))[0]]
+    photos += [facade.image for facade in cmp_photos(data)[0]]
+    roadway = (picture(data / "materials" / ROADWAY[0])[0], ROADWAY[1])
+    pavements = [(picture(data / "materials" / name)[0], metres) for name, metres in PAVEMENTS]
+    found: list[Pair] = []
+    begin_stage("composites", STREETS)
+    for number in range(STREETS):
+        rng = np.random.default_rng([seed, number])
+        chosen = rng.choice(len(photos), BUILDINGS, replace=len(photos) < BUILDINGS)
+        plain = synthetic_street(BUILDINGS, seed=1000 * seed + number, occluders=0, texels_per_metre=TEXELS_PER_METRE)
+        street = with_photos(plain, [photos[index] for index in chosen])
+        found += _pairs(street, roadway, pavements[number % len(pavements)])
+        advance("composites", 1)
+    return found
+
+
+def _pairs(
+    street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
+) -> Iterator[Pair]:
+    scene, width = street.scene, max(WIDTHS)
+    viewpoints = []
+    for number, along in enumerate(np.arange(SPACING_M / 2, street.length, SPACING_M)):
+        x, y = street.place(float(along), 0.0)
+        viewpoints.append(Viewpoint(number, 0, np.array([x, y, HEIGHT_M]), street.axis))
+    ground = photographed_ground(street, roadway, pavement)
+    heading = float(np.degrees(np.arctan2(street.axis[0], street.axis[1])))
+    # side walls and roofs are grey in the truth: nothing is learnt from them
+    true = np.append(scene.charts.kind == GROUND, False)
+    true[list(street.charts)] = True
+    for viewpoint, bare in zip(viewpoints, sequence(scene, viewpoints), strict=True):
+        x, y, z = viewpoint.position.tolist()
+        image = panorama(street, Pose(x, y, z, heading), width, seed=viewpoint.id, ground=ground)
+        yield Pair(bare, image, true[scene.look(viewpoint, width)[2]])
