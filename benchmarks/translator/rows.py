@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable, Mapping
 from dataclasses import replace
 from pathlib import Path
@@ -234,6 +235,7 @@ def train_rows(data: Path, models: Path, rows: Mapping[str, Course], *, seed: in
     if not missing:
         return {}
     blocks = Path(__file__).parents[2] / "catalogs" / "examples" / "blocks"
+    os.environ["STREETLOOM_DATA"] = str(data)  # which the blocks' files name
     folders = [data / "panoramas", data / "city" / "amsterdam" / "panoramas"]
     learnt, judged, _ = panoramas(in_folders(folders), Places(("strasbourg_stra_1",), ("toulouse",)))
     rendered, rendered_judged = renderings([blocks / "helsinki.yaml", blocks / "delfshaven.yaml"], seed=seed)
