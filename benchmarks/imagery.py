@@ -72,18 +72,26 @@ def edge_tilt(view: View) -> dict[str, float | None]:
     return tilts
 
 
-def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]:
-    """Every panorama with a position against every wall that it shows."""
+def posed_walls(
+    folder: Path, texels_per_metre: float = 20.0
+) -> tuple[dict[str, Pose], list[np.ndarray], list[str], Scene]:
+    """Amsterdam's panoramas with a position, by name, and their pictures; the names of the walls that are known, and a scene of
+    them, a chart each."""
     stated = json.loads((folder / "poses_and_walls.json").read_text(encoding="utf-8"))
     walls = {f"{b}/{w}": corners for b, parts in stated["walls"].items() for w, corners in parts.items()}
-    names = list(walls)
-    scene = scene_of_walls(np.array(list(walls.values()), np.float64), texels_per_metre)
-    given, refined, images, poses = [], [], [], {}
-    for name, place in stated["camera_positions"].items():
-        images.append(_read(folder / "panoramas" / f"{name}.jpg"))
-        x, y, z = map(float, place)
-        given.append(Pose(x, y, z, heading=0.0))
-        result = refine_pose(scene, images[-1], given[-1])
+    given = {
+        name: Pose(float(x), float(y), float(z), heading=0.0) for name, (x, y, z) in stated["camera_positions"].items()
+    }
+    images = [read(folder / "panoramas" / f"{name}.jpg") for name in given]
+    return given, images, list(walls), scene_of_walls(np.array(list(walls.values()), np.float64), texels_per_metre)
+
+
+def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]:
+    """Every panorama with a position against every wall that it shows."""
+    stated, images, names, scene = posed_walls(folder, texels_per_metre)
+    given, refined, poses = list(stated.values()), [], {}
+    for name, pose, image in zip(stated, given, images, strict=True):
+        result = refine_pose(scene, image, pose)
         refined.append(result.pose)
         facts = {key: getattr(result, key) for key in _FACTS}
         poses[name] = {k: round(v, 3) if isinstance(v, float) else v for k, v in facts.items()}
@@ -105,8 +113,8 @@ def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]
             fused = {when: fuse_views(views[when]) for when in views}
             measured["agreement"][wall] = {
                 when: {
-                    "between": _ssim(views[when][0], views[when][1]),
-                    "with_fused": [_ssim(view, fused[when]) for view in views[when][:2]],
+                    "between": ssim(views[when][0], views[when][1]),
+                    "with_fused": [ssim(view, fused[when]) for view in views[when][:2]],
                 }
                 for when in views
             }
@@ -120,11 +128,13 @@ def amsterdam(folder: Path, *, texels_per_metre: float = 20.0) -> dict[str, Any]
     return measured
 
 
-def synthetic(*, seed: int = 3, buildings: int = 8, panoramas: int = 4, width: int = 4096) -> dict[str, Any]:
-    """A street with truth: pose errors before and after, PSNR with and without refinement and fusion."""
+def street_with_cameras(
+    seed: int, buildings: int, panoramas: int, width: int
+) -> tuple[SyntheticStreet, list[Pose], list[Pose], list[np.ndarray]]:
+    """A painted street, the true poses of panoramas there, poses that are off, and the panoramas."""
     street = synthetic_street(buildings, seed=seed)
     rng = np.random.default_rng(seed)
-    true, given, refined, images = [], [], [], []
+    true, given, images = [], [], []
     for number in range(panoramas):
         x, y = street.place((number + 0.5) / panoramas * street.length, (-1) ** number * 1.5)
         pose = Pose(float(x), float(y), 2.5, float(rng.uniform(0, 360)), *rng.normal(0, 0.5, 2).tolist())
@@ -140,9 +150,15 @@ def synthetic(*, seed: int = 3, buildings: int = 8, panoramas: int = 4, width: i
         }
         given.append(replace(pose, **noise))
         images.append(panorama(street, pose, width, gain=float(rng.uniform(0.8, 1.0)), seed=number))
-        refined.append(refine_pose(street.scene, images[-1], given[-1]).pose)
+    return street, true, given, images
+
+
+def synthetic(*, seed: int = 3, buildings: int = 8, panoramas: int = 4, width: int = 4096) -> dict[str, Any]:
+    """A street with truth: pose errors before and after, PSNR with and without refinement and fusion."""
+    street, true, given, images = street_with_cameras(seed, buildings, panoramas, width)
+    refined = [refine_pose(street.scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
     return {
-        "pose_errors": {"before": _errors(given, true), "after": _errors(refined, true)},
+        "pose_errors": {"before": pose_errors(given, true), "after": pose_errors(refined, true)},
         "psnr": {
             name: _recovered(street, images, true, poses)
             for name, poses in (("given", given), ("refined", refined), ("true", true))
@@ -204,8 +220,8 @@ def _recovered(
         if not views:
             continue
         whole = fuse_views(views)
-        best.append(_psnr(views[0].rgb, truth, views[0].clear))
-        fused.append(_psnr(whole.rgb, truth, whole.seen & ~whole.occluded))
+        best.append(psnr(views[0].rgb, truth, views[0].clear))
+        fused.append(psnr(whole.rgb, truth, whole.seen & ~whole.occluded))
         covered.append(float((whole.seen & ~whole.occluded).mean()))
         covered_by_best.append(float(views[0].clear.mean()))
     means = (statistics.mean(values) for values in (best, fused, covered_by_best, covered))
@@ -213,29 +229,29 @@ def _recovered(
     return {name: round(value, 3) for name, value in zip(names, means, strict=True)}
 
 
-def _psnr(image: np.ndarray, truth: np.ndarray, shown: np.ndarray) -> float:
+def psnr(image: np.ndarray, truth: np.ndarray, shown: np.ndarray) -> float:
     """PSNR in dB over the shown texels, a factor per channel aside: the exposure of a photo is no error."""
     a, b = image[shown].astype(np.float64), truth[shown].astype(np.float64)
     factor = (a * b).sum(axis=0) / np.maximum((a * a).sum(axis=0), 1e-9)
     return float(10 * np.log10(255**2 / np.maximum(((factor * a - b) ** 2).mean(), 1e-9)))
 
 
-def _errors(poses: Sequence[Pose], true: Sequence[Pose]) -> dict[str, float]:
-    """Means over poses of the distance in metres and the angle of the turn in degrees from the true ones."""
+def pose_errors(poses: Sequence[Pose], true: Sequence[Pose]) -> dict[str, float]:
+    """Means, medians and largest over poses of the distance, metres, and the turn, degrees, from the true ones."""
     from facade_core.rectify.camera import camera_from_world, position
 
     metres = [float(np.linalg.norm(position(a) - position(b))) for a, b in zip(poses, true, strict=True)]
     turns = [camera_from_world(a) @ camera_from_world(b).T for a, b in zip(poses, true, strict=True)]
     degrees = [float(np.degrees(np.arccos(np.clip((np.trace(t) - 1) / 2, -1, 1)))) for t in turns]
-    return {
-        "metres": round(statistics.mean(metres), 3),
-        "metres_largest": round(max(metres), 3),
-        "degrees": round(statistics.mean(degrees), 3),
-        "degrees_largest": round(max(degrees), 3),
-    }
+    told = {}
+    for name, values in (("metres", metres), ("degrees", degrees)):
+        told[name] = round(statistics.mean(values), 3)
+        told[f"{name}_median"] = round(statistics.median(values), 3)
+        told[f"{name}_largest"] = round(max(values), 3)
+    return told
 
 
-def _ssim(one: View | Fused, other: View | Fused) -> float | None:
+def ssim(one: View | Fused, other: View | Fused) -> float | None:
     """Mean SSIM of the grey pictures, 10 pixels per metre, over what both show; None where that is little."""
     import cv2
     from skimage.metrics import structural_similarity
@@ -258,7 +274,7 @@ def _weighted_median(values: np.ndarray, weights: np.ndarray) -> float:
     return float(values[order][np.searchsorted(share, share[-1] / 2)])
 
 
-def _read(path: Path) -> np.ndarray:
+def read(path: Path) -> np.ndarray:
     from PIL import Image
 
     with Image.open(path) as picture:

@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 import pytest
 
-from benchmarks.imagery import _psnr, edge_tilt, scene_of_walls, speed
+from benchmarks.imagery import edge_tilt, psnr, scene_of_walls, speed
 from facade_core.rectify import View
 
 
@@ -37,9 +37,9 @@ def test_exposure_is_no_error_and_noise_is() -> None:
     rng = np.random.default_rng(0)
     truth = rng.integers(20, 200, (50, 50, 3)).astype(np.uint8)
     shown = np.ones((50, 50), bool)
-    assert _psnr(np.round(truth * 0.8).astype(np.uint8), truth, shown) > 50
+    assert psnr(np.round(truth * 0.8).astype(np.uint8), truth, shown) > 50
     noisy = np.clip(truth + rng.normal(0, 10, truth.shape), 0, 255).astype(np.uint8)
-    assert _psnr(noisy, truth, shown) == pytest.approx(28, abs=1)
+    assert psnr(noisy, truth, shown) == pytest.approx(28, abs=1)
 
 
 def test_a_wall_looks_at_whoever_sees_its_corners_clockwise() -> None:
