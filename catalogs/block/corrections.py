@@ -197,6 +197,8 @@ def _pair(value: Any) -> tuple[float, float] | None:
     if value is None:
         return None
     longitude, latitude = map(float, value)
+    if not (math.isfinite(longitude) and math.isfinite(latitude)):
+        raise ValueError(f"{value} is no place; give longitude and latitude")
     return longitude, latitude
 
 

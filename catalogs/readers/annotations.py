@@ -146,7 +146,9 @@ def _cityjson(document: Mapping[str, Any]) -> Iterator[Said]:
         ]
         # a wall that is cut into several surfaces is what one of them is said to be
         told = {surface["facade"]: True for surface in surfaces if "facade" in surface and "isFacade" in surface}
-        told |= {surface["facade"]: False for surface in surfaces if surface.get("isFacade") is False}
+        told |= {
+            surface["facade"]: surface["isFacade"] for surface in surfaces if surface.get("isFacade", True) is not True
+        }
         for facade, is_one in told.items():
             yield facade, "facade", is_one
 
