@@ -36,7 +36,8 @@ from facade_core.rectify.panorama import rectify_view
 from facade_core.street.field import Materials
 from facade_core.street.scene import Scene
 from facade_core.street.surfaces import Known, surface
-from facade_core.synth.street_truth import SyntheticStreet, hidden_points, painted_ground, panorama, synthetic_street
+from facade_core.synth.street_paint import painted_ground
+from facade_core.synth.street_truth import SyntheticStreet, hidden_points, panorama, synthetic_street
 from facade_core.types import Pose, Street
 
 POSE_NOISE_M, POSE_NOISE_DEG = 0.3, 1.0

@@ -28,7 +28,8 @@ from facade_core.rectify import rectify, refine_pose
 from facade_core.rectify.panorama import rectify_view
 from facade_core.street.field import Materials
 from facade_core.synth.exemplars import exemplar
-from facade_core.synth.street_truth import SyntheticStreet, painted_ground, panorama, synthetic_street
+from facade_core.synth.street_paint import painted_ground
+from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 from facade_core.types import Pose
 from tasks.published.opened import Published, published
 

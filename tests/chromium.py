@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Iterator
-from contextlib import ExitStack
+from contextlib import ExitStack, contextmanager
 from typing import Any
 
 import pytest
@@ -22,6 +22,18 @@ def browser() -> Iterator[Any]:
         except Absent as absent:
             pytest.skip(str(absent))
         yield started
+
+
+@contextmanager
+def tab(browser: Any, viewport: dict[str, int]) -> Iterator[Any]:
+    """A page so large, {"width", "height"}, on whose scripts no error may be left when it is closed."""
+    opened = browser.new_page(viewport=viewport)
+    opened.set_default_timeout(300_000)
+    errors: list[str] = []
+    opened.on("pageerror", lambda error: errors.append(str(error)))
+    yield opened
+    opened.close()
+    assert errors == []
 
 
 def wait(page: Any, expression: str) -> None:

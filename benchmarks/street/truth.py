@@ -10,7 +10,8 @@ import numpy as np
 
 from benchmarks.street.readings import Reading, View, blended, view_of
 from facade_core.street import Viewpoint, Window, blend, propagate
-from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street, with_photos
+from facade_core.synth.street_paint import with_photos
+from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 from facade_core.types import Pose
 
 TEXELS_PER_METRE = 20.0

@@ -12,6 +12,7 @@ import numpy as np
 from facade_core.texture.expansion import choose
 from facade_core.texture.mosaic import paint
 from facade_core.texture.prices import UNUSABLE, Offers
+from facade_core.texture.translations import correlation
 
 # So far from what pictures show ground is filled, metres.
 FILLED_M = 3.5
@@ -128,7 +129,6 @@ def _translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.ndarr
     """Steps (k, 2) in cells, down and right, under which what is clear looks most like itself, with what is seen of most; the
     normalised correlation of detail, for all steps at once."""
     import cv2
-    from scipy import fft
 
     height, width = clear.shape
     weight = clear.astype(np.float32)
@@ -137,15 +137,7 @@ def _translations(small: np.ndarray, clear: np.ndarray, step: float) -> np.ndarr
     local = local / np.maximum(cv2.GaussianBlur(weight, (0, 0), sigma), 1e-4)[..., None]
     # colour and its detail: kerbs and the edge of a carriageway are both
     detail = (small - 0.7 * local - 0.3 * small[clear].mean(axis=0)).mean(axis=2) * weight
-    shape = [fft.next_fast_len(2 * n - 1, real=True) for n in (height, width)]
-
-    def correlated(first: np.ndarray, second: np.ndarray) -> np.ndarray:
-        whole = fft.irfft2(np.conj(fft.rfft2(first, shape)) * fft.rfft2(second, shape), shape)
-        return np.roll(whole, (height - 1, width - 1), (0, 1))[: 2 * height - 1, : 2 * width - 1]
-
-    seen = correlated(weight, weight)
-    squares = correlated(detail**2, weight) * correlated(weight, detail**2)
-    score = correlated(detail, detail) / np.sqrt(np.maximum(squares, 1e-6 * squares.max() + 1e-12))
+    score, seen = correlation(detail, clear, detail, clear)
     down, right = np.mgrid[-height + 1 : height, -width + 1 : width]
     usable = (np.hypot(down, right) * step >= LEAST_STEP_M) & (seen >= SEEN_TWICE * clear.sum())
     # what is seen of a long translation is little, and more likely to fit by chance

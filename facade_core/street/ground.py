@@ -11,9 +11,10 @@ from typing import NamedTuple
 
 import numpy as np
 import shapely
-from shapely import LineString, Polygon
+from shapely import LineString
 
 from facade_core.geometry.charts import GROUND, Charts
+from facade_core.street.ground_layers import carriageways, layers_of
 from facade_core.street.ground_marks import marks
 from facade_core.types import SURFACES, Area, Ground, Way
 
@@ -22,14 +23,8 @@ SQUARE_M, AROUND_M = 32.0, 32.0
 # Side of a cell that lists what lies near it, and how near: an edge is soft over twice that at most.
 CELL_M, REACH_M = 1.0, 0.8
 CELLS = round(SQUARE_M / CELL_M)
-# Layers from below: areas and paths by surface, pavements between them, carriageways on top of all.
-AREAS, PAVEMENT, PATHS, ROAD = 0, len(SURFACES), len(SURFACES) + 1, 2 * len(SURFACES) + 1
 # More than there are layers.
 ROAD_KEYS = 256
-# Radius of a kerb round a corner, and how far from a junction it may reach.
-CORNER_M, JUNCTION_M = 5.0, 14.0
-# What is narrower between two parts of a shape is closed.
-SLIT_M = 0.02
 # Squares that are kept.
 KEPT = 512
 
@@ -175,83 +170,11 @@ def draw(piece: Piece) -> tuple[np.ndarray, ...]:
     """A square's part of Drawn, from start_layer on."""
     roads = [way for way in piece.ways if way.kind == "road"]
     carriageway, junctions = carriageways(roads)
-    layers = layers_of(piece, roads, carriageway)
+    layers = layers_of(piece.areas, piece.ways, carriageway)
     frames = _frames(roads)
     drawn = marks(piece.ways, carriageway, junctions)
     low = np.array(piece.low)
     return (*_by_layer(low, layers), *_nearest(low, frames), *_listed(low, drawn))
-
-
-def carriageways(roads: Sequence[Way]) -> tuple[shapely.Geometry, shapely.Geometry]:
-    """The union of carriageways with kerbs round their corners, and where roads meet."""
-    if not roads:
-        return Polygon(), Polygon()
-    lines = np.array([way.line for way in roads])
-    half = np.array([way.width / 2 for way in roads])
-    bands = shapely.buffer(lines, half, cap_style="flat", join_style="mitre", mitre_limit=2.0)
-    tree = shapely.STRtree(lines)
-    ends = shapely.points(np.concatenate([[way.line.coords[0], way.line.coords[-1]] for way in roads]))
-    own = np.repeat(np.arange(len(roads)), 2)
-    end, other = tree.query(ends, predicate="dwithin", distance=0.05)
-    met = own[end] != other
-    end, other = end[met], other[met]
-    # roads that end on each other go on: their ends are round, as wide as the narrower
-    joints = shapely.buffer(ends[end], np.minimum(half[own[end]], half[other]), quad_segs=8)
-    meet = [
-        ends[i] for i, j in zip(end.tolist(), other.tolist(), strict=True) if _turns(roads[own[i]], roads[j], ends[i])
-    ]
-    union = shapely.union_all([*bands, *joints])
-    if not meet:
-        return union, Polygon()
-    junctions = shapely.union_all(shapely.buffer(np.array(meet), JUNCTION_M))
-    closed = union.buffer(CORNER_M, quad_segs=8).buffer(-CORNER_M, quad_segs=8)
-    corners = closed.difference(union).intersection(junctions)
-    return shapely.union_all([union, *(part for part in shapely.get_parts(corners) if part.area > 0.01)]), (
-        shapely.multipoints(meet)
-    )
-
-
-def _turns(way: Way, other: Way, place: shapely.Point) -> bool:
-    """Whether two roads that meet at a place are no continuation of each other."""
-    one, two = (_direction(line, place) for line in (way.line, other.line))
-    return abs(one[0] * two[1] - one[1] * two[0]) > 0.5
-
-
-def _direction(line: LineString, place: shapely.Point) -> np.ndarray:
-    along = line.project(place)
-    low, high = max(along - 3.0, 0.0), min(along + 3.0, line.length)
-    ends = shapely.get_coordinates(shapely.line_interpolate_point(line, [low, high]))
-    return (ends[1] - ends[0]) / max(float(np.hypot(*(ends[1] - ends[0]))), 1e-9)
-
-
-def layers_of(piece: Piece, roads: Sequence[Way], carriageway: shapely.Geometry) -> dict[int, shapely.Geometry]:
-    """What covers a square, from below: the shape of each layer."""
-    shapes: dict[int, list[shapely.Geometry]] = {}
-    for area in piece.areas:
-        shapes.setdefault(AREAS + SURFACES.index(area.surface), []).append(area.outline)
-    for way in roads:
-        for side, wide in zip((1.0, -1.0), way.pavement, strict=True):
-            if wide > 0:
-                strip = way.line.buffer(side * (way.width / 2 + wide), single_sided=True, join_style="mitre")
-                shapes.setdefault(PAVEMENT, []).append(strip)
-        if min(way.pavement) > 0:
-            for end in (way.line.coords[0], way.line.coords[-1]):
-                if sum(shapely.distance(other.line, shapely.Point(end)) < 0.05 for other in roads) > 1:
-                    reach = way.width / 2 + min(way.pavement)
-                    shapes.setdefault(PAVEMENT, []).append(shapely.Point(end).buffer(reach))
-    for way in piece.ways:
-        if way.kind in ("path", "cycle", "steps"):
-            shape = way.line.buffer(way.width / 2, cap_style="flat" if way.kind == "steps" else "round")
-            shapes.setdefault(PATHS + SURFACES.index(way.surface), []).append(shape)
-    if not carriageway.is_empty:
-        shapes[ROAD] = [carriageway]
-    return {layer: _whole(shapely.union_all(found)) for layer, found in sorted(shapes.items())}
-
-
-def _whole(shape: shapely.Geometry) -> shapely.Geometry:
-    """A shape without slits, of which an edge has the inside on its left."""
-    closed = shape.buffer(SLIT_M, join_style="mitre").buffer(-SLIT_M, join_style="mitre")
-    return shapely.orient_polygons(closed.simplify(SLIT_M / 4))
 
 
 def _frames(roads: Sequence[Way]) -> np.ndarray:

@@ -7,7 +7,8 @@ import numpy as np
 from facade_core.kernels import njit
 from facade_core.street.chance import ACROSS, SEED, mixed, row_of
 from facade_core.street.grain import Grains
-from facade_core.street.ground import CELL_M, CELLS, PATHS, PAVEMENT, REACH_M, ROAD, Drawn
+from facade_core.street.ground import CELL_M, CELLS, REACH_M, Drawn
+from facade_core.street.ground_layers import PATHS, PAVEMENT, ROAD
 from facade_core.street.materials import (
     COLOURS,
     GRAINS,

@@ -6,7 +6,8 @@ import numpy as np
 import shapely
 
 from facade_core.geometry.charts import Charts
-from facade_core.street.ground import Piece, carriageways, layers_of
+from facade_core.street.ground import Piece
+from facade_core.street.ground_layers import carriageways, layers_of
 
 # Fractions of a texel to which outlines are drawn.
 SHIFT = 4
@@ -23,7 +24,7 @@ def kinds_of(
     roads = [way for way in piece.ways if way.kind == "road"]
     # on sloping ground shapes are drawn as they lie on the map
     frame = np.linalg.inv(np.column_stack([charts.axis_u[chart, :2], charts.axis_v[chart, :2]]))
-    for layer, shape in layers_of(piece, roads, carriageways(roads)[0]).items():
+    for layer, shape in layers_of(piece.areas, piece.ways, carriageways(roads)[0]).items():
         rings = shapely.get_rings(shapely.get_parts(shape))
         texels = [
             (shapely.get_coordinates(ring) - charts.origin[chart, :2]) @ frame.T * density + margin - 0.5

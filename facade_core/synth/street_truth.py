@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -142,66 +142,6 @@ def hidden_points(street: SyntheticStreet, points: np.ndarray, pose: Pose, *, su
     rays = (points - position(supposed)) @ camera_from_world(supposed).T @ camera_from_world(pose)
     nearest, colour = np.ones(points.shape[:-1], np.float32), np.zeros(points.shape, np.float32)
     return _cover(street, position(pose), rays, nearest, colour) > 0.02
-
-
-def painted_ground(street: SyntheticStreet) -> GroundPaint:
-    """Ground that no material looks like: a patched carriageway with a broken line, kerbs, slabs of several sizes."""
-    rng = np.random.default_rng(5)
-    grains = [(side, rng.normal(0, 1, (97, 89))) for side in (3.1, 0.7, 0.21, 0.06)]
-    across = np.array([-street.axis[1], street.axis[0]])
-
-    def paint(places: np.ndarray) -> np.ndarray:
-        along, beside = (places - CORNER) @ street.axis, (places - CORNER) @ across
-        noise = np.zeros(len(places))
-        for weight, (side, values) in zip((9, 7, 6, 5), grains, strict=True):
-            noise += weight * values[(along // side % 97).astype(int), (beside // side % 89).astype(int)]
-        road = np.abs(beside) < 4.5
-        kerb = np.abs(np.abs(beside) - 4.6) < 0.1
-        joint = (along % 0.9 < 0.04) | (beside % 0.6 < 0.03)
-        line = (np.abs(beside) < 0.08) & (along % 3.0 < 1.5)
-        patch = (along % 11 < 3.2) & (beside > 0.6) & (beside < 2.9)
-        grey = np.where(road, np.where(patch, 62.0, 92.0), np.where(joint, 96.0, 148.0))
-        grey = np.where(kerb, 170.0, np.where(line, 214.0, grey)) + noise
-        tint = np.where(road[:, None], [1.0, 1.0, 1.03], [1.0, 0.95, 0.88])
-        return np.clip(grey[:, None] * tint, 0, 255).astype(np.float32)
-
-    return paint
-
-
-def with_photos(street: SyntheticStreet, photos: Sequence[np.ndarray]) -> SyntheticStreet:
-    """The street with photos (h, w, 3) uint8 on its fronts, stretched to them, in their order."""
-    import cv2
-
-    painted = []
-    for facade, photo in zip(street.painted, photos, strict=True):
-        size = (facade.image.shape[1], facade.image.shape[0])
-        painted.append(replace(facade, image=cv2.resize(photo, size, interpolation=cv2.INTER_AREA)))
-    return replace(street, painted=tuple(painted))
-
-
-def photographed_ground(
-    street: SyntheticStreet, roadway: tuple[np.ndarray, float], pavement: tuple[np.ndarray, float]
-) -> GroundPaint:
-    """Ground of two photographs, each seamless (h, w, 3) uint8 and so many metres wide, with a kerb between them."""
-    across = np.array([-street.axis[1], street.axis[0]])
-
-    def paint(places: np.ndarray) -> np.ndarray:
-        along, beside = (places - CORNER) @ street.axis, (places - CORNER) @ across
-        road, kerb = (_laid(picture, along, beside) for picture in (roadway, pavement))
-        colour = np.where((np.abs(beside) < 4.5)[:, None], road, kerb)
-        edge = np.abs(np.abs(beside) - 4.6) < 0.1
-        colour[edge] = kerb[edge].mean(axis=1, keepdims=True)
-        return colour
-
-    return paint
-
-
-def _laid(picture: tuple[np.ndarray, float], x: np.ndarray, y: np.ndarray) -> np.ndarray:
-    """Colours (n, 3) float32 of a seamless picture laid side by side, at metres x, y."""
-    image, metres = picture
-    rows, columns = image.shape[:2]
-    density = columns / metres
-    return image[(y * density).astype(np.int64) % rows, (x * density).astype(np.int64) % columns].astype(np.float32)
 
 
 def _cutout(facade: PaintedFacade, count: int, rng: np.random.Generator) -> np.ndarray:

@@ -19,21 +19,33 @@ def repeats(grey: np.ndarray, known: np.ndarray) -> np.ndarray:
     detail (mean 0), known (H, W) bool says where. The score is the normalised correlation over what is seen twice.
     """
     height, width = known.shape
-    score = _correlation(grey, known, grey, known)
+    score = _trusted(grey, known, grey, known)
     dy, dx = np.mgrid[-height + 1 : height, -width + 1 : width]
     score[(np.abs(dy) < _NEAR) & (np.abs(dx) < _NEAR)] = -1.0
     level, steep = np.abs(dy) <= _STRAIGHT, np.abs(dx) <= _STRAIGHT
     kinds = ((level, _MANY), (steep, _MANY), (~level & ~steep, _FEW))
     ahead = np.concatenate([_peaks(np.where(kind, score, -1.0), count) for kind, count in kinds])
-    mirror = _correlation(grey, known, grey[:, ::-1], known[:, ::-1])
+    mirror = _trusted(grey, known, grey[:, ::-1], known[:, ::-1])
     axes = _peaks(np.where(level, mirror, -1.0), _FEW)
     axes[:, 1] = width - 1 - axes[:, 1]
     found = [np.column_stack([at, np.full(len(at), kind)]) for kind, at in enumerate((ahead, axes))]
     return np.unique(np.concatenate(found), axis=0)
 
 
-def _correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray) -> np.ndarray:
-    """Of a at p with b at p + t, for all t: (2 H - 1, 2 W - 1), t = 0 in the middle; -1 where too little is seen."""
+def _trusted(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray) -> np.ndarray:
+    """The correlation, by how much is seen twice; -1 where that is too little."""
+    height, width = a.shape
+    score, seen = correlation(a, known_a, b, known_b)
+    # what is seen of a long translation is little, and more likely to fit by chance
+    trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
+    return np.where(seen > _LEAST_SEEN * height * width, score * trust, -1.0)
+
+
+def correlation(
+    a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Normalised correlation of a at p with b at p + t where both are known, for all t at once, and of how many pixels:
+    (2 H - 1, 2 W - 1) each, t = 0 in the middle. a, b (H, W) float32 of mean 0, known_a, known_b (H, W) bool."""
     height, width = a.shape
     shape = [fft.next_fast_len(2 * n - 1, real=True) for n in (height, width)]
 
@@ -49,10 +61,7 @@ def _correlation(a: np.ndarray, known_a: np.ndarray, b: np.ndarray, known_b: np.
     squares = correlate(forward(a**2 * known_a), mb), correlate(ma, forward(b**2 * known_b))
     seen = correlate(ma, mb)
     norm = np.sqrt(np.maximum(squares[0], 0) * np.maximum(squares[1], 0))
-    score = product / np.maximum(norm, 1e-3 * norm.max() + 1e-9)
-    # what is seen of a long translation is little, and more likely to fit by chance
-    trust = np.clip(seen / (0.25 * height * width), 0, 1) ** 0.25
-    return np.where(seen > _LEAST_SEEN * height * width, score * trust, -1.0)
+    return product / np.maximum(norm, 1e-3 * norm.max() + 1e-9), seen
 
 
 def _peaks(score: np.ndarray, count: int) -> np.ndarray:

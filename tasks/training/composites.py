@@ -11,12 +11,11 @@ from catalogs.learning.datasets import ecp, split
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.streets import Viewpoint
 from facade_core.street.translator_views import WIDTHS, Pair, sequence
+from facade_core.synth.street_paint import photographed_ground, with_photos
 from facade_core.synth.street_truth import (
     SyntheticStreet,
     panorama,
-    photographed_ground,
     synthetic_street,
-    with_photos,
 )
 from facade_core.types import Pose
 from tasks.progress import advance, begin_stage

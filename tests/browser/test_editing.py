@@ -13,7 +13,7 @@ import pytest
 from catalogs.block.corrections import Correction, add_corrections, read_corrections
 from tasks.corrections import import_corrections
 from tasks.store.standing import record_source
-from tests.chromium import wait
+from tests.chromium import tab, wait
 from tests.pipeline.corrected import made, textured_houses
 from tests.pipeline.stages import digests_of
 from tests.pipeline.viewed import viewing
@@ -34,13 +34,8 @@ def copied(once: Path, to: Path) -> Path:
 
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
-    opened = browser.new_page(viewport={"width": 1000, "height": 800})
-    opened.set_default_timeout(300_000)
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    yield opened
-    opened.close()
-    assert errors == []
+    with tab(browser, {"width": 1000, "height": 800}) as opened:
+        yield opened
 
 
 def drag(page: Any, at: tuple[float, float], to: tuple[float, float]) -> None:

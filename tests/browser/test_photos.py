@@ -16,7 +16,7 @@ from catalogs.block import read_block
 from facade_core.synth.street_truth import synthetic_street
 from facade_core.types import Pose
 from tasks.matching.table import COLUMNS, TABLE, Candidate, Table, found_row, read_table, write_table
-from tests.chromium import wait
+from tests.chromium import tab, wait
 from tests.pipeline.corrected import HOUSES, STREET, made
 from tests.pipeline.stages import EAST, NORTH, write_block
 from tests.pipeline.viewed import get, viewing
@@ -49,13 +49,8 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
-    opened = browser.new_page(viewport={"width": 1100, "height": 900})
-    opened.set_default_timeout(300_000)
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    yield opened
-    opened.close()
-    assert errors == []
+    with tab(browser, {"width": 1100, "height": 900}) as opened:
+        yield opened
 
 
 def said(folder: Path) -> dict[str, tuple[str, str]]:

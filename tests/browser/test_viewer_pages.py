@@ -17,7 +17,7 @@ from PIL import Image
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from flows.lock import locked
-from tests.chromium import wait
+from tests.chromium import tab, wait
 from tests.pipeline.viewed import get, viewing
 
 
@@ -29,13 +29,8 @@ def address(undisturbed: tuple[Path, dict[str, Any]]) -> Iterator[str]:
 
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
-    opened = browser.new_page(viewport={"width": 900, "height": 700})
-    opened.set_default_timeout(300_000)
-    errors: list[str] = []
-    opened.on("pageerror", lambda error: errors.append(str(error)))
-    yield opened
-    opened.close()
-    assert errors == []
+    with tab(browser, {"width": 900, "height": 700}) as opened:
+        yield opened
 
 
 def test_map_facade_and_street_in_a_browser(page: Any, address: str) -> None:

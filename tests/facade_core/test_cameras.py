@@ -13,7 +13,8 @@ from facade_core.cameras.standing import HIGHEST_DEG, in_the_way
 from facade_core.geometry.charts import GROUND
 from facade_core.rectify import View
 from facade_core.rectify.camera import GROUND_REACH_M
-from facade_core.synth.street_truth import SyntheticStreet, painted_ground, panorama, synthetic_street
+from facade_core.synth.street_paint import painted_ground
+from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 from facade_core.types import Pose
 
 SIZE = (40, 60)
