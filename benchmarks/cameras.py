@@ -129,7 +129,7 @@ def _recovered(
         seconds["ground"].append((time.perf_counter() - start) / len(cameras))
         if found is not None:
             shown[chart] = found
-    known = Known(_reader(scene, shown), shown, ())
+    known = Known(shown_reader(scene, shown), shown, ())
     parts: list[dict[str, np.ndarray]] = []
     for chart in grounds:
         size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
@@ -196,7 +196,7 @@ def _compared(whole: dict[str, np.ndarray], region: np.ndarray) -> dict[str, Any
     return found
 
 
-def _reader(scene: Scene, shown: Mapping[int, Shown]) -> Reader:
+def shown_reader(scene: Scene, shown: Mapping[int, Shown]) -> Reader:
     """What cameras show of charts, as a run reads it."""
 
     def read(chart: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:

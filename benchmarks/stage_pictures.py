@@ -13,8 +13,9 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import numpy as np
+import shapely
 
-from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M
+from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, shown_reader
 from benchmarks.rectification import camera as photographer
 from benchmarks.rectification import photograph
 from facade_core.cameras import Camera, factors, in_the_way, look_down, photographed, usual_of
@@ -27,10 +28,11 @@ from facade_core.plan import Plan
 from facade_core.rectify import rectify, refine_pose
 from facade_core.rectify.panorama import rectify_view
 from facade_core.street.field import Materials
+from facade_core.street.surfaces import Known, surface
 from facade_core.synth.exemplars import exemplar
 from facade_core.synth.street_paint import painted_ground
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
-from facade_core.types import Pose
+from facade_core.types import Pose, Street
 from tasks.published.opened import Published, published
 
 PAPER, GAP = 255, 8
@@ -183,7 +185,7 @@ def poses() -> np.ndarray:
 
 
 def ground() -> np.ndarray:
-    """The ground between two rows of houses: of material, as cameras show it, and as it is painted."""
+    """The ground between two rows of houses: of material, as cameras show it, and finished, where that goes on by example."""
     street, _, given, images = _street()
     scene = street.scene
     seen = [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
@@ -195,10 +197,13 @@ def ground() -> np.ndarray:
     shown = {c: photographed(scene, c, found) for c in np.flatnonzero(scene.charts.kind == GROUND).tolist()}
     chart = max(shown, key=lambda c: float(part.shown.sum()) if (part := shown[c]) else 0.0)
     size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
-    material = Materials(scene, (), seed=1).raster(chart).reshape(*size, 3)
-    part = shown[chart]
-    taken = material if part is None else np.where(part.shown[..., None], part.rgb, material)
-    return beside([material, taken], 420)
+    line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    materials = Materials(scene, (line,), seed=1)
+    material = materials.raster(chart).reshape(*size, 3)
+    pictured = {c: part for c, part in shown.items() if part is not None}
+    taken = np.where(pictured[chart].shown[..., None], pictured[chart].rgb, material)
+    known = Known(shown_reader(scene, pictured), pictured, ())
+    return beside([material, taken, surface(scene, materials, chart, known, network=False)[0]], 420)
 
 
 def of_run(found: Published, facade: str, made: str) -> dict[str, Callable[[], np.ndarray]]:
