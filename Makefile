@@ -5,7 +5,7 @@ DEMO_FLAGS ?=
 # A run starts some interpreters, a test many more: without bytecode each of them compiles all that it imports.
 unexport PYTHONDONTWRITEBYTECODE
 
-.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench constraints clean
+.PHONY: demo test setup train-setup detect-setup ktx2-setup usd-setup clients docs review check bench figures constraints clean
 
 demo: setup  ## The embedded block, from nothing to a textured model and a report in out/demo
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
@@ -67,6 +67,9 @@ review: setup  ## What is installed, as a bill of materials (out/sbom.json, Cycl
 
 bench: setup  ## What the demo's block takes; docs/figures.md names the command of each other figure
 	$(BIN)/streetloom bench block --json
+
+figures: setup  ## docs/figures.md out of rows and records; `python -m benchmarks.figures NAME DIR=../shared/data` measures a record anew before
+	$(BIN)/python -m benchmarks.figures
 
 constraints: setup  ## Pin anew what pyproject.toml asks for
 	$(BIN)/uv pip compile pyproject.toml --extra dev --extra otlp --extra viewer --universal --python-version 3.11 \

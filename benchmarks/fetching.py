@@ -2,8 +2,8 @@
 
 resume: pictures of a server on loopback (1,000 of 256 x 128 pixels, 20 ms each), fetched by a process that is killed (SIGKILL)
 when half of them are there, and by a second one to the end: seconds, requests, and pictures asked for again though they had
-arrived. choose: panoramas every few metres on the streets of a block (the demo's, where OUT holds its input): how many show all
-that any of them shows, and how much as many show that are spread evenly, or taken at random.
+arrived. choose: panoramas every few metres on the streets of a block (the demo's): how many show all that any of them shows,
+and how much as many show that are spread evenly, or taken at random.
 """
 
 from __future__ import annotations
@@ -93,15 +93,26 @@ def choose(block_file: Path, spacing: float) -> dict[str, Any]:
     }
 
 
+def _demo(folder: Path) -> Path:
+    """The demo's block without its painted pictures, on which nothing here stands."""
+    from PIL import Image
+
+    from tasks.examples.demo import write_demo
+
+    (folder / "exemplars").mkdir()
+    Image.new("RGB", (64, 64)).save(folder / "exemplars" / "none.png")
+    return write_demo(folder / "demo", folder / "exemplars")
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("block", type=Path, nargs="?", help="a block file, such as out/demo/input/helsinki.yaml")
-    parser.add_argument("--pictures", type=int, default=1000)
+    parser.add_argument("block", type=Path, nargs="?", help="a block file [the demo's streets]")
+    parser.add_argument("--pictures", type=int, default=1000, help="of `resume`; 0 leaves it out")
     parser.add_argument("--spacing", type=float, default=4.0, help="metres between panoramas")
     asked = parser.parse_args()
     found = {"resume": resume(asked.pictures)} if asked.pictures else {}
-    if asked.block:
-        found["choose"] = choose(asked.block, asked.spacing)
+    with tempfile.TemporaryDirectory() as folder:
+        found["choose"] = choose(asked.block or _demo(Path(folder)), asked.spacing)
     print(json.dumps(found, indent=1))
 
 

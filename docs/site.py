@@ -12,6 +12,8 @@ from typing import Any
 
 from mkdocs.structure.files import File, Files
 
+from benchmarks.figures.page import current_with_changes
+
 ROOT = Path(__file__).resolve().parent.parent
 _LOCAL = re.compile(r"\[([^\[\]]*)\]\((?!\w+:)([^)\s#]+)((?:#[^)\s]*)?)\)")
 _SHOWN = {".md", ".jpg", ".png", ".svg", ".html", ".webp", ".ipynb"}
@@ -42,7 +44,9 @@ def on_files(files: Files, config: Any) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str:
-    """Links to files that the site does not have, such as code, become their names."""
+    """Links to files that the site does not have, such as code, become their names; figures say what has changed since."""
+    if page.file.src_uri == "docs/figures.md":
+        markdown = current_with_changes()
     folder = Path(page.file.src_uri).parent
 
     def kept(match: re.Match[str]) -> str:

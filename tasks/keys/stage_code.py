@@ -10,7 +10,7 @@ from __future__ import annotations
 import ast
 import gc
 import sys
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from dataclasses import dataclass
 from functools import cache
 from hashlib import blake2b
@@ -78,7 +78,7 @@ SCHEMAS = "schemas"
 
 
 @dataclass(frozen=True)
-class _Module:
+class Module:
     """A module of the house: digest of its syntax; imports, pairs of a module and a name of it, "" for the module itself;
     passes_on, whether it only imports names for others."""
 
@@ -94,11 +94,11 @@ def stage_code(stage: str, *, neural: bool = True, root: Path = ROOT) -> str:
 
     neural: whether it takes the network that translates panoramas.
     """
-    found = _reached(module_of(stage, root), APART if neural else APART | {NEURAL}, root)
+    found = reached([module_of(stage, root)], APART if neural else APART | {NEURAL}, root)
     digest = blake2b(digest_size=8)
     for name in sorted(found):
         digest.update(f"{name} {found[name].digest}\n".encode())
-    for path in sorted({path for module in found.values() for path in _data_of(module)}):
+    for path in sorted({path for module in found.values() for path in data_of(module)}):
         digest.update(f"{path.relative_to(root).as_posix()} {_content(path)}\n".encode())
     digest.update(f"python {sys.version_info.major}.{sys.version_info.minor}\n".encode())
     outside = {name.partition(".")[0] for module in found.values() for name, _ in module.imports}
@@ -126,10 +126,12 @@ def version_of(codes: Mapping[str, str]) -> str:
     return f"{VERSION}+{blake2b(text.encode(), digest_size=6).hexdigest()}"
 
 
-def _reached(start: str, apart: Iterable[str], root: Path) -> dict[str, _Module]:
-    """The modules that a module imports, at any depth and in functions too, by their names; itself among them."""
-    found: dict[str, _Module] = {}
-    waiting = [start]
+def reached(
+    starts: Iterable[str], apart: Iterable[str], root: Path, house: Collection[str] = HOUSE
+) -> dict[str, Module]:
+    """The modules of the house that some modules import, at any depth and in functions too, by name; these among them."""
+    found: dict[str, Module] = {}
+    waiting = list(starts)
     while waiting:
         name = waiting.pop()
         if name in found or name in apart:
@@ -139,7 +141,7 @@ def _reached(start: str, apart: Iterable[str], root: Path) -> dict[str, _Module]
             continue
         found[name] = module
         for imported, member in module.imports:
-            waiting += _sources(imported, member, root)
+            waiting += _sources(imported, member, root, house)
         # what runs before a module is the code of the packages around it
         waiting += [
             package
@@ -149,16 +151,16 @@ def _reached(start: str, apart: Iterable[str], root: Path) -> dict[str, _Module]
     return found
 
 
-def _sources(name: str, member: str, root: Path) -> list[str]:
+def _sources(name: str, member: str, root: Path, house: Collection[str]) -> list[str]:
     """The modules of the house that an import reaches: those where the name is defined."""
-    if name.partition(".")[0] not in HOUSE:
+    if name.partition(".")[0] not in house:
         return []
     below = f"{name}.{member}" if member else name
     module = _module(name, root)
     if member and module is not None and module.passes_on:
         bound = [source for source in module.imports if source[1] == member]
         if bound:
-            return [one for source in bound for one in _sources(*source, root)]
+            return [one for source in bound for one in _sources(*source, root, house)]
     if member and _path(below, root) is not None:
         return [below]
     return [name]
@@ -176,14 +178,14 @@ def _path(name: str, root: Path) -> Path | None:
 
 
 @cache
-def _module(name: str, root: Path) -> _Module | None:
+def _module(name: str, root: Path) -> Module | None:
     """A module as it lies below `root`, None where there is none."""
     path = _path(name, root)
     return None if path is None else _parsed(name, path, path.stat().st_mtime_ns)
 
 
 @cache
-def _parsed(name: str, path: Path, modified: int) -> _Module:
+def _parsed(name: str, path: Path, modified: int) -> Module:
     collecting = gc.isenabled()
     gc.disable()  # a tree is many small objects, none of which can go yet
     try:
@@ -195,7 +197,7 @@ def _parsed(name: str, path: Path, modified: int) -> _Module:
         if collecting:
             gc.enable()
     package = name if path.name == "__init__.py" else name.rpartition(".")[0]
-    return _Module(
+    return Module(
         path,
         blake2b("\n".join(said).encode(errors="surrogatepass"), digest_size=8).hexdigest(),
         tuple(dict.fromkeys(pair for node in imports for pair in _imported(node, package))),
@@ -252,7 +254,7 @@ def _imported(node: ast.Import | ast.ImportFrom, package: str) -> Iterator[tuple
         yield from ((module, alias.name) for alias in node.names)
 
 
-def _data_of(module: _Module) -> list[Path]:
+def data_of(module: Module) -> list[Path]:
     """The data that a module loads of those that lie beside it: files that it names, or of whose siblings of another suffix it
     names one; where no module there names any of these, those in the folders that it names; and what none names at all."""
     mine = []

@@ -92,13 +92,13 @@ def test_imports_are_followed_to_where_a_name_is_defined(tmp_path: Path) -> None
     }.items():
         (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text)
-    found = module._reached("tasks.stages.publish", (), tmp_path)
+    found = module.reached(["tasks.stages.publish"], (), tmp_path)
     assert set(found) == {"tasks.stages.publish", "facade_core.shapes.square"}
 
 
 def test_what_orders_and_runs_units_is_in_no_stage() -> None:
     for stage in CODED:
-        reached = module._reached(module_of(stage), module.APART, ROOT)
+        reached = module.reached([module_of(stage)], module.APART, ROOT)
         assert not reached.keys() & {
             f"tasks.{name}"
             for name in ("compute.cluster", "compute.connect", "compute.workers", "stages.fan_out", "stages.streets")
@@ -113,7 +113,7 @@ def test_two_processes_agree_and_every_library_is_known() -> None:
     libraries = {
         name.partition(".")[0]
         for stage in CODED
-        for one in module._reached(module_of(stage), module.APART, ROOT).values()
+        for one in module.reached([module_of(stage)], module.APART, ROOT).values()
         for name, _ in one.imports
     }
     libraries -= {*sys.stdlib_module_names, *HOUSE, *module.LIBRARIES_APART}
