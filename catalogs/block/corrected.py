@@ -47,8 +47,8 @@ def as_corrected(block: Block, corrections: Corrections) -> Block:
 def corrected_buildings(
     buildings: Sequence[Building], corrections: Corrections, storey: float
 ) -> tuple[tuple[Building, ...], tuple[str, ...]]:
-    """Buildings as they were corrected, and a note of those that cannot be: the height and roof of a model are as given, and
-    nothing ends below where it begins. No other building changes: assumed heights stay what they were."""
+    """Buildings as they were corrected, and a note of those that cannot be: a model's height and roof are as given, a flat roof
+    has no height, and nothing ends below where it begins. No other building changes: assumed heights stay what they were."""
     said = corrections.of_kind(OF_BUILDINGS)
     found, left = [], []
     for building in buildings:
@@ -57,7 +57,8 @@ def corrected_buildings(
             building, whole = _corrected(building, values, storey)
             left += [] if whole else [building.id]
         found.append(building)
-    reason = "heights or roofs corrected of models, or of what would end below where it begins, which stay as given"
+    reason = "heights or roofs corrected of models, of roofs that are flat, or of what would end below where it begins"
+    reason += ", which stay as given"
     return tuple(found), notes_by_reason({reason: left})
 
 
@@ -76,7 +77,10 @@ def _corrected(building: Building, said: Mapping[str, Any], storey: float) -> tu
     whole = height >= building.raised + LEAST_M
     if whole:
         building = replace(building, height=height, height_source=source)
-    return replace(building, roof=_roof(building, said)), whole
+    roof = _roof(building, said)
+    if "roof_height" in said and "roof_shape" not in said and (roof is None or roof.shape == "flat"):
+        whole = False  # the shape that it was of is withdrawn, or was the map's and is another now
+    return replace(building, roof=roof), whole
 
 
 def _roof(building: Building, said: Mapping[str, Any]) -> Roof | None:

@@ -145,8 +145,15 @@ def read_corrections(block: Path) -> Corrections:
 
 def add_corrections(block: Path, corrections: Iterable[Correction]) -> None:
     """Write some behind those of a block file, all or none."""
-    lines = (json.dumps(asdict(checked(one)), ensure_ascii=False, allow_nan=False) for one in corrections)
-    _add(corrections_file(block), "".join(f"{line}\n" for line in lines))
+    lines = [json.dumps(asdict(checked(one)), ensure_ascii=False, allow_nan=False) for one in corrections]
+    path = corrections_file(block)
+    try:
+        "".join(lines).encode("utf-8")
+    except UnicodeEncodeError as error:  # halves of letters, which JSON and command lines may hold
+        raise InputError(
+            f"{path}: what is to be kept has letters that are none; write names and reasons anew"
+        ) from error
+    _add(path, "".join(f"{line}\n" for line in lines))
 
 
 def _add(path: Path, added: str) -> None:
@@ -202,36 +209,58 @@ def _pair(value: Any) -> tuple[float, float] | None:
     return longitude, latitude
 
 
+def _told(value: Any) -> str:
+    """A value as a line tells it."""
+    text = repr(value)
+    return text if len(text) <= LONGEST_WORD else f"{text[:LONGEST_WORD]}..."
+
+
+def is_number(value: Any) -> bool:
+    """Whether a value out of JSON is a number that counts something."""
+    try:
+        return isinstance(value, int | float) and not isinstance(value, bool) and math.isfinite(value)
+    except OverflowError:  # a whole number beyond all others
+        return False
+
+
+def _listed(value: Any) -> Sequence[Any]:
+    if not isinstance(value, list | tuple):
+        raise ValueError(f"{_told(value)} is no list of boxes")
+    return value
+
+
 def _boxes(value: Any) -> tuple[tuple[float, float, float, float], ...]:
-    return tuple(_box(box) for box in value)
+    return tuple(_box(box) for box in _listed(value))
 
 
 def _box(value: Any) -> tuple[float, float, float, float]:
-    x0, y0, x1, y1 = (round(min(max(float(v), 0.0), 1.0), 6) for v in value)
-    if not (x0 < x1 and y0 < y1):
-        raise ValueError(f"{list(value)} is no box within the wall: left, top, right, bottom as shares of it")
-    return x0, y0, x1, y1
+    if isinstance(value, list | tuple) and len(value) == 4 and all(map(is_number, value)):
+        x0, y0, x1, y1 = (round(min(max(float(v), 0.0), 1.0), 6) for v in value)
+        if x0 < x1 and y0 < y1:
+            return x0, y0, x1, y1
+    raise ValueError(f"{_told(value)} is no box within the wall: left, top, right, bottom as shares of it")
 
 
 def _elements(value: Any) -> tuple[tuple[str, float, float, float, float], ...]:
-    found = []
-    for label, *box in value:
+    found = set()  # what is said twice is there once
+    for one in _listed(value):
+        label, *box = one if isinstance(one, list | tuple) and one else (one,)
         if label not in ELEMENT_CLASSES:
-            raise ValueError(f"{label!r} is no element; there is {', '.join(ELEMENT_CLASSES)}")
-        found.append((str(label), *_box(box)))
+            raise ValueError(f"{_told(label)} is no element; there is {', '.join(ELEMENT_CLASSES)}")
+        found.add((str(label), *_box(box)))
     return tuple(sorted(found, key=lambda one: (ELEMENT_CLASSES.index(one[0]), one[2], one[1], one[3:])))
 
 
 def _flag(value: Any) -> bool:
     if not isinstance(value, bool):
-        raise ValueError(f"{value!r} is neither true nor false")
+        raise ValueError(f"{_told(value)} is neither true nor false")
     return value
 
 
 def _within(least: float, most: float) -> Callable[[Any], float]:
     def number(value: Any) -> float:
-        if isinstance(value, bool) or not isinstance(value, int | float) or not math.isfinite(value):
-            raise ValueError(f"{value!r} is no number")
+        if not is_number(value):
+            raise ValueError(f"{_told(value)} is no number")
         if not least <= value <= most:
             raise ValueError(f"{value:g} is not within {least:g} and {most:g}")
         return float(value)
@@ -241,20 +270,20 @@ def _within(least: float, most: float) -> Callable[[Any], float]:
 
 def _name(value: Any) -> str:
     if not isinstance(value, str) or not value:
-        raise ValueError(f"{value!r} is no name")
+        raise ValueError(f"{_told(value)} is no name")
     return value
 
 
 def _word(value: Any) -> str:
     if not isinstance(value, str) or not value.strip() or len(value) > LONGEST_WORD:
-        raise ValueError(f"{str(value)[:LONGEST_WORD]!r} is no word for a material or a roof, such as brick")
+        raise ValueError(f"{_told(value)} is no word for a material or a roof, such as brick")
     return value.strip().lower()
 
 
 def _colour(value: Any) -> str:
     found = colour_of(value) if isinstance(value, str) else None
     if found is None:
-        raise ValueError(f"{value!r} is no colour; write one as #a0522d")
+        raise ValueError(f"{_told(value)} is no colour; write one as #a0522d")
     return "#{:02x}{:02x}{:02x}".format(*found)
 
 

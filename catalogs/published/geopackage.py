@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from catalogs.published.places import Folder
+from catalogs.readers.annotations import IS_FACADE
 from facade_core.errors import InputError
 
 if TYPE_CHECKING:
@@ -25,14 +26,16 @@ def write_layers(
     ground: Sequence[Mapping[str, Any]],
     streets: Sequence[Mapping[str, Any]],
     chosen: Collection[str],
+    no_facades: Collection[str],
     attribution: Mapping[str, str],
 ) -> None:
-    """Write layers in the block's `crs`: facades (foot lines, with every column of the catalogue), walls (the same as upright
-    polygons with heights), buildings (footprints), roofs and ground (surfaces with heights), streets, and set_aside (units
-    without geometry, and why).
+    """Write layers in the block's `crs`: facades (foot lines, with every column of the catalogue, and whether they are one),
+    walls (the same as upright polygons with heights), buildings (footprints), roofs and ground (surfaces with heights),
+    streets, and set_aside (units without geometry, and why).
 
     items: the catalogue; walls: facade -> its polygon; buildings, roofs, ground, streets: rows with a geometry; chosen: the
-    buildings of which facades are written; attribution: whom to name, which the file and each layer say in their metadata.
+    buildings of which facades are written; no_facades: walls that somebody said are none; attribution: whom to name, which the
+    file and each layer say in their metadata.
     A layer without rows is left out. Raises InputError for a catalogue that cannot be read.
     """
     import geopandas as gpd
@@ -45,7 +48,7 @@ def write_layers(
         raise InputError(f"{items}: cannot be read as GeoParquet; `streetloom run` publishes again") from error
     facades = rows[(rows.kind == "facade") & rows.building.isin(chosen)]
     layers = {
-        "facades": facades.to_crs(crs),
+        "facades": facades.to_crs(crs).assign(**{IS_FACADE: ~facades.id.isin(no_facades)}),
         "walls": facades.set_geometry([walls.get(id) for id in facades.id], crs=crs),
         **{
             name: gpd.GeoDataFrame(list(own), geometry="geometry", crs=crs) if own else None

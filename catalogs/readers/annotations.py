@@ -6,7 +6,7 @@ from __future__ import annotations
 import json
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from catalogs.features import file_stem
 from catalogs.readers.json_text import load_json
@@ -14,8 +14,19 @@ from facade_core.errors import InputError
 
 # (id of a facade or building, what is corrected, value): see `catalogs.block.corrections`.
 Said = tuple[str, str, Any]
-# How high CityJSON says that a building is, which follows from the others: what is said of it is not taken, but told.
+# How high CityJSON says that a building is, a `Measured`: an edit of it is one of the eaves.
 MEASURED = "measured height"
+
+
+class Measured(NamedTuple):
+    """What CityJSON says of a building's height, metres: to its ridge, as it is now and as it was exported, and to its eaves;
+    None where it does not say."""
+
+    height: Any
+    exported: Any
+    eaves: Any
+
+
 # What the table `buildings` of a GeoPackage, and the attributes of CityJSON's buildings, call what can be corrected.
 COLUMNS = {
     "height_m": "height",
@@ -36,8 +47,11 @@ ATTRIBUTES = {
     "roofMaterial": "roof_material",
     "wallColour": "wall_colour",
     "roofColour": "roof_colour",
-    "measuredHeight": MEASURED,
 }
+# What CityJSON's buildings call the measured height that was exported, by which an edit of it is told.
+EXPORTED = "measuredHeightExported"
+# What the table `facades` of a GeoPackage calls that a wall is one.
+IS_FACADE = "is_facade"
 
 
 def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
@@ -45,13 +59,21 @@ def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
 
     Boxes become shares of the picture. Raises InputError: one line with the file and the remedy.
     """
+    found = _read(path, facades)
+    for id, *_ in found:
+        if not isinstance(id, str) or not id:
+            raise InputError(f"{path}: {str(id)[:40]!r} is no id of a facade or building; write it as it was exported")
+    return found
+
+
+def _read(path: Path, facades: dict[str, str]) -> list[Said]:
     if path.is_dir():
         files = sorted(file for file in path.glob("*.json") if file.name not in ("export.json", ".export.json"))
         if not files:
             raise InputError(f"{path} holds no .json of COCO or LabelMe; give the folder that an export wrote")
         return [said for file in files for said in read_annotations(file, facades)]
     if path.suffix.lower() == ".gpkg":
-        return _buildings(path)
+        return _tables(path)
     try:
         if path.suffix.lower() == ".jsonl":
             lines = path.read_text(encoding="utf-8").split("\n")
@@ -65,7 +87,16 @@ def read_annotations(path: Path, facades: dict[str, str]) -> list[Said]:
             return [_labelme(document, facades)]
         if isinstance(document, dict) and isinstance(document.get("corrections"), list):
             return said_in(document["corrections"], str(path))
-    except (KeyError, TypeError, ValueError, IndexError, ZeroDivisionError, AttributeError, OSError) as error:
+    except (
+        KeyError,
+        TypeError,
+        ValueError,
+        IndexError,
+        ArithmeticError,
+        AttributeError,
+        OSError,
+        RecursionError,
+    ) as error:
         raise InputError(f"{path} cannot be understood ({type(error).__name__}: {error}); export it again") from error
     raise InputError(
         f'{path} is neither COCO nor LabelMe nor CityJSON, nor {{"corrections": [...]}}; catalogs/README.md shows each'
@@ -98,6 +129,8 @@ def _labelme(document: dict[str, Any], facades: dict[str, str]) -> Said:
     width, height = float(document["imageWidth"]), float(document["imageHeight"])
     elements = []
     for shape in document["shapes"]:
+        if shape.get("shape_type") == "circle":  # its points are the middle and one of the rim
+            raise ValueError(f"{shape['label']} is a circle; draw a rectangle")
         xs, ys = zip(*((float(x), float(y)) for x, y in shape["points"]), strict=True)
         elements.append((shape["label"], min(xs) / width, min(ys) / height, max(xs) / width, max(ys) / height))
     return document.get("facade") or _facade(document["imagePath"], facades), "elements", elements
@@ -110,29 +143,50 @@ def _facade(file: str, facades: dict[str, str]) -> str:
 
 
 def _own(one: Mapping[str, Any]) -> Iterator[Said]:
+    if not isinstance(one, Mapping):
+        raise ValueError(f"{str(one)[:40]!r} is no correction")
     id = one.get("facade_id") or one.get("building_id")
-    if not isinstance(id, str):
+    if not isinstance(id, str) or (one.get("facade_id") and one.get("building_id")):
         raise ValueError("a correction names its facade_id or building_id")
     for what, value in one.items():
         if what not in ("facade_id", "building_id"):
             yield id, what, value
 
 
-def _buildings(path: Path) -> list[Said]:
-    """What the table `buildings` that an export of `gpkg` writes says of each; a column that is not there says nothing."""
+def _tables(path: Path) -> list[Said]:
+    """What the tables `buildings` and `facades` that an export of `gpkg` writes say of each; a table or a column that is not
+    there says nothing."""
     import geopandas
+    import pyogrio
 
+    of_facades = {IS_FACADE: "facade"}
+    found: list[Said] = []
+    known = False
     try:
-        table = geopandas.read_file(path, layer="buildings", ignore_geometry=True).set_index("id")
-        if table.columns.intersection(list(COLUMNS)).empty:
-            raise KeyError(f"no column {', '.join(COLUMNS)}")
-        rows = {id: row.dropna().to_dict() for id, row in table.iterrows()}
+        layers = set(pyogrio.list_layers(path)[:, 0].tolist())
+        for layer, names in (("buildings", COLUMNS), ("facades", of_facades)):
+            if layer not in layers:
+                continue
+            table = geopandas.read_file(path, layer=layer, ignore_geometry=True)
+            if "id" not in table or table.columns.intersection(list(names)).empty:
+                continue
+            known = True
+            for row in table.to_dict("records"):
+                said = {name: value for name, value in row.items() if value == value}  # an empty cell of numbers is NaN
+                if said.get(IS_FACADE) in (0, 1):  # as programs without truth values write it
+                    said[IS_FACADE] = bool(said[IS_FACADE])
+                id = said.get("id")
+                found += _of_building("" if id is None else str(id), said, names)
     except Exception as error:
         raise InputError(
-            f"{path} has no table buildings with id, height_m and levels ({' '.join(str(error).split())[:80]}); give one that "
-            "`export --format gpkg` wrote"
+            f"{path} cannot be read ({' '.join(str(error).split())[:80]}); give one that `export --format gpkg` wrote"
         ) from error
-    return [said for id, row in rows.items() for said in _of_building(id, row, COLUMNS)]
+    if not known:
+        raise InputError(
+            f"{path} has no table buildings with id and {', '.join(COLUMNS)}, nor facades with id and {IS_FACADE}; give one "
+            "that `export --format gpkg` wrote"
+        )
+    return found
 
 
 def _cityjson(document: Mapping[str, Any]) -> Iterator[Said]:
@@ -140,7 +194,11 @@ def _cityjson(document: Mapping[str, Any]) -> Iterator[Said]:
     for id, one in document.get("CityObjects", {}).items():
         if one["type"] not in ("Building", "BuildingPart"):
             continue
-        yield from _of_building(id, one.get("attributes", {}), ATTRIBUTES)
+        attributes = one.get("attributes", {})
+        yield from _of_building(id, attributes, ATTRIBUTES)
+        if attributes.get("measuredHeight") not in (None, ""):
+            said = (attributes.get(name) for name in ("measuredHeight", EXPORTED, "eavesHeight"))
+            yield id, MEASURED, Measured(*said)
         surfaces = [
             s for geometry in one.get("geometry", ()) for s in geometry.get("semantics", {}).get("surfaces", ())
         ]
@@ -153,12 +211,12 @@ def _cityjson(document: Mapping[str, Any]) -> Iterator[Said]:
             yield facade, "facade", is_one
 
 
-def _of_building(id: Any, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Said]:
+def _of_building(id: str, row: Mapping[Any, Any], names: Mapping[str, str]) -> Iterator[Said]:
     """What a row says of a building, by its own names for what can be; an empty cell says nothing."""
     for name, what in names.items():
         value = row.get(name)
-        if value not in (None, ""):
-            yield str(id), what, value.item() if hasattr(value, "item") else value
+        if value is not None and not (isinstance(value, str) and not value.strip()):
+            yield id, what, value.item() if hasattr(value, "item") else value
 
 
 def pictures_of(ids: list[str]) -> dict[str, str]:

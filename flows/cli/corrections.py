@@ -24,7 +24,7 @@ def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:
     """Take back what was corrected in an export of OUT, a run's or a city's; the next run does again what depends on it alone.
 
     FILE is a .json of COCO, a .json of LabelMe or a folder of them, a .gpkg (heights, levels, roofs and materials of its
-    buildings), CityJSON (the same as attributes, and which walls are facades), or {"corrections": [...]} as catalogs/README.md
+    buildings, and which walls are facades), CityJSON (the same as attributes), or {"corrections": [...]} as catalogs/README.md
     shows it. What differs from what was published is kept beside the block file, or the city's, in NAME.corrections.jsonl: a
     line for each correction with who, when and why; the newest counts, a value of null withdraws.
 

@@ -43,11 +43,14 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
     def save(body: Any) -> dict[str, Any]:
         block = block_of(reader.out)
         with one_at_a_time:
-            table = decided(read_table(block.parent / TABLE), _decisions(body), who=editor.who)
-            found = taking(block, photos, table)  # all is checked before anything is written
+            decisions = _decisions(body)
+            table = decided(read_table(block.parent / TABLE), decisions, who=editor.who)
+            # what is decided is checked before anything is written; other rows that are wrong are told
+            found = taking(block, photos, table, {one.photo for one in decisions})
             write_table(table)
             by_hand = take(found)
-        notes = [f"write into the block file: {by_hand}"] if by_hand else []
+        notes = [f"not taken: {fault}" for fault in found.faults]
+        notes += [f"write into the block file: {by_hand}"] if by_hand else []
         return {"said": f"{found.count} photos are the block's; what depends on them is due", "notes": notes} | all_of()
 
     return [

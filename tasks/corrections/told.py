@@ -12,9 +12,9 @@ from typing import Any, cast
 import numpy as np
 
 from catalogs.block.corrected import LEAST_M
-from catalogs.block.corrections import OF_BUILDINGS, OF_FACADES, Correction, Corrections, checked
+from catalogs.block.corrections import OF_BUILDINGS, OF_FACADES, Correction, Corrections, checked, is_number
 from catalogs.frames import LONLAT, between
-from catalogs.readers.annotations import MEASURED, Said
+from catalogs.readers.annotations import MEASURED, Measured, Said
 from catalogs.readers.vectors.colours import ROOF_MATERIALS, WALL_MATERIALS
 from facade_core.correction import unlike
 from facade_core.errors import InputError
@@ -45,28 +45,76 @@ class Told:
     def corrections(self, named: str, said: Sequence[Said], by: Correction) -> list[Correction]:
         """Those of what was said that are another than what stands, `by` whom. Raises InputError, with what they are `named`,
         for what cannot be."""
+        said = self._with_eaves(named, said)
+        _once(named, said)
         found = [one for id, what, value in said if (one := self._correction(named, id, what, value, by)) is not None]
         new = [of for one in found for of in (self._withdrawn(one) if one.value is None else [one])]
-        shapes = {one.id: one.value for one in new if one.what == "roof_shape"}
-        for one in new:
-            if one.what != "roof_height" or one.value is None:
-                continue
-            if (shapes.get(one.id) or self._stands(one.id, "roof_shape")) in (None, "flat"):
-                raise InputError(f"{named}: {one.id}: its roof is flat and has no height; give a roof_shape too")
+        self._roofs(named, new)
         return new
+
+    def _roofs(self, named: str, new: Sequence[Correction]) -> None:
+        """Raises InputError for a height of a roof that has none, or may have none once its shape is withdrawn."""
+        shapes = {one.id: one.value for one in new if one.what == "roof_shape"}
+        heights = {one.id: one.value for one in new if one.what == "roof_height"}
+        for id, height in heights.items():
+            if height is None:
+                continue
+            if shapes.get(id, "") is None:
+                raise InputError(
+                    f"{named}: {id}: what its roof is without the corrected shape is known after the next run; give the height "
+                    "then, or a roof_shape with it"
+                )
+            if (shapes.get(id) or self._stands(id, "roof_shape")) in (None, "flat"):
+                raise InputError(f"{named}: {id}: its roof is flat and has no height; give a roof_shape too")
+        for id, shape in shapes.items():
+            if shape is None and id not in heights and (height := self.before.value(id, "roof_height")) is not None:
+                self.notes.append(
+                    f"{id}: the roof_height {height:g} that was given with its shape stays, where the roof is not flat; "
+                    "take it back too"
+                )
+
+    def _with_eaves(self, named: str, said: Sequence[Said]) -> list[Said]:
+        """What was said, with the eaves that an edit of a measured height means in place of those that stand beside it."""
+        meant = {}
+        for id, what, one in said:
+            if what == MEASURED and (eaves := self._eaves(named, id, one)) is not None:
+                meant[id] = eaves
+        others = [one for one in said if one[1] != MEASURED and not (one[1] == "height" and one[0] in meant)]
+        return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
+
+    def _eaves(self, named: str, id: str, said: Measured) -> float | None:
+        """The roof stays what it is, so the eaves move by as much as the measured height was moved since it was exported. None
+        where it was not, and where the eaves were edited too, which it follows from."""
+        if id not in self.buildings:
+            return None if said.eaves is not None else said.height  # refused as any height of nothing is
+        if not is_number(said.height):
+            raise InputError(f"{named}: {id}: a measuredHeight of {str(said.height)[:40]!r} is no number; write metres")
+        if not is_number(said.exported):
+            if not _near(said.height, self._measured.get(id)):
+                self.notes.append(
+                    f"{id}: its measured height is not taken, as the file does not say what was exported; give its eaves"
+                )
+            return None
+        moved = said.height - said.exported
+        if _near(moved, 0.0):
+            return None
+        published = float(self._column("height", id))
+        eaves = said.eaves if is_number(said.eaves) else published
+        if not (_near(eaves, published) or _near(eaves + moved, self._stands(id, "height"))):
+            return None
+        return round(eaves + moved, 3)
 
     def _correction(self, named: str, id: Any, what: str, value: Any, by: Correction) -> Correction | None:
         """What was said, as a correction; None where nothing is another than it stands."""
         known = self.facades if what in OF_FACADES else self.buildings
-        of_building = what in (*OF_BUILDINGS, MEASURED)
-        if of_building and id in known and value is not None and self._same(id, what, value, self._stands(id, what)):
+        if (
+            what in OF_BUILDINGS
+            and id in known
+            and value is not None
+            and self._same(id, what, value, self._stands(id, what))
+        ):
             return None  # what an export wrote is never refused
-        if what == MEASURED and id in known:
-            self.notes.append(
-                f"{id}: a measured height follows from the eaves and the roof and is not taken; give the height of its eaves"
-            )
-            return None
-        if what == "roof_height" and value == 0 and id in known:  # of a flat roof exports say so
+        if what == "roof_height" and is_number(value) and value == 0 and id in known:  # of a flat roof exports say so
             if self._stands(id, "roof_shape") not in (None, "flat"):
                 self.notes.append(f"{id}: a roof height of 0 is not taken; say by its shape that it is flat")
             return None
@@ -102,6 +150,8 @@ class Told:
             near = get_close_matches(one.value, words, n=1)
             hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(words)}"
             return f"nothing is drawn of {one.what} {one.value}; {hint}"
+        if one.what == "levels" and not one.value.is_integer():
+            return f"storeys are whole, not {one.value:g}; give {math.floor(one.value)} or {math.ceil(one.value)}"
         if one.what in OF_SHAPE and self._column("height_source", one.id) == "model":
             return f"it is a model, whose {one.what} is as given; correct the model"
         begins = float(self._column("raised", one.id) or 0.0) if one.what == "height" else 0.0
@@ -125,8 +175,6 @@ class Told:
                 return None
             case "levels":
                 return int(self._column("levels", id)) or None
-            case _ if what == MEASURED:
-                return self._measured.get(id)
             case _:
                 value = self._column(what, id)
                 return None if value is None or value == "" or value != value else value
@@ -151,8 +199,8 @@ class Told:
             return len(said) == len(there) and not (
                 unlike(said, there, moved=MOVED) or unlike(there, said, moved=MOVED)
             )
-        if what in ("height", "roof_height", MEASURED):
-            return isinstance(value, int | float) and math.isclose(value, stands, rel_tol=0.0, abs_tol=METRES)
+        if what in ("height", "roof_height"):
+            return _near(value, stands)
         return bool(value == stands)
 
     def _drawn(self, facade: str, shares: Sequence[Sequence[Any]]) -> list[Element]:
@@ -203,6 +251,19 @@ class Told:
         from facade_core.export.footprints import footprints
 
         return footprints(self.found.textured)
+
+
+def _near(metres: Any, others: Any) -> bool:
+    return is_number(metres) and is_number(others) and math.isclose(metres, others, rel_tol=0.0, abs_tol=METRES)
+
+
+def _once(named: str, said: Sequence[Said]) -> None:
+    """Raises InputError where two values are said of one thing: which was meant nobody can tell."""
+    found: dict[tuple[str, str], Any] = {}
+    for id, what, value in said:
+        before = found.setdefault((id, what), value)
+        if before is not value and before != value:
+            raise InputError(f"{named}: {what} of {id} is said twice, each time something else; leave one")
 
 
 def _roofing() -> list[str]:

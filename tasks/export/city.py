@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from catalogs.readers.annotations import EXPORTED
 from catalogs.visible import visible_json
 from facade_core.types import Element
 from tasks.export.models import with_ground
@@ -141,6 +142,7 @@ def building_objects(
         return [geometry_of(part.faces, part.surfaces, pool, lod, "Solid" if part.solid else "MultiSurface")]
 
     attributes = attributes_of(found, index, made.body)
+    attributes[EXPORTED] = attributes["measuredHeight"]
     for surface in made.body.surfaces:
         if "facade" in surface:
             surface["isFacade"] = is_facade(found, surface["facade"])

@@ -81,6 +81,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
     from facade_core.export.footprints import footprints
     from facade_core.geometry.charts import GROUND, ROOF
     from facade_core.grouping import grouped
+    from tasks.export.city import is_facade
 
     plan, charts = found.plan, found.plan.scene.charts
     begin_stage("export", 1)
@@ -120,6 +121,7 @@ def write_geopackage(found: Published, buildings: np.ndarray, folder: Path) -> t
         ground=_surfaces(found, GROUND, np.array([-1])),
         streets=[{"id": s.id, "name": s.name, "geometry": s.line} for s in plan.streets],
         chosen=chosen,
+        no_facades=[facade for facade in plan.facades.id if not is_facade(found, facade)],
         attribution=found.attribution.tags(),
     )
     advance("export", 1)

@@ -7,6 +7,7 @@ import io
 import os
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import count
 from pathlib import Path
 
 from facade_core.errors import InputError
@@ -17,6 +18,8 @@ TABLE = "matches.csv"
 # `facade` is empty where a person is to decide, and where somebody (`by`) decided that none is right. x, y, heading: in the
 # block's frame, where the photo says that it was taken.
 COLUMNS = ("photo", "facade", "probability", "candidates", "why", "x", "y", "heading", "by")
+# A column without a name.
+REMARK = "remark"
 # Between what is said of one candidate and of the next.
 _NEXT = "; "
 
@@ -85,22 +88,30 @@ def read_table(path: Path) -> Table:
             lines = file.readlines()
         # spreadsheets save with what their country separates by
         separator = max(",;\t", key=lines[0].count) if lines else ","
-        columns, *cells = [tuple(row) for row in csv.reader(lines, delimiter=separator) if row] or [()]
+        header, *cells = [tuple(row) for row in csv.reader(lines, delimiter=separator) if row] or [()]
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         raise InputError(f"{path} cannot be read ({error}); give the table that `streetloom match` wrote") from error
-    if not {"photo", "facade"} <= set(columns):
+    if not {"photo", "facade"} <= set(header):
         raise InputError(f"{path} has no columns `photo` and `facade`; give the table that `streetloom match` wrote")
+    columns = _columns(header, cells)
     names = [name for name in columns if name]
     if len(set(names)) < len(names):
         raise InputError(f"{path} has two columns of one name; give each its own")
     known = (*names, *(name for name in COLUMNS if name not in names))
     rows = []
-    for line, row in enumerate(cells, 2):
+    for row in cells:
         said = {name: cell.strip() for name, cell in zip(columns, row, strict=False) if name}
-        if sum(bool(cell.strip()) for cell in row) > sum(map(bool, said.values())):
-            raise InputError(f"{path}: line {line}: something stands in no column; give it a name in the first line")
         rows.append({name: said.get(name, "") for name in known})
     return Table(path, known, tuple(rows), separator)
+
+
+def _columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]:
+    """The names of a table's columns. One without a name has the next of `remark`, `remark 2`, ..., where something stands in
+    it: what somebody wrote is not lost when the table is written again."""
+    columns = list(header) + [""] * (max(map(len, cells), default=0) - len(header))
+    free = (name for number in count(1) if (name := REMARK if number == 1 else f"{REMARK} {number}") not in header)
+    filled = {at for row in cells for at, cell in enumerate(row) if cell.strip()}
+    return [name or (next(free) if at in filled else "") for at, name in enumerate(columns)]
 
 
 def write_table(table: Table) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import shutil
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -22,7 +22,8 @@ FOLDER = "photos"
 @dataclass(frozen=True)
 class Taking:
     """What is to be done, checked: of how many photos, into which folder, which are copied there by facade, and which go from
-    there, as they were taken for another facade before; whether the block file names the folder."""
+    there, as they were taken for another facade before; whether the block file names the folder; what is wrong with rows that
+    nobody asked for, whose photos stay as they are."""
 
     block: Path
     count: int
@@ -30,14 +31,20 @@ class Taking:
     copied: Mapping[str, Path]
     gone: tuple[Path, ...]
     named: bool
+    faults: tuple[str, ...] = ()
 
 
-def taking(block_file: Path, folder: Path, table: Table) -> Taking:
+# What is wrong with some rows of a table: their photos, and a line.
+_Fault = tuple[set[str], str]
+
+
+def taking(block_file: Path, folder: Path, table: Table, asked: Collection[str] | None = None) -> Taking:
     """What it is to take the photos of a table that have a facade.
 
-    A copy of a photo that the table decides otherwise now goes, never the photo itself. Raises InputError for a photo that is
-    not there, a facade that the block has not, one that has two photos, or another photo already; for a block whose photos are
-    rectified, one that would have no photo left, and one that has those of its city.
+    A copy of a photo that the table decides otherwise now goes, never the photo itself. asked: the photos whose rows must be
+    right, all without; a wrong row of another is left out and told. Raises InputError for a photo that is not there, a facade
+    that the block has not, one that has two photos, or another photo already; for a block whose photos are rectified, one that
+    would have no photo left, and one that has those of its city.
     """
     block = read_block(block_file)
     if block.part is not None:
@@ -50,21 +57,34 @@ def taking(block_file: Path, folder: Path, table: Table) -> Taking:
             f"{block_file}: its photos are rectified, these are as taken, and a block has one kind; rectify them, or set "
             "imagery.photos.rectified: false and take all as they are"
         )
-    wanted = _wanted(table, folder, set(plan_of(replace(block, panoramas=())).facades.id))
-    gone = _taken_otherwise(block.photos, folder, table)
-    for facade, photo in wanted.items():
-        old = block.photos.get(facade)
-        if old is not None and facade not in gone and file_digest(old) != file_digest(photo):
-            raise InputError(f"{table.path}: {photo.name}: {facade} has the photo {old}; remove one of both")
+    faults: list[_Fault] = []
+    wanted = _wanted(table, folder, set(plan_of(replace(block, panoramas=())).facades.id), faults)
+    gone = _taken_otherwise(block.photos, folder, table, faults)
     there = next(iter(block.photos.values())).parent if block.photos else block_file.parent / FOLDER
+    for facade, photo in list(wanted.items()):
+        if reason := _in_the_way(block.photos, gone, there, facade, photo):
+            faults.append(({photo.name}, f"{table.path}: {photo.name}: {reason}"))
+            del wanted[facade]
+    for photos, reason in faults:
+        if asked is None or photos & set(asked):
+            raise InputError(reason)
     if block.photos and not wanted and len(gone) == len(block.photos):
         raise InputError(f"{block_file}: no photo would be left; remove imagery.photos from it, and the folder {there}")
     copied = {facade: photo for facade, photo in wanted.items() if facade not in block.photos or facade in gone}
-    for facade, photo in copied.items():
-        at = _named(there, facade, photo)
-        if at.is_file() and at not in gone.values() and file_digest(at) != file_digest(photo):
-            raise InputError(f"{at} is there and is another photo than {photo.name}; remove one of both")
-    return Taking(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos))
+    told = tuple(reason for _, reason in faults)
+    return Taking(block_file, len(wanted), there, copied, tuple(gone.values()), bool(block.photos), told)
+
+
+def _in_the_way(
+    photos: Mapping[str, Path], gone: Mapping[str, Path], there: Path, facade: str, photo: Path
+) -> str | None:
+    """What another photo of a facade, among the block's, of which some are `gone`, or in their folder, keeps one from."""
+    old, at = photos.get(facade), _named(there, facade, photo)
+    if old is not None and facade not in gone and file_digest(old) != file_digest(photo):
+        return f"{facade} has the photo {old}; remove one of both"
+    if at.is_file() and at not in gone.values() and file_digest(at) != file_digest(photo):
+        return f"{at} is there and is another photo; remove one of both"
+    return None
 
 
 def take(done: Taking) -> str | None:
@@ -90,9 +110,9 @@ def _named(folder: Path, facade: str, photo: Path) -> Path:
     return folder / f"{facade}{photo.suffix.lower()}"
 
 
-def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table) -> dict[str, Path]:
-    """The block's photos, by facade, that are copies of ones of which the table says another facade, or none. Raises InputError
-    where one is no copy, but that photo."""
+def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table, faults: list[_Fault]) -> dict[str, Path]:
+    """The block's photos, by facade, that are copies of ones of which the table says another facade, or none. Where one is no
+    copy, but that photo, it is a fault."""
     said: dict[int, list[tuple[Path, str]]] = {}
     for match in table.matches():
         path = folder / match.photo
@@ -104,33 +124,33 @@ def _taken_otherwise(photos: Mapping[str, Path], folder: Path, table: Table) -> 
         same = [(photo, name) for photo, name in alike if file_digest(photo) == file_digest(path)]
         if not same or facade in {name for _, name in same}:
             continue
-        if any(photo.samefile(path) for photo, _ in same):
-            raise InputError(f"{path} is the block's own photo, of which no copy is kept; match a copy of {folder}")
+        if own := [photo for photo, _ in same if photo.samefile(path)]:
+            reason = f"{path} is the block's own photo, of which no copy is kept; match a copy of {folder}"
+            faults.append(({photo.name for photo in own}, reason))
+            continue
         found[facade] = path
     return found
 
 
-def _wanted(table: Table, folder: Path, known: set[str]) -> dict[str, Path]:
-    """Photos by the facade that a table names for them."""
-    found: dict[str, Path] = {}
+def _wanted(table: Table, folder: Path, known: set[str], faults: list[_Fault]) -> dict[str, Path]:
+    """Photos by the facade that a table names for them; those of two of one facade are both at fault."""
+    found: dict[str, list[str]] = {}
     for line, row in enumerate(table.rows, 2):
         name, facade = row["photo"], row["facade"]
         if not facade:
             continue
-        photo = folder / name
-        if name != Path(name).name or not photo.is_file():
-            raise InputError(f"{table.path}: line {line}: there is no photo {name!r} in {folder}; mend that line")
-        if facade not in known:
-            raise InputError(
-                f"{table.path}: line {line}: the block has no facade {facade!r}; take one of its candidates"
-            )
-        if Path(facade).name != facade:
-            raise InputError(
-                f"{table.path}: line {line}: no file can be named {facade!r}; give the building an id of letters and digits"
-            )
-        if facade in found:
-            raise InputError(
-                f"{table.path}: line {line}: {found[facade].name} shows {facade} already; empty one of both lines"
-            )
-        found[facade] = photo
-    return found
+        reason = None
+        if name != Path(name).name or not (folder / name).is_file():
+            reason = f"there is no photo {name!r} in {folder}; mend that line"
+        elif facade not in known:
+            reason = f"the block has no facade {facade!r}; take one of its candidates"
+        elif Path(facade).name != facade:
+            reason = f"no file can be named {facade!r}; give the building an id of letters and digits"
+        else:
+            names = found.setdefault(facade, [])
+            names.append(name)
+            if len(names) > 1:
+                reason = f"{names[0]} shows {facade} already; empty one of both lines"
+        if reason:
+            faults.append(({name, *found.get(facade, [])}, f"{table.path}: line {line}: {reason}"))
+    return {facade: folder / names[0] for facade, names in found.items() if len(names) == 1}

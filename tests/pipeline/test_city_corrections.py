@@ -83,6 +83,11 @@ def test_a_city_is_corrected_by_one_file_and_redone_where_that_touches_it(tmp_pa
     assert corrections_file(files[of["h0"]]) == store
     with pytest.raises(InputError, match=r"no block of the city in .* has h9"):
         import_corrections(out, said(tmp_path, {"building_id": "h9", "levels": 2}), who="anna")
+    picture = {"imageWidth": 9, "imageHeight": 9, "imagePath": "h0-0.png", "shapes": []}
+    for id in (5, ["h0-0"], float("nan")):
+        (tmp_path / "shown.json").write_text(json.dumps(picture | {"facade": id}))
+        with pytest.raises(InputError, match=r"shown\.json: .* is no id of a facade or building; write it as"):
+            import_corrections(out, tmp_path / "shown.json", who="anna")
 
     # cut otherwise, with another id for a house and one house less: nothing is lost
     renamed = {"h0": HOUSES["h0"], "x": HOUSES["h1"]}

@@ -109,20 +109,21 @@ def test_attributes_of_cityjson_are_taken_back_and_nothing_else_is_done_again(fo
     (wall,) = [s for s in house["geometry"][0]["semantics"]["surfaces"] if s.get("facade") == "b-2"]
     assert wall["isFacade"] is True
     wall["isFacade"] = False
-    document["CityObjects"]["a"]["attributes"]["measuredHeight"] = 30.0
+    document["CityObjects"]["a"]["attributes"]["measuredHeight"] += 1.25
     file.write_text(json.dumps(document))
     before = started(out)
     done = import_corrections(out, file, who="anna", why="as built")
-    assert (done.facades, done.buildings) == (1, 1)
-    assert done.notes[0].startswith("a: a measured height follows from the eaves")
+    assert (done.facades, done.buildings, done.notes) == (1, 2, ())
+    assert not import_corrections(out, file, who="anna").files
     said = read_corrections(folder / "in" / "block.yaml")
+    assert said.value("a", "height") == 8.25, "its eaves by as much"
     assert said.value("b", "height") == 8.5
     assert said.value("b-2", "facade") is False
     made(folder)
-    assert facades_since(before, folder) == {"b-0", "b-1", "b-2", "b-3"}, "of that house alone"
+    assert facades_since(before, folder) == {f"{house}-{wall}" for house in "ab" for wall in range(4)}
+    assert not import_corrections(out, file, who="anna").files, "nor once it stands"
     row = query(out, where="corrected = 1 and id = 'b-2'").iloc[0]
     assert (row["height_m"], row["roof_shape"], row["levels"]) == (8.5, "gabled", 2)
-    assert set(query(out, where="corrected = 1")["building"]) == {"b"}
     anew = json.loads(given(folder, "cityjson", "anew").read_text())["CityObjects"]["b"]
     assert [s["isFacade"] for s in anew["geometry"][0]["semantics"]["surfaces"] if s.get("facade") == "b-2"] == [False]
 
@@ -253,12 +254,17 @@ def test_walls_that_are_none_exemplars_heights_and_what_is_in_front(folder: Path
     assert query(folder / "out", where="id = 'b-2'")["height_m"].tolist() == [12.0]
 
 
-def test_a_table_of_buildings_corrects_heights(folder: Path) -> None:
+def test_tables_of_buildings_and_of_facades_correct_heights_and_what_is_none(folder: Path) -> None:
     file = next(export(folder / "out", "gpkg", folder / "exported").path.glob("*.gpkg"))
     table = geopandas.read_file(file, layer="buildings")
     table.loc[table["id"] == "a", "height_m"] = 8.5
     table.to_file(file, layer="buildings")
-    assert import_corrections(folder / "out", file, who="anna").buildings == 1
+    walls = geopandas.read_file(file, layer="facades")
+    assert walls["is_facade"].all()
+    walls.assign(is_facade=walls["id"] != "b-2").to_file(file, layer="facades")
+    done = import_corrections(folder / "out", file, who="anna")
+    assert (done.facades, done.buildings) == (1, 1)
+    assert read_corrections(folder / "in" / "block.yaml").value("b-2", "facade") is False
     assert {building.id: building.height for building in read_block(folder / "in" / "block.yaml").buildings} == {
         "a": 8.5,
         "b": 9.0,
@@ -299,6 +305,13 @@ def test_two_people_and_what_cannot_be(folder: Path) -> None:
         ({"building_id": "a", "roof_shape": "dome"}, "nothing is drawn of roof_shape dome"),
         ({"building_id": "a", "roof_colour": "bluish"}, "'bluish' is no colour"),
         ({"building_id": "a", "roof_height": 3.0}, "its roof is flat"),
+        ({"building_id": "a", "levels": 3.5}, "storeys are whole, not 3.5; give 3 or 4"),
+        ({"building_id": "a", "levels": 10**400}, "is no number"),
+        ({"building_id": "a", "wall_material": "\ud800"}, "nothing is drawn of wall_material"),
+        ({"facade_id": "a-0", "elements": "window"}, "'window' is no list of boxes"),
+        ({"facade_id": "a-0", "hide": [[0, 0, float("inf"), 1]]}, "is no box"),
+        ({"facade_id": "a-0", "facade": True}, "facade of a-0 is said twice"),
+        ({"facade_id": "a-0", "building_id": "a", "levels": 2}, "names its facade_id or building_id"),
         ({"elements": []}, "names its facade_id or building_id"),
     ):
         good = {"facade_id": "a-0", "facade": False}
@@ -307,7 +320,15 @@ def test_two_people_and_what_cannot_be(folder: Path) -> None:
     (folder / "said.json").write_text('{"what": 1}')
     with pytest.raises(InputError, match="neither COCO nor LabelMe nor CityJSON"):
         import_corrections(out, folder / "said.json", who="anna")
+    with pytest.raises(InputError, match="names and reasons anew"):
+        import_corrections(out, own(folder, {"facade_id": "a-0", "facade": False}), who="anna", why="\udcff")
     assert corrections_file(folder / "in" / "block.yaml").read_text().splitlines() == lines, "all or none"
+    import_corrections(out, own(folder, {"building_id": "a", "roof_shape": "gabled", "roof_height": 3}), who="anna")
+    with pytest.raises(InputError, match="what its roof is without the corrected shape"):
+        import_corrections(out, own(folder, {"building_id": "a", "roof_shape": None, "roof_height": 2}), who="anna")
+    done = import_corrections(out, own(folder, {"building_id": "a", "roof_shape": None}), who="anna")
+    assert "the roof_height 3 that was given with its shape stays" in done.notes[0]
+    assert any("of roofs that are flat" in note for note in read_block(folder / "in" / "block.yaml").notes)
     corrections_file(folder / "in" / "block.yaml").write_text("{broken\n")
     with pytest.raises(InputError, match="line 1 is no correction"):
         read_block(folder / "in" / "block.yaml")

@@ -117,6 +117,19 @@ def test_a_table_that_names_what_is_not_there_takes_nothing(block_file: Path, ro
     assert not (block_file.parent / "photos").exists()
 
 
+def test_rows_that_nobody_asked_for_are_told_and_others_taken(block_file: Path) -> None:
+    photos, path = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
+    path.write_text("photo,facade\nIMG_1.jpg,a-0\nfar.jpg,nobody\ngone.jpg,b-0\nfar.jpg,a-1\nsilent.jpg,a-1\n")
+    done = taking(block_file, photos, read_table(path), {"IMG_1.jpg"})
+    assert (done.count, list(done.copied)) == (1, ["a-0"])
+    for said, fault in zip(
+        ("no facade 'nobody'", "no photo 'gone.jpg'", "far.jpg shows a-1"), done.faults, strict=True
+    ):
+        assert said in fault
+    with pytest.raises(InputError, match=r"far\.jpg shows a-1 already"):
+        taking(block_file, photos, read_table(path), {"silent.jpg"})
+
+
 def test_a_file_that_is_no_table_is_refused(block_file: Path) -> None:
     (wrong := block_file.parent / "wrong.csv").write_text("file,wall\nIMG_1.jpg,a\n")
     with pytest.raises(InputError, match="has no columns `photo` and `facade`"):
@@ -178,7 +191,7 @@ def test_photos_that_are_nobodys_copies_stay(block_file: Path) -> None:
     path.write_text("photo,facade,by\nIMG_1.jpg,a-0,\n")
     own.mkdir()
     (own / "a-0.jpg").write_bytes((photos / "silent.jpg").read_bytes())  # the block's file names none
-    with pytest.raises(InputError, match=r"a-0\.jpg is there and is another photo than IMG_1\.jpg"):
+    with pytest.raises(InputError, match=r"a-0\.jpg is there and is another photo"):
         taking(block_file, photos, read_table(path))
     assert (own / "a-0.jpg").read_bytes() == (photos / "silent.jpg").read_bytes()
     (own / "a-0.jpg").unlink()
@@ -201,16 +214,19 @@ def test_a_part_of_a_city_takes_none(block_file: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("text", "said"),
+    ("text", "remarks"),
     [
-        ("photo,facade,\n1.jpg,a-0,,blurred\n", "line 2: something stands in no column"),
-        ("photo,facade,,\n1.jpg,a-0,so,\n", "line 2: something stands in no column"),
-        ("photo,facade,why,why\n1.jpg,a-0,x,y\n", "two columns of one name"),
+        ("photo,facade,\n1.jpg,a-0,,blurred\n", {"remark": "blurred"}),
+        ("photo,facade,,remark,\n1.jpg,a-0,so,dark,too\n", {"remark 2": "so", "remark": "dark", "remark 3": "too"}),
     ],
 )
-def test_a_remark_in_no_column_is_not_lost(tmp_path: Path, text: str, said: str) -> None:
+def test_a_remark_in_no_column_is_not_lost(tmp_path: Path, text: str, remarks: dict[str, str]) -> None:
     (path := tmp_path / "matches.csv").write_text(text)
-    with pytest.raises(InputError, match=said):
+    write_table(read_table(path))
+    (row,) = read_table(path).rows
+    assert remarks.items() <= row.items()
+    path.write_text("photo,facade,why,why\n1.jpg,a-0,x,y\n")
+    with pytest.raises(InputError, match="two columns of one name"):
         read_table(path)
     path.write_text("photo,facade,,\n1.jpg,a-0,,,,\n\n2.jpg\n")
     assert [(one.photo, one.facade) for one in read_table(path).matches()] == [("1.jpg", "a-0"), ("2.jpg", "")]
