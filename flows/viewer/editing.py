@@ -20,6 +20,7 @@ from facade_core.labels import ELEMENT_CLASSES
 from flows.viewer.guard import refusal_to_edit
 from flows.viewer.redo import Redo
 from tasks.corrections import Taker, block_of
+from tasks.corrections.words import words
 from tasks.store.standing import recorded_source
 from tasks.viewing import Reader
 from tasks.viewing.standing import standing
@@ -49,6 +50,7 @@ def edit_routes(reader: Reader, editor: Editor) -> list[Route]:
         return {
             "who": editor.who,
             "labels": ELEMENT_CLASSES,
+            "words": words(),
             "kept": str(corrections_file(block)) if block else "",
             "redo": redo.said(),
             "photos": editor.photos is not None,

@@ -14,18 +14,15 @@ import numpy as np
 from catalogs.block.corrected import LEAST_M
 from catalogs.block.corrections import OF_BUILDINGS, OF_FACADES, Correction, Corrections, checked, is_number
 from catalogs.frames import LONLAT, between
-from catalogs.readers.annotations import MEASURED, Measured, Said
-from catalogs.readers.vectors.colours import ROOF_MATERIALS, WALL_MATERIALS
+from catalogs.readers.annotations import Measured, Said
 from facade_core.correction import unlike
 from facade_core.errors import InputError
 from facade_core.types import Element
+from tasks.corrections.words import words
 from tasks.published.opened import Published
 
 # Exports round boxes to a hundredth of a texel, the journal to a tenth: what differs by less was not moved. Heights likewise.
 MOVED, METRES = 0.6, 0.006
-# Roofs that are drawn, by OpenStreetMap's roof:shape; what walls are of, beside what has a colour.
-ROOF_SHAPES = ("flat", "gabled", "hipped", "half-hipped", "pyramidal", "skillion", "gambrel", "mansard")
-PLASTER = "plaster"
 # What a model's own shape says.
 OF_SHAPE = ("height", "roof_shape", "roof_height")
 
@@ -76,10 +73,12 @@ class Told:
     def _with_eaves(self, named: str, said: Sequence[Said]) -> list[Said]:
         """What was said, with the eaves that an edit of a measured height means in place of those that stand beside it."""
         meant = {}
-        for id, what, one in said:
-            if what == MEASURED and (eaves := self._eaves(named, id, one)) is not None:
+        for id, _, one in said:
+            if isinstance(one, Measured) and (eaves := self._eaves(named, id, one)) is not None:
                 meant[id] = eaves
-        others = [one for one in said if one[1] != MEASURED and not (one[1] == "height" and one[0] in meant)]
+        others = [
+            one for one in said if not isinstance(one[2], Measured) and not (one[1] == "height" and one[0] in meant)
+        ]
         return [*others, *((id, "height", eaves) for id, eaves in meant.items())]
 
     def _eaves(self, named: str, id: str, said: Measured) -> float | None:
@@ -146,9 +145,9 @@ class Told:
         """Why something cannot be corrected to a value; None where it can."""
         if one.what == "exemplar" and one.value not in self.exemplars:
             return f"there is no exemplar {one.value}; there is {', '.join(self.exemplars[:5])}"
-        if one.what in _WORDS and one.value not in (words := _WORDS[one.what]()):
-            near = get_close_matches(one.value, words, n=1)
-            hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(words)}"
+        if one.value not in (known := words().get(one.what, [one.value])):
+            near = get_close_matches(one.value, known, n=1)
+            hint = f"did you mean {near[0]}?" if near else f"there is {', '.join(known)}"
             return f"nothing is drawn of {one.what} {one.value}; {hint}"
         if one.what == "levels" and not one.value.is_integer():
             return f"storeys are whole, not {one.value:g}; give {math.floor(one.value)} or {math.ceil(one.value)}"
@@ -264,17 +263,3 @@ def _once(named: str, said: Sequence[Said]) -> None:
         before = found.setdefault((id, what), value)
         if before is not value and before != value:
             raise InputError(f"{named}: {what} of {id} is said twice, each time something else; leave one")
-
-
-def _roofing() -> list[str]:
-    from facade_core.street.field import ROOFING
-
-    return sorted({*ROOF_MATERIALS, *(name for names in ROOFING.values() for name in names)})
-
-
-# The words that are drawn, of what is corrected to one.
-_WORDS = {
-    "roof_shape": lambda: list(ROOF_SHAPES),
-    "wall_material": lambda: sorted({PLASTER, *WALL_MATERIALS}),
-    "roof_material": _roofing,
-}

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import threading
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, cast
@@ -33,6 +34,10 @@ _NOT_SHOWN = {"id", "kind", "block", "geometry", "code_version", "config_digest"
 SHOWN = tuple(column for column in COLUMNS if column.name not in _NOT_SHOWN)
 
 
+# What is kept of a building's roof and materials; a store of before that has none.
+MADE_OF = ("roof_shape", "roof_height", "wall_material", "roof_material", "wall_colour", "roof_colour")
+
+
 @dataclass(frozen=True)
 class _Tables:
     """What ingest wrote: the same for every snapshot of a run.
@@ -48,6 +53,7 @@ class _Tables:
     buildings: tuple[str, ...]
     height: np.ndarray
     height_source: tuple[str, ...]
+    made_of: Mapping[str, Sequence[Any]]
     streets: tuple[dict[str, Any], ...]
     position: np.ndarray
     forward: np.ndarray
@@ -252,6 +258,7 @@ def _read_tables(session: icechunk.Session) -> _Tables:
         buildings["id"],
         buildings["height"],
         buildings["height_source"],
+        {name: buildings[name] for name in MADE_OF if name in buildings},
         tuple(
             {"id": id_, "name": name, "line": streets["point"][streets["point_street"] == i].tolist()}
             for i, (id_, name) in enumerate(zip(streets["id"], streets["name"], strict=True))

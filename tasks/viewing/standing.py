@@ -5,15 +5,18 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+import numpy as np
+
 from catalogs.block.corrections import Corrections
-from tasks.viewing.reading import View
+from tasks.viewing.reading import MADE_OF, View
 
 
 def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]:
     """Of facade number `index`: size of its pictures [w, h], texels; elements [[class, left, top, right, bottom]], hide and
-    keep [[left, top, right, bottom]] and lattice {rows, columns} in texels; whether it is a facade; its building, that one's
-    levels, height (None of a model) and the exemplar that somebody chose for it, of `exemplars`; texels_per_metre; and the
-    corrections that count, each with who, when and why. What is known by its place counts too."""
+    keep [[left, top, right, bottom]] and lattice {rows, columns} in texels; texels_per_metre; its building; `said`: whether it
+    is a facade, that building's levels, height (None of a model), roof, materials and colours, and the exemplar that somebody
+    chose for it; `exemplars`: those there are to choose of; and the corrections that count, each with who, when and
+    why. What is known by its place counts too."""
     tables, corrections = view.tables, corrections.under(view.known_by_place)
     row = int(tables.facades.building[index])
     facade, building = tables.facades.id[index], tables.buildings[row]
@@ -33,6 +36,8 @@ def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]
         for what in ("hide", "keep")
     }
     eaves = corrections.value(building, "height") or float(tables.height[row])
+    made = {what: corrections.value(building, what) or _plain(column[row]) for what, column in tables.made_of.items()}
+    made["roof_height"] = None if made.get("roof_shape", "") in ("", "flat") else made["roof_height"] or None
     lattice = record.get("lattice", {})
     said = [one for id in (facade, building) for one in corrections.of.get(id, {}).values()]
     return {
@@ -42,13 +47,20 @@ def standing(view: View, index: int, corrections: Corrections) -> dict[str, Any]
         **masks,
         "rows": list(lattice.get("rows", [0, height])),
         "columns": list(lattice.get("columns", [0, width])),
-        "facade": corrections.value(facade, "facade") is not False,
         "building": building,
-        "levels": corrections.value(building, "levels") or int(tables.facades.floors[index]),
-        "height": None if tables.height_source[row] == "model" else round(eaves, 2),
-        "exemplar": corrections.value(building, "exemplar") or "",
+        "said": {
+            "facade": corrections.value(facade, "facade") is not False,
+            "levels": corrections.value(building, "levels") or int(tables.facades.floors[index]),
+            "height": None if tables.height_source[row] == "model" else round(eaves, 2),
+            "exemplar": corrections.value(building, "exemplar") or "",
+            **dict.fromkeys(MADE_OF, "") | made,
+        },
         "exemplars": view.exemplars,
         "corrected": [
             {"id": one.id, "what": one.what, "who": one.who, "when": one.when, "why": one.why} for one in said
         ],
     }
+
+
+def _plain(value: Any) -> Any:
+    return round(float(value), 2) if isinstance(value, float | np.floating) else str(value)

@@ -135,7 +135,11 @@ def test_boxes_are_edited_by_pointer_and_by_keys_kept_and_done_again(page: Any, 
     assert digests_of(folder / "out") == digests_of(other / "out") != digests_of(once / "out")
 
 
-def test_what_is_hidden_and_kept_an_exemplar_and_a_height(page: Any, once: Path, tmp_path: Path) -> None:
+def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
+    page: Any, once: Path, tmp_path: Path
+) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
     folder = copied(once, tmp_path / "block")
     block = folder / "in" / "block.yaml"
     boxes = page.locator(".boxes .box")
@@ -157,9 +161,41 @@ def test_what_is_hidden_and_kept_an_exemplar_and_a_height(page: Any, once: Path,
         assert min(abs(x - side) for x in columns for side in (left, left + wide)) < 0.01, "a new box is on the lattice"
         page.fill("#height", "8.25")
         page.select_option("#exemplar", "1")
+        # its roof and materials too, by pointer and by keys; all is undone as boxes are
+        assert page.is_disabled("#roof_height"), "a flat roof has none"
+        page.select_option("#roof_shape", "gabled")
+        page.fill("#roof_height", "2.5")
+        page.focus("#wall_material")
+        page.keyboard.press("b")
+        assert page.input_value("#wall_material") == "brick"
+        page.fill("#wall_colour", "red")
+        page.fill("#pick_roof_colour", "#203040")
+        assert page.input_value("#roof_colour") == "#203040"
+        page.focus("#pick_roof_colour")
+        page.keyboard.press("Control+z")
+        assert page.input_value("#roof_colour") == ""
+        page.keyboard.press("Control+y")
+        page.click("#undo")
+        page.click("#undo")
+        assert (page.input_value("#wall_colour"), page.input_value("#wall_material")) == ("", "brick")
+        page.click("#redo")
+        page.click("#redo")
+        found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+        assert [v["id"] for v in found] == []
+        page.fill("#wall_colour", "reddish")
+        page.click("#save")
+        page.wait_for_selector("#saved.failed")
+        assert "'reddish' is no colour" in page.inner_text("#saved")
+        page.fill("#wall_colour", "red")
         page.click("#save")
         page.wait_for_selector("text=1 facades and 1 buildings corrected")
+        assert page.input_value("#wall_colour") == "#9e4232"
         said = read_corrections(block)
+        made_of = {what: said.of["a"].pop(what).value for what in list(said.of["a"]) if "_" in what}  # type: ignore[attr-defined]
+        assert made_of == {
+            "roof_shape": "gabled", "roof_height": 2.5, "wall_material": "brick", "wall_colour": "#9e4232",
+            "roof_colour": "#203040",
+        }  # fmt: skip
         assert {what: len(said.value("a-0", what)) for what in said.of["a-0"]} == {"hide": 1, "keep": 1}
         assert {what: one.value for what, one in said.of["a"].items()} == {"height": 8.25, "exemplar": "1"}
         # who comes back finds it so, and takes a box away
@@ -175,7 +211,7 @@ def test_what_is_hidden_and_kept_an_exemplar_and_a_height(page: Any, once: Path,
         page.keyboard.press("Control+s")
         wait(page, "document.querySelector('#saved').textContent.includes('corrected in')")
         said = read_corrections(block)
-        assert (set(said.of["a-0"]), set(said.of["a"])) == ({"hide"}, {"height"})
+        assert (set(said.of["a-0"]), set(said.of["a"])) == ({"hide"}, {"height", *made_of})
 
 
 def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once: Path, tmp_path: Path) -> None:

@@ -141,7 +141,11 @@ def test_a_house_that_is_corrected_is_found_again_by_its_place(folder: Path) -> 
     # who edits it sees that, and takes it back whatever it was called
     view = Reader(out).view()
     stands = standing(view, view.number("x-2"), read_corrections(folder / "in" / "block.yaml"))
-    assert (stands["height"], {one["what"] for one in stands["corrected"]}) == (10.0, {"height", "wall_material"})
+    assert (
+        stands["said"]["height"],
+        stands["said"]["wall_material"],
+        {one["what"] for one in stands["corrected"]},
+    ) == (10.0, "brick", {"height", "wall_material"})
     done = Taker(out).take([{"building_id": "x", "height": None, "wall_material": None}], "said", who="anna")
     assert done.buildings == 2, "under both ids"
     assert not read_corrections(folder / "in" / "block.yaml")

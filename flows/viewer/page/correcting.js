@@ -6,6 +6,12 @@ import { ask, element, facadeAddress, picture, said } from "./elements.js";
 import { Photos } from "./photos.js";
 
 const LOOK_AGAIN_MS = 1000;
+// What is chosen of a building, as words and colours: name, and how it is called. Its words /edit/state says.
+const WORDS = [["roof_shape", "its roof"], ["roof_material", "roof of"], ["wall_material", "walls of"]];
+const COLOURS = [["roof_colour", "roof's colour"], ["wall_colour", "walls' colour"]];
+// Numbers: name, the field's id, how it is called, least, most, step.
+const NUMBERS = [["levels", "storeys", "storeys", 1, 300, 1], ["height", "height", "its height to the eaves, m", 2, 1000, "any"],
+  ["roof_height", "roof_height", "from there to the ridge, m", 0.1, 100, "any"]];
 // Stages that have the wall's own size: what elements are drawn on.
 const UNDER = ["rectified", "texture", "street", "parse"];
 export const editAddress = (id) => `#/edit/${encodeURIComponent(id)}`;
@@ -30,7 +36,7 @@ export async function begin(token, again) {
 
 class Correcting {
   constructor(told, state, again) {
-    Object.assign(this, { told, labels: [...state.labels, ...MASKS], who: state.who, kept: state.kept, again });
+    Object.assign(this, { told, labels: [...state.labels, ...MASKS], words: state.words, who: state.who, kept: state.kept, again });
     this.open = new Map(); // facade -> what is being done there; kept while other pages are looked at
     this.run = element("button", { type: "button", id: "redo-now", onclick: () => this.redo() }, "Redo now");
     this.running = element("p", { role: "status", id: "redo-said" });
@@ -110,29 +116,31 @@ class Page {
   }
 
   dirty() {
-    return this.editor !== undefined && (this.editor.dirty || this.none !== !this.stand.facade || this.levels !== this.stand.levels
-      || this.height !== this.stand.height || this.exemplar.value !== this.stand.exemplar);
+    return this.editor !== undefined && (this.editor.dirty || this.differs().length > 0);
   }
 
-  // The storeys that are said; those that are known where the field is empty.
-  get levels() {
-    const said = this.storeys.valueAsNumber;
-    return Number.isNaN(said) ? this.stand.levels : said;
+  // The names of what is said otherwise than it stands, beside boxes.
+  differs() {
+    return Object.keys(this.stand.said).filter((name) => this.editor.said[name] !== this.stand.said[name]);
   }
 
-  // Likewise metres from the ground to the eaves; null of a model.
-  get height() {
-    const said = this.eaves.valueAsNumber;
-    return Number.isNaN(said) ? this.stand.height : said;
+  // What a field says; what stands where it is empty.
+  read(name) {
+    const field = this.fields[name];
+    const said = field.type === "number" ? field.valueAsNumber : field.value.trim();
+    return (field.type === "number" ? Number.isNaN(said) : said === "" && name !== "exemplar") ? this.stand.said[name] : said;
   }
 
   // What is known to be kept.
   stands(stand) {
     this.stand = stand;
-    this.none = !stand.facade;
-    this.storeys.value = stand.levels;
-    this.eaves.value = stand.height ?? "";
-    this.exemplar.value = stand.exemplar;
+    this.editor.stands(stand.said);
+    for (const [name] of WORDS) {
+      const { [name]: now } = stand.said;
+      const { [name]: drawn } = this.correcting.words;
+      const words = drawn.includes(now) ? drawn : [now, ...drawn];
+      this.fields[name].replaceChildren(...words.map((word) => element("option", { value: word }, word || "not known")));
+    }
     this.listed();
   }
 
@@ -155,10 +163,10 @@ class Page {
       this.editor.draw();
       return;
     }
+    this.editor.restart(stand);
     this.stands(stand);
     this.editor.lines = { rows: stand.rows, columns: stand.columns };
     this.editor.lattice();
-    this.editor.restart(stand);
     this.editor.select(null);
   }
 
@@ -186,11 +194,18 @@ class Page {
     this.canvas = element("div", { class: "canvas", "data-zoom": "1" }, editor.svg);
     editor.svg.setAttribute("aria-label", `Elements of facade ${this.id}`);
     this.told = element("p", { role: "status", id: "box-said" });
-    this.not = button("not-a-facade", "Not a facade", () => { this.none = !this.none; this.changed(); });
-    this.storeys = element("input", { type: "number", id: "storeys", min: 1, max: 300, step: 1, value: stand.levels, oninput: () => this.changed() });
-    this.eaves = element("input", { type: "number", id: "height", min: 2, max: 1000, step: "any", oninput: () => this.changed(), disabled: stand.height === null });
-    const names = stand.exemplars.includes(stand.exemplar) || !stand.exemplar ? stand.exemplars : [...stand.exemplars, stand.exemplar];
-    this.exemplar = choice("exemplar", [["", "as chosen by itself"], ...names.map((name) => [name, name])], () => this.changed());
+    this.not = button("not-a-facade", "Not a facade", () => editor.say("facade", !editor.said.facade));
+    const say = (name) => () => editor.say(name, this.read(name));
+    const { exemplar } = stand.said;
+    const names = stand.exemplars.includes(exemplar) || !exemplar ? stand.exemplars : [...stand.exemplars, exemplar];
+    this.fields = {
+      ...Object.fromEntries(NUMBERS.map(([name, id, , min, max, step]) => [name, element("input", { type: "number", id, min, max, step, oninput: say(name) })])),
+      ...Object.fromEntries(WORDS.map(([name]) => [name, choice(name, [], say(name))])),
+      ...Object.fromEntries(COLOURS.map(([name]) => [name, element("input", { type: "text", id: name, size: 9, maxlength: 40, placeholder: "#a0522d", oninput: say(name) })])),
+      exemplar: choice("exemplar", [["", "as chosen by itself"], ...names.map((name) => [name, name])], say("exemplar")),
+    };
+    this.pickers = Object.fromEntries(COLOURS.map(([name, called]) =>
+      [name, element("input", { type: "color", id: `pick_${name}`, "aria-label": `Choose the ${called}`, oninput: (event) => editor.say(name, event.target.value) })]));
     this.why = element("input", { type: "text", id: "why", maxlength: 500 });
     this.keep = button("save", "Save", () => this.save(), "Control+S");
     this.back = button("as-found", "Take back what was corrected", () => this.withdraw());
@@ -210,8 +225,11 @@ class Page {
       element("p", { id: "keys", class: "keys" }, "In the picture: drag a box, its handles or a new one. Keys: A adds, N and P choose, arrows move, Shift and arrows stretch, 1 to ",
         `${editor.labels.length} label, Delete, S snaps, Ctrl Z and Ctrl Y, Ctrl S saves. “hide” is what a picture shows that is not of the facade, “keep” what is of it although it looks like something in front. `,
         `What is saved is kept in ${this.correcting.kept}; pictures change at “Redo now” only.`),
-      element("div", { class: "controls" }, this.not, labelled(`Storeys of building ${stand.building}`, this.storeys),
-        labelled("its height to the eaves, m", this.eaves), labelled("its exemplar", this.exemplar), labelled("Why", this.why), this.keep, this.back),
+      element("fieldset", { class: "controls" }, element("legend", {}, `Building ${stand.building}`),
+        ...NUMBERS.map(([name, , called]) => labelled(called, this.fields[name])), ...WORDS.map(([name, called]) => labelled(called, this.fields[name])),
+        ...COLOURS.map(([name, called]) => element("span", { class: "field" }, labelled(called, this.fields[name]), this.pickers[name])),
+        labelled("its exemplar", this.fields.exemplar)),
+      element("div", { class: "controls" }, this.not, labelled("Why", this.why), this.keep, this.back),
       this.result, this.before);
     return [page];
   }
@@ -233,25 +251,39 @@ class Page {
     this.remove.disabled = !box;
     this.undo.disabled = !editor.steps.past.length;
     this.again.disabled = !editor.steps.future.length;
-    this.not.setAttribute("aria-pressed", String(this.none));
+    this.not.setAttribute("aria-pressed", String(!editor.said.facade));
+    this.showFields();
     this.keep.disabled = !this.dirty();
     const metres = (texels) => (texels / editor.metre).toFixed(2);
-    const count = editor.steps.now.length;
+    const count = editor.boxes.length;
     this.told.textContent = box
       ? `${box.label}, box ${editor.selected + 1} of ${count}: ${metres(box.x1 - box.x0)} m wide, ${metres(box.y1 - box.y0)} m high, ${metres(box.x0)} m from the left, ${metres(editor.size[1] - box.y1)} m over the ground`
       : `${count} boxes; none is chosen`;
   }
 
+  // Fields as they are said, but for one that is being written.
+  showFields() {
+    const { said } = this.editor;
+    const model = this.stand.said.height === null;
+    for (const [name, field] of Object.entries(this.fields)) {
+      if (this.read(name) !== said[name] || document.activeElement !== field) field.value = said[name] ?? "";
+      field.disabled = model && ["height", "roof_shape", "roof_height"].includes(name);
+    }
+    this.fields.roof_height.disabled ||= ["", "flat"].includes(said.roof_shape);
+    for (const [name, picker] of Object.entries(this.pickers)) if (/^#[0-9a-f]{6}$/i.test(said[name])) picker.value = said[name];
+  }
+
   async save() {
     if (!this.dirty()) return;
     const corrections = [];
-    const { editor, stand, none } = this;
-    const boxes = editor.steps.now;
+    const { editor, stand } = this;
+    const { boxes, said } = editor;
     if (editor.dirty) corrections.push({ facade_id: this.id, ...editor.shares() });
-    if (none !== !stand.facade) corrections.push({ facade_id: this.id, facade: none ? false : null });
-    if (this.levels !== stand.levels) corrections.push({ building_id: stand.building, levels: this.levels });
-    if (this.height !== stand.height) corrections.push({ building_id: stand.building, height: this.height });
-    if (this.exemplar.value !== stand.exemplar) corrections.push({ building_id: stand.building, exemplar: this.exemplar.value || null });
+    const { facade, ...building } = Object.fromEntries(this.differs().map((name) => [name, said[name]]));
+    if (facade !== undefined) corrections.push({ facade_id: this.id, facade: facade ? null : false });
+    if ("exemplar" in building) building.exemplar ||= null;
+    if (building.roof_shape === "flat") delete building.roof_height;
+    if (Object.keys(building).length) corrections.push({ building_id: stand.building, ...building });
     if (await this.send(corrections)) editor.saved = boxes;
     this.changed();
   }

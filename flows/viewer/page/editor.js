@@ -15,7 +15,7 @@ export const MASKS = ["hide", "keep"];
 const MASK_COLOURS = { hide: "#e5006d", keep: "#00e5ff" };
 
 export class Editor {
-  // stand: what /edit/facade says; colours: label -> colour; changed: called after every step.
+  // stand: what /edit/facade says, `said` among it; colours: label -> colour; changed: called after every step.
   constructor(stand, labels, colours, changed) {
     Object.assign(this, { size: stand.size, metre: stand.texels_per_metre, labels, colours, changed });
     this.lines = { rows: stand.rows, columns: stand.columns };
@@ -39,25 +39,46 @@ export class Editor {
 
   restart(stand) {
     const masks = MASKS.flatMap((label) => stand[label].map((box) => [label, ...box]));
-    this.steps = new Steps([...stand.elements, ...masks].map(([label, x0, y0, x1, y1]) => ({ label, x0, y0, x1, y1 })));
-    this.saved = this.steps.now;
+    const boxes = [...stand.elements, ...masks].map(([label, x0, y0, x1, y1]) => ({ label, x0, y0, x1, y1 }));
+    this.steps = new Steps({ boxes, said: stand.said });
+    this.saved = boxes;
     this.selected = null;
   }
 
+  get boxes() {
+    return this.steps.now.boxes;
+  }
+
+  // What is said of the wall and its building beside boxes: name -> value.
+  get said() {
+    return this.steps.now.said;
+  }
+
+  say(name, value) {
+    if (this.said[name] !== value) this.steps.take({ boxes: this.boxes, said: { ...this.said, [name]: value } }, `said ${name}`);
+    this.changed();
+  }
+
+  // What is known to be kept of that now, which is no step.
+  stands(said) {
+    this.steps.now = { boxes: this.boxes, said };
+    this.steps.kind = null;
+  }
+
   get dirty() {
-    return this.steps.now !== this.saved;
+    return this.boxes !== this.saved;
   }
 
   get box() {
-    return this.selected === null ? null : this.steps.now[this.selected];
+    return this.selected === null ? null : this.boxes[this.selected];
   }
 
   // Boxes as they are saved, shares of the wall: elements, and what is hidden and kept; null where nothing is.
   shares() {
     const [width, height] = this.size;
     const share = ({ x0, y0, x1, y1 }) => [x0 / width, y0 / height, x1 / width, y1 / height];
-    const mask = (label) => this.steps.now.filter((box) => box.label === label).map(share);
-    const elements = this.steps.now.filter((box) => !MASKS.includes(box.label)).map((box) => [box.label, ...share(box)]);
+    const mask = (label) => this.boxes.filter((box) => box.label === label).map(share);
+    const elements = this.boxes.filter((box) => !MASKS.includes(box.label)).map((box) => [box.label, ...share(box)]);
     return { elements, ...Object.fromEntries(MASKS.map((label) => [label, mask(label).length ? mask(label) : null])) };
   }
 
@@ -70,7 +91,7 @@ export class Editor {
   }
 
   draw() {
-    const shown = this.steps.now.map((box, number) => [this.drag?.number === number ? this.drag.box : box, number]);
+    const shown = this.boxes.map((box, number) => [this.drag?.number === number ? this.drag.box : box, number]);
     if (this.drag && this.drag.number === null) shown.push([this.drag.box, null]);
     // the small ones over the large ones, and over all the one that is held
     const held = (number) => number === (this.drag ? this.drag.number : this.selected);
@@ -108,12 +129,12 @@ export class Editor {
 
   // A step that is done: the boxes then, and which is held.
   take(boxes, selected, kind = null) {
-    this.steps.take(boxes, kind);
+    this.steps.take({ boxes, said: this.said }, kind);
     this.select(selected);
   }
 
   select(number) {
-    this.selected = number === null || !this.steps.now.length ? null : Math.min(number, this.steps.now.length - 1);
+    this.selected = number === null || !this.boxes.length ? null : Math.min(number, this.boxes.length - 1);
     if (this.box) this.label = this.box.label;
     this.draw();
     this.changed();
@@ -121,16 +142,16 @@ export class Editor {
 
   replace(box, kind = null) {
     if (["label", "x0", "y0", "x1", "y1"].every((name) => box[name] === this.box[name])) return this.select(this.selected);
-    this.take(this.steps.now.map((other, number) => (number === this.selected ? box : other)), this.selected, kind);
+    this.take(this.boxes.map((other, number) => (number === this.selected ? box : other)), this.selected, kind);
   }
 
   add() {
     const box = placed(this.label, this.box, this.metre, this.size);
-    this.take([...this.steps.now, this.snap ? snapped(box, null, this.lines, Infinity, this.size) : box], this.steps.now.length);
+    this.take([...this.boxes, this.snap ? snapped(box, null, this.lines, Infinity, this.size) : box], this.boxes.length);
   }
 
   remove() {
-    if (this.box) this.take(this.steps.now.filter((_, number) => number !== this.selected), null);
+    if (this.box) this.take(this.boxes.filter((_, number) => number !== this.selected), null);
   }
 
   undo() {
@@ -156,7 +177,7 @@ export class Editor {
   }
 
   next(by) {
-    const count = this.steps.now.length;
+    const count = this.boxes.length;
     if (count) this.select(this.selected === null ? (by > 0 ? 0 : count - 1) : (this.selected + by + count) % count);
   }
 
@@ -219,7 +240,7 @@ export class Editor {
     this.drag = null;
     const large = box.x1 - box.x0 >= LEAST && box.y1 - box.y0 >= LEAST;
     if (from && box !== from) this.replace(box);
-    else if (!from && large) this.take([...this.steps.now, box], this.steps.now.length);
+    else if (!from && large) this.take([...this.boxes, box], this.boxes.length);
     else this.select(number);
   }
 
