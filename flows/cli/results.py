@@ -236,9 +236,9 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     opens. Ctrl-C ends it.
 
     With --edit, boxes are drawn, moved and deleted on the facades' pictures, heights, roofs and materials of their buildings
-    chosen, and kept as `streetloom import` keeps them; a button runs what is due. With --photos too, those that `streetloom match` left to a person are shown beside the walls
-    that they may show, and go the way of its --take. On this machine only, for who has the address, which no browser is
-    told of: others would see it.
+    chosen, and kept as `streetloom import` keeps them; a button runs what is due. With --photos too, those that `streetloom
+    match` left to a person are shown beside the walls that they may show, and go the way of its --take. On this machine only,
+    for who has the address, which no browser is told of: others would see it.
 
     \b
     Examples:
