@@ -21,7 +21,7 @@ from catalogs.block import read_block
 from facade_core.atlas.journal import atlas_digest, latest_digests, read_journal
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, read_rasters
-from facade_core.atlas.store import open_repository
+from facade_core.atlas.store import open_repository, open_root
 from facade_core.facade import Exemplar, prepare_exemplar
 from facade_core.synth import exemplars
 from tasks.compute.connect import Serial
@@ -168,7 +168,7 @@ def redone(before: dict[tuple[str, str], float], out: Path) -> set[tuple[str, st
 def charts_of(run: Run) -> dict[str, tuple[np.ndarray, np.ndarray]]:
     """Colour and provenance of every chart, by its id, as they lie in the store."""
     session = open_repository(run.store).readonly_session("main")
-    group = zarr.open_group(session.store, mode="r")
+    group = open_root(session)
     plan = read_plan(session)
     placement = plan.scene.placement
     found = {}
