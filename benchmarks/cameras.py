@@ -37,7 +37,14 @@ from facade_core.street.field import Materials
 from facade_core.street.scene import Scene
 from facade_core.street.surfaces import Known, surface
 from facade_core.synth.street_paint import painted_ground
-from facade_core.synth.street_truth import SyntheticStreet, hidden_points, panorama, synthetic_street
+from facade_core.synth.street_truth import (
+    GroundPaint,
+    SidePaint,
+    SyntheticStreet,
+    hidden_points,
+    panorama,
+    synthetic_street,
+)
 from facade_core.types import Pose, Street
 
 POSE_NOISE_M, POSE_NOISE_DEG = 0.3, 1.0
@@ -50,7 +57,26 @@ def measure(
 ) -> dict[str, Any]:
     """A street of so many houses and cameras; pictures: a folder for those of its ground."""
     street = synthetic_street(buildings, seed=seed)
-    paint = painted_ground(street)
+    true, given, gains, images = photographed_street(street, cameras, width, seed, ground=painted_ground(street))
+    scene = _finer(street.scene)
+    found: dict[str, Any] = {"benchmark": "cameras", "cameras": cameras, "texels_per_metre": DENSITY}
+    for name, poses in (("given", given), ("refined", None), ("true", true)):
+        found[name] = _recovered(
+            scene,
+            street,
+            images,
+            true,
+            poses or refined(street.scene, images, given),
+            gains,
+            pictures and pictures / name,
+        )
+    return found
+
+
+def photographed_street(
+    street: SyntheticStreet, cameras: int, width: int, seed: int, *, ground: GroundPaint, sides: SidePaint | None = None
+) -> tuple[list[Pose], list[Pose], list[float], list[np.ndarray]]:
+    """So many cameras along a street: their true poses, those that are stated, their exposures and pictures."""
     rng = np.random.default_rng(seed)
     true, given, gains, images = [], [], [], []
     for number in range(cameras):
@@ -69,23 +95,11 @@ def measure(
             )
         )
         gains.append(float(rng.uniform(0.7, 1.0)))
-        images.append(panorama(street, pose, width, gain=gains[-1], seed=number, ground=paint))
-    scene = _finer(street.scene)
-    found: dict[str, Any] = {"benchmark": "cameras", "cameras": cameras, "texels_per_metre": DENSITY}
-    for name, poses in (("given", given), ("refined", None), ("true", true)):
-        found[name] = _recovered(
-            scene,
-            street,
-            images,
-            true,
-            poses or _refined(street.scene, images, given),
-            gains,
-            pictures and pictures / name,
-        )
-    return found
+        images.append(panorama(street, pose, width, gain=gains[-1], seed=number, ground=ground, sides=sides))
+    return true, given, gains, images
 
 
-def _refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> list[Pose]:
+def refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> list[Pose]:
     return [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
 
 
@@ -192,7 +206,7 @@ def _compared(whole: dict[str, np.ndarray], region: np.ndarray) -> dict[str, Any
     if region.any():
         truth = whole["truth"][region].astype(np.float64)
         for name in ("ours", "plain", "material"):
-            found[name] = _psnr(whole[name][region].astype(np.float64), truth)
+            found[name] = psnr(whole[name][region].astype(np.float64), truth)
     return found
 
 
@@ -216,7 +230,7 @@ def _points(scene: Scene, chart: int, size: tuple[int, int]) -> np.ndarray:
     return scene.charts.points(chart, x, y)
 
 
-def _psnr(image: np.ndarray, truth: np.ndarray) -> float:
+def psnr(image: np.ndarray, truth: np.ndarray) -> float:
     """In dB, a factor per channel aside."""
     factor = (image * truth).sum(axis=0) / np.maximum((image * image).sum(axis=0), 1e-9)
     return round(float(10 * np.log10(255**2 / np.maximum(((factor * image - truth) ** 2).mean(), 1e-9))), 2)

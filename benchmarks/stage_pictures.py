@@ -15,22 +15,32 @@ from pathlib import Path
 import numpy as np
 import shapely
 
-from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, shown_reader
+from benchmarks.cameras import POSE_NOISE_DEG, POSE_NOISE_M, photographed_street, refined, shown_reader
 from benchmarks.rectification import camera as photographer
 from benchmarks.rectification import photograph
-from facade_core.cameras import Camera, factors, in_the_way, look_down, photographed, usual_of
+from facade_core.cameras import (
+    Camera,
+    before_buildings,
+    beside_edges,
+    factors,
+    in_the_way,
+    look_down,
+    photographed,
+    photographed_wall,
+    usual_of,
+)
 from facade_core.export.facade_stages import StoredFacade, chart_raster, stages_of
 from facade_core.export.picture import file_of, perspective
 from facade_core.export.views import cameras, view_names
 from facade_core.geometry.charts import GROUND
-from facade_core.geometry.walls import BACK, SIDE, STREET
+from facade_core.geometry.walls import BACK, SIDE, STREET, taken_whole
 from facade_core.plan import Plan
 from facade_core.rectify import rectify, refine_pose
 from facade_core.rectify.panorama import rectify_view
 from facade_core.street.field import Materials
 from facade_core.street.surfaces import Known, surface
 from facade_core.synth.exemplars import exemplar
-from facade_core.synth.street_paint import painted_ground
+from facade_core.synth.street_paint import painted_ground, painted_sides
 from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
 from facade_core.types import Pose, Street
 from tasks.published.opened import Published, published
@@ -206,6 +216,37 @@ def ground() -> np.ndarray:
     return beside([material, taken, surface(scene, materials, chart, known, network=False)[0]], 420)
 
 
+def walls() -> np.ndarray:
+    """A side wall beside a gap: of material, as cameras show it, finished, and as it is."""
+    street = synthetic_street(6, seed=SEED, roofed=True)
+    scene, paint = street.scene, painted_sides(street)
+    _, given, _, images = photographed_street(street, 3, WIDTH, SEED, ground=painted_ground(street), sides=paint)
+    poses = refined(scene, images, given)
+    squares = [look_down(scene, image, pose).squares for image, pose in zip(images, poses, strict=True)]
+    seen = [
+        Camera(
+            image,
+            pose,
+            before_buildings(image, pose) | beside_edges(scene, pose, (image.shape[0], image.shape[1])),
+            factor,
+            usual_of(own),
+        )
+        for image, pose, factor, own in zip(images, poses, factors(squares), squares, strict=True)
+    ]
+    plain = [c for c in np.flatnonzero(taken_whole(scene.charts)).tolist() if c not in street.charts]
+    shown = {c: part for c in plain if (part := photographed_wall(scene, c, seen)) is not None}
+    chart = max(shown, key=lambda c: float(shown[c].shown.sum()))
+    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    line = Street("street", None, shapely.LineString([street.place(0, 0), street.place(street.length, 0)]))
+    materials = Materials(scene, (line,), seed=1)
+    without, known = Known(shown_reader(scene, {}), (), ()), Known(shown_reader(scene, shown), shown, (), shown)
+    material, finished = (surface(scene, materials, chart, one, network=False)[0] for one in (without, known))
+    taken = np.where(shown[chart].shown[..., None], shown[chart].rgb, 255)
+    x, y = np.meshgrid(*((np.arange(n) + 0.5) / scene.placement.texels_per_metre[chart] for n in size[::-1]))
+    truth = paint(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3).astype(np.uint8)
+    return beside([material, taken, finished, truth], 420)
+
+
 def of_run(found: Published, facade: str, made: str) -> dict[str, Callable[[], np.ndarray]]:
     """The pictures of a run: `facade` is one of which there is a photo, `made` one that an exemplar textures."""
     return {
@@ -221,7 +262,12 @@ def of_run(found: Published, facade: str, made: str) -> dict[str, Callable[[], n
     }
 
 
-OF_NOTHING: dict[str, Callable[[], np.ndarray]] = {"rectify": rectified, "poses": poses, "ground": ground}
+OF_NOTHING: dict[str, Callable[[], np.ndarray]] = {
+    "rectify": rectified,
+    "poses": poses,
+    "ground": ground,
+    "walls": walls,
+}
 
 
 def main() -> None:

@@ -12,9 +12,10 @@ import shapely
 from facade_core.facades import Facades
 from facade_core.geometry.charts import CORNERS, GROUND
 from facade_core.geometry.streets import Viewpoint
+from facade_core.geometry.walls import taken_whole
 from facade_core.grouping import Grouped
 from facade_core.identity import Things, things_of
-from facade_core.rectify.camera import GROUND_REACH_M
+from facade_core.rectify.camera import GROUND_REACH_M, WALL_REACH_M
 from facade_core.street.ground import Squares
 from facade_core.street.scene import Scene
 from facade_core.types import Ground, Pose, Street
@@ -130,6 +131,29 @@ class Plan:
         boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
         places = shapely.MultiPoint([(pose.x, pose.y) for pose in self.poses])
         return ground[shapely.distance(boxes, places) <= GROUND_REACH_M + MOVED_M]
+
+    def walls_near_cameras(self) -> dict[int, list[int]]:
+        """By building, ascending, the block's own walls and roofs that are no facades, have no texture of their own, and that a
+        panorama may show."""
+        return self._walls_near_cameras
+
+    @cached_property
+    def _walls_near_cameras(self) -> dict[int, list[int]]:
+        charts = self.scene.charts
+        plain = taken_whole(charts) & self.own & ~self.textured
+        plain[self.facades.chart] = False
+        plain_charts = np.flatnonzero(plain)
+        if not self.poses or not len(plain_charts):
+            return {}
+        places = np.array([(pose.x, pose.y, pose.z) for pose in self.poses])
+        tree = shapely.STRtree(shapely.points(places[:, :2]))
+        row, of = tree.query(charts.boxes[plain_charts], predicate="dwithin", distance=WALL_REACH_M + MOVED_M)
+        chart = plain_charts[row]
+        before = np.einsum("ij,ij->i", places[of] - charts.origin[chart], charts.normal()[chart]) > -MOVED_M
+        found: dict[int, list[int]] = {}
+        for one in np.unique(chart[before]).tolist():
+            found.setdefault(int(charts.building[one]), []).append(one)
+        return dict(sorted(found.items()))
 
     @cached_property
     def street_of_viewpoints(self) -> np.ndarray:

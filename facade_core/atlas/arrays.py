@@ -42,7 +42,7 @@ SEEDS = (
         "how well a picture shows it: 255 squarely at the atlas's resolution, 0 not at all",
         {"units": "1"},
     ),
-    Array("facade_maps/camera", PAGE, "uint16", "which of the cameras in its record ground is from, from 1 on; 0 none"),
+    Array("facade_maps/camera", PAGE, "uint16", "which of the cameras in its record it is from, from 1 on; 0 none"),
 )
 STREETS = (
     Array(
@@ -64,7 +64,14 @@ SURFACES = (
         FROM,
     ),
 )
-OF_STAGE = {"textures": SEEDS, "grounds": SEEDS, "facades": SEEDS, "streets": STREETS, "surfaces": SURFACES}
+OF_STAGE = {
+    "textures": SEEDS,
+    "grounds": SEEDS,
+    "walls": SEEDS,
+    "facades": SEEDS,
+    "streets": STREETS,
+    "surfaces": SURFACES,
+}
 
 ARRAYS = (
     *SEEDS,

@@ -1,11 +1,18 @@
-"""What stands on the ground before a panorama: people, cars, plants and the like, by the parser that looks at facades."""
+"""What stands before a panorama: people, cars, plants and the like, by the parser that looks at facades."""
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import product
 
 import numpy as np
 
 from facade_core.geometry.equirectangular import basis
+from facade_core.geometry.raycast import MISS
+from facade_core.labels import SKY
 from facade_core.parse import parse
+from facade_core.rectify.camera import camera_from_world, position
+from facade_core.street.scene import Scene
 from facade_core.types import Pose
 
 # Ordinary pictures that the parser looks at, around a panorama: it was taught on such, and bent lines are strange to it. Their
@@ -13,12 +20,16 @@ from facade_core.types import Pose
 VIEWS, WIDE_DEG, DOWN_DEG, SIDE = 6, 75.0, 12.0, 480
 # Degrees above and below the horizon between which the ground is looked for: steeper the camera's own vehicle is in the way.
 HIGHEST_DEG, LOWEST_DEG = 2.0, 48.0
+# Likewise walls and roofs, and how far up the other views look.
+ROOFS_DEG, FEET_DEG, UP_DEG = 66.0, 30.0, 32.0
 # Pixels to a degree of the mask.
 FINE = 4
 # What is smaller on a view is none, pixels.
 LEAST = 100
 # Degrees around a thing that hide too: feet, wheels and shadows reach beyond what the parser sees.
 RIM_DEG = 1.25
+# Degrees around the model's edges: at 15 m an eighth of a metre.
+EDGE_DEG = 0.5
 
 
 def in_the_way(image: np.ndarray, pose: Pose) -> np.ndarray:
@@ -27,33 +38,72 @@ def in_the_way(image: np.ndarray, pose: Pose) -> np.ndarray:
     image (H, W, 3) uint8 is the part pose.view of the full panorama. Six views around the camera are parsed; a thing that any
     of them shows counts.
     """
+    return _around(image, pose, (DOWN_DEG,), (HIGHEST_DEG, LOWEST_DEG))
+
+
+def before_buildings(image: np.ndarray, pose: Pose) -> np.ndarray:
+    """Where a panorama shows something that stands before walls and roofs, or the sky beside them, (H, W) bool; six more views
+    look up."""
+    return _around(image, pose, (DOWN_DEG, -UP_DEG), (ROOFS_DEG, FEET_DEG), sky=True)
+
+
+def beside_edges(scene: Scene, pose: Pose, shape: tuple[int, int]) -> np.ndarray:
+    """Where a panorama of so many pixels (H, W) may show what lies beside a surface, for its pose is off by a little: bool, so
+    far around the edges of all surfaces as the model has them; and where `before_buildings` does not look."""
+    import cv2
+
+    rays = _degrees(ROOFS_DEG, FEET_DEG)
+    _, hit = scene.caster.cast(position(pose), rays @ camera_from_world(pose))
+    surface = np.where(hit == MISS, -1, scene.charts.surface[hit]).astype(np.float32)
+    side = np.ones((2 * round(EDGE_DEG * FINE) + 1,) * 2, np.uint8)
+    around = cv2.copyMakeBorder(surface, 0, 0, len(side), len(side), cv2.BORDER_WRAP)
+    edge = (cv2.dilate(around, side) != cv2.erode(around, side))[:, len(side) : -len(side)]
+    return _on_picture(edge, shape, pose, ROOFS_DEG, beyond=True)
+
+
+def _degrees(highest: float, lowest: float) -> np.ndarray:
+    """Rays (h, w, 3) float64 of a camera, FINE a degree, from so far above the horizon to so far below it."""
+    rows = np.arange(round(-highest * FINE), round(lowest * FINE)) + 0.5
+    latitude = -np.radians(rows / FINE)[:, None]
+    longitude = np.radians((np.arange(360 * FINE) + 0.5) / FINE - 180)[None]
+    ray = np.stack(np.broadcast_arrays(np.sin(longitude) * np.cos(latitude), -np.sin(latitude)), axis=-1)
+    return np.concatenate([ray, (np.cos(longitude) * np.cos(latitude))[..., None]], axis=-1)
+
+
+def _around(
+    image: np.ndarray,
+    pose: Pose,
+    tilts: Sequence[float],
+    reach: tuple[float, float],
+    *,
+    sky: bool = False,
+) -> np.ndarray:
+    """What stands in the way (H, W) bool with a rim, and the sky without, where that is asked for; as views tell that look down
+    by `tilts`, in degrees, from so far above the horizon to so far below."""
     import cv2
     from skimage.morphology import remove_small_objects
 
-    rows = np.arange(round(-HIGHEST_DEG * FINE), round(LOWEST_DEG * FINE)) + 0.5
-    columns = np.arange(360 * FINE) + 0.5
-    latitude = -np.radians(rows / FINE)[:, None]
-    longitude = np.radians(columns / FINE - 180)[None]
-    ray = np.stack(np.broadcast_arrays(np.sin(longitude) * np.cos(latitude), -np.sin(latitude)), axis=-1)
-    ray = np.concatenate([ray, (np.cos(longitude) * np.cos(latitude))[..., None]], axis=-1)
-    found = np.zeros(ray.shape[:2], bool)
+    ray = _degrees(*reach)
+    found, beyond = np.zeros(ray.shape[:2], bool), np.zeros(ray.shape[:2], bool)
     focal = SIDE / 2 / np.tan(np.radians(WIDE_DEG / 2))
-    for view in range(VIEWS):
-        turn = _turned(2 * np.pi * view / VIEWS, np.radians(DOWN_DEG))
+    for down, view in product(tilts, range(VIEWS)):
+        turn = _turned(2 * np.pi * view / VIEWS, np.radians(down))
         picture, shown = _perspective(image, pose, turn, focal)
         if not shown.any():
             continue
-        alpha = np.where(shown, 255, 0).astype(np.uint8)
-        things = remove_small_objects(parse(np.dstack([picture, alpha])).occluded & shown, max_size=LEAST)
-        right, down, ahead = np.moveaxis(ray @ turn.T, -1, 0)
+        parsing = parse(np.dstack([picture, np.where(shown, 255, 0).astype(np.uint8)]))
+        right, below, ahead = np.moveaxis(ray @ turn.T, -1, 0)
         safe = np.maximum(ahead, 1e-6)
-        x, y = (np.floor(focal * side / safe + SIDE / 2) for side in (right, down))
+        x, y = (np.floor(focal * side / safe + SIDE / 2) for side in (right, below))
         inside = (ahead > 0) & (x >= 0) & (x < SIDE) & (y >= 0) & (y < SIDE)
-        found[inside] |= things[y[inside].astype(np.intp), x[inside].astype(np.intp)]
+        at = (y[inside].astype(np.intp), x[inside].astype(np.intp))
+        found[inside] |= remove_small_objects(parsing.occluded & shown, max_size=LEAST)[at]
+        if sky:
+            beyond[inside] |= ((parsing.labels == SKY) & shown)[at]
     rim = 2 * round(RIM_DEG * FINE) + 1
     around = np.pad(found, ((0, 0), (rim, rim)), mode="wrap").astype(np.uint8)
     found = cv2.dilate(around, np.ones((rim, rim), np.uint8))[:, rim:-rim] > 0
-    return _on_picture(found, image.shape[:2], pose)
+    return _on_picture(found | beyond, image.shape[:2], pose, reach[0])
 
 
 def _turned(heading: float, down: float) -> np.ndarray:
@@ -86,14 +136,16 @@ def _perspective(image: np.ndarray, pose: Pose, turn: np.ndarray, focal: float) 
     return np.where(shown[..., None], picture, 0).astype(np.uint8), shown
 
 
-def _on_picture(found: np.ndarray, shape: tuple[int, int], pose: Pose) -> np.ndarray:
-    """A mask over degrees, as `in_the_way` makes it, on the pixels (H, W) of a picture."""
+def _on_picture(
+    found: np.ndarray, shape: tuple[int, int], pose: Pose, highest: float, *, beyond: bool = False
+) -> np.ndarray:
+    """A mask over degrees, from so many above the horizon on, on the pixels (H, W) of a picture; `beyond` above and below."""
     height, width = shape
     left, top, wide, high = pose.view
     column = (np.floor(((np.arange(width) + 0.5) / width * wide + left) * 360 * FINE) % (360 * FINE)).astype(np.intp)
     degrees = ((np.arange(height) + 0.5) / height * high + top - 0.5) * 180
-    row = np.floor((degrees + HIGHEST_DEG) * FINE).astype(np.intp)
+    row = np.floor((degrees + highest) * FINE).astype(np.intp)
     inside = (row >= 0) & (row < len(found))
-    mask = np.zeros(shape, bool)
+    mask = np.full(shape, beyond)
     mask[inside] = found[row[inside]][:, column]
     return mask

@@ -6,7 +6,7 @@ import numpy as np
 import shapely
 from shapely.geometry.base import BaseGeometry
 
-from facade_core.geometry.charts import WALL, Charts, Mesh
+from facade_core.geometry.charts import ROOF, WALL, Charts, Mesh
 from facade_core.grouping import grouped
 
 # What a wall is to the streets: on one; beside it, in sight but narrow; out of sight.
@@ -25,8 +25,16 @@ FACET_M, BEND = 3.0, 0.86
 LEVEL_M = 0.1
 # A wall narrower than this, or lower, is a ledge.
 NARROW_M = 0.7
+# Walls and roofs that are smaller, square metres, or narrower are trim: edges of roofs, chimneys, skirts.
+TRIM_M2, TRIM_M = 2.0, 0.6
 # Storeys of a building are from so low to so high where its height allows it.
 STOREY_M = (2.6, 4.5)
+
+
+def taken_whole(charts: Charts) -> np.ndarray:
+    """The walls and roofs (n,) bool that are no trim."""
+    large = (charts.size.min(axis=1) >= TRIM_M) & (charts.size.prod(axis=1) >= TRIM_M2)
+    return ((charts.kind == WALL) | (charts.kind == ROOF)) & large
 
 
 def free_part(charts: Charts, mesh: Mesh, chart: int) -> tuple[BaseGeometry, BaseGeometry]:

@@ -12,6 +12,8 @@ from facade_core.types import Pose
 
 # How far from a panorama its ground is taken from it, metres: farther a pose that is off by a degree moves a kerb by metres.
 GROUND_REACH_M = 15.0
+# Likewise walls that are no facades, and roofs: farther it would move them by more than squares that are compared are wide.
+WALL_REACH_M = 40.0
 
 
 def position(pose: Pose) -> np.ndarray:

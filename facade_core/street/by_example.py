@@ -44,9 +44,14 @@ LEAST_M2 = 6.0
 
 
 def by_example(
-    image: np.ndarray, known: np.ndarray, there: np.ndarray, kind: np.ndarray, density: float
+    image: np.ndarray,
+    known: np.ndarray,
+    there: np.ndarray,
+    kind: np.ndarray,
+    density: float,
+    reach: float = FILLED_M,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """image (h, w, 3) uint8 with what is not `known` (h, w) bool filled as far as FILLED_M from that, and what was.
+    """image (h, w, 3) uint8 with what is not `known` (h, w) bool filled as far as `reach` metres from that, and what was.
 
     there (h, w) bool: where it may be filled; kind (h, w) uint8: of ground, as of a map; density in texels per metre.
     """
@@ -56,7 +61,7 @@ def by_example(
     if known.sum() < LEAST_M2 * density**2 or known.all():
         return image, nothing
     away = cv2.distanceTransform((~known).astype(np.uint8), cv2.DIST_L2, cv2.DIST_MASK_5)
-    wanted = ~known & there & (away <= FILLED_M * density)
+    wanted = ~known & there & (away <= reach * density)
     factor = max(1, round(CELL_M * density))
     out, done = image, known
     for _ in range(ROUNDS):

@@ -12,7 +12,7 @@ from facade_core.atlas.provenance import INPAINTED, MATERIAL, PHOTO, SYNTHESISED
 from facade_core.atlas.surroundings import Reader, pieces_around, surrounded
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import Placement
-from facade_core.street.by_example import by_example
+from facade_core.street.by_example import FILLED_M, by_example
 from facade_core.street.contact import contact
 from facade_core.street.enclosed import enclosed
 from facade_core.street.facade_light import in_its_light
@@ -33,12 +33,14 @@ AT_ONCE = 1 << 18
 
 
 class Known(NamedTuple):
-    """What facades and streets know: `read`, of any chart, UNSEEN elsewhere; the charts that facades or textures seeded, and
-    those that streets wrote, at least of the chart that is asked for and of those beside it."""
+    """What facades and streets know: `read`, of any chart, UNSEEN elsewhere; the charts that facades or textures seeded, those
+    that streets wrote, and those of the seeded that are walls and roofs as cameras show them, at least of the chart that is
+    asked for and of those beside it."""
 
     read: Reader
     seeded: Collection[int]
     written: Collection[int]
+    pictured: Collection[int] = ()
 
 
 class Pixels(NamedTuple):
@@ -116,6 +118,7 @@ def _levelled_surface(
     height, width = int(scene.placement.height[chart]), int(scene.placement.width[chart])
     colour, provenance = (values.copy() for values in known.read(chart, slice(0, height), slice(0, width)))
     bare = provenance == UNSEEN
+    shut = np.zeros_like(bare)
     if bare.any():
         shut = bare & enclosed(scene, chart)
         open_ = bare & ~shut
@@ -144,6 +147,14 @@ def _levelled_surface(
         colour = _levelled(scene, chart, colour, ~bare, foreign, known.read, beside, UNSEEN)
     guessed = bare | (provenance <= TRANSLATED)
     if scene.charts.kind[chart] != GROUND:
+        around = {chart, *pieces_around(scene.charts, chart, BESIDE_M).tolist()}
+        if not around.isdisjoint(known.pictured):
+            # a wall is one thing all over, so that pictures of it go on as far as they may
+            colour, filled, _ = _continued(scene, None, chart, colour, guessed & ~shut, known, np.inf)
+            provenance[filled] = INPAINTED
+            return _levelled(
+                scene, chart, colour, ~guessed | filled, guessed & ~filled, known.read, known.seeded, TRANSLATED, np.inf
+            ), provenance
         return _levelled(scene, chart, colour, ~guessed, guessed, known.read, known.seeded, TRANSLATED), provenance
     # a picture of the ground says nothing of ground far from it, which is not levelled to it: the picture goes on by example a
     # little way and then fades into the material. Beside a picture from above it ends nowhere: what readers know of the next
@@ -153,7 +164,7 @@ def _levelled_surface(
         return colour, provenance
     pictured, end = ~guessed, provenance != PHOTO
     if aerial is None:
-        colour, filled, end = _continued(scene, materials, chart, colour, guessed, known)
+        colour, filled, end = _continued(scene, materials, chart, colour, guessed, known, FILLED_M)
         provenance[filled] = INPAINTED
         pictured |= filled
     share = faded(scene, chart, end)
@@ -164,10 +175,17 @@ def _levelled_surface(
 
 
 def _continued(
-    scene: Scene, materials: Materials, chart: int, colour: np.ndarray, free: np.ndarray, known: Known
+    scene: Scene,
+    materials: Materials | None,
+    chart: int,
+    colour: np.ndarray,
+    free: np.ndarray,
+    known: Known,
+    reach: float,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Pictures of the ground go on by example where a piece's texels are free (h, w) bool: its colour, where they do, and, of
-    the piece with BESIDE_M around it, where no picture is nor goes on."""
+    """Pictures go on by example where a piece's texels are free (h, w) bool, `reach` metres at most: its colour, where they do,
+    and, of the piece with BESIDE_M around it, where no picture is nor goes on. materials: of which the kinds of ground are; all
+    of a wall or a roof is of one kind."""
     density, size = float(scene.placement.texels_per_metre[chart]), (free.shape[0], free.shape[1])
     margin = round(BESIDE_M * density)
     own = (slice(margin, margin + size[0]), slice(margin, margin + size[1]))
@@ -179,7 +197,8 @@ def _continued(
     wide, rank = surrounded(scene.charts, scene.placement.texels_per_metre, chart, size, margin, from_one)
     pictured, there = rank == PHOTO + 1, rank > 0
     there[own] &= free
-    made, filled = by_example(wide, pictured, there, materials.kinds(chart, margin), density)
+    kinds = np.zeros(rank.shape, np.uint8) if materials is None else materials.kinds(chart, margin)
+    made, filled = by_example(wide, pictured, there, kinds, density, reach)
     end = (rank > 0) & ~pictured & ~filled
     found = filled[own]
     return np.where(found[..., None], made[own], colour), found, end
@@ -225,11 +244,12 @@ def _levelled(
     read: Reader,
     beside: Collection[int],
     above: int,
+    over: float = LEVELLED_M,
 ) -> np.ndarray:
     """A chart's colour (h, w, 3) with its texels `free` (h, w) levelled to those `fixed`, and to what is known of the charts
-    `beside` it in a rank over `above`."""
+    `beside` it in a rank over `above`; a third of the offset is left after `over` metres."""
     density, size = float(scene.placement.texels_per_metre[chart]), (fixed.shape[0], fixed.shape[1])
-    reach = LEVELLED_M * density
+    reach = over * density
     if not free.any():
         return colour
     if not any(one in beside for one in pieces_around(scene.charts, chart, BESIDE_M).tolist()):

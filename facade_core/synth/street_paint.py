@@ -7,7 +7,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from facade_core.synth.street_truth import CORNER, GroundPaint, SyntheticStreet
+from facade_core.geometry.charts import ROOF
+from facade_core.synth.street_truth import CORNER, GroundPaint, SidePaint, SyntheticStreet
 
 
 def painted_ground(street: SyntheticStreet) -> GroundPaint:
@@ -30,6 +31,35 @@ def painted_ground(street: SyntheticStreet) -> GroundPaint:
         grey = np.where(kerb, 170.0, np.where(line, 214.0, grey)) + noise
         tint = np.where(road[:, None], [1.0, 1.0, 1.03], [1.0, 0.95, 0.88])
         return np.clip(grey[:, None] * tint, 0, 255).astype(np.float32)
+
+    return paint
+
+
+def painted_sides(street: SyntheticStreet) -> SidePaint:
+    """Walls that are no fronts, and roofs, that no material looks like: bricks, plaster that is coming off, and courses of
+    tiles, each building's in tones of its own, with stains, and with a patch on some charts."""
+    rng = np.random.default_rng(6)
+    charts = street.scene.charts
+    grains = [(side, rng.normal(0, 1, (97, 89))) for side in (2.3, 0.6, 0.17, 0.06)]
+    houses = int(charts.building.max()) + 1
+    tone = rng.uniform(90, 180, (houses, 1)) * rng.uniform([0.95, 0.85, 0.75], [1.1, 1.0, 0.95], (houses, 3))
+    patched = rng.uniform(0, 1, (len(charts), 3))
+
+    def paint(chart: np.ndarray, x: np.ndarray, y: np.ndarray) -> np.ndarray:
+        noise = np.zeros(len(chart))
+        for weight, (side, values) in zip((0.04, 0.025, 0.02, 0.03), grains, strict=True):
+            noise += weight * values[((x + 7 * chart) // side % 97).astype(int), (y // side % 89).astype(int)]
+        row = (y // 0.1).astype(int)
+        joint = (y % 0.1 < 0.015) | ((x + 0.12 * (row % 2)) % 0.24 < 0.015)
+        course = 0.85 + 0.3 * (y % 0.33) / 0.33 - 0.15 * (x % 0.3 < 0.03)
+        roof, brick = charts.kind[chart] == ROOF, charts.building[chart] % 2 == 0
+        share = np.where(roof, course, np.where(brick & joint, 1.25, 1.0)) + noise
+        width, height = charts.size[chart].T
+        left, top = patched[chart, 0] * width, patched[chart, 1] * height
+        patch = (patched[chart, 2] < 0.6) & (x > left) & (x < left + 2.2) & (y > top) & (y < top + 1.4)
+        share = np.where(patch, 0.55 * share, share)
+        base = np.where(roof[:, None], tone[charts.building[chart]] * [0.8, 0.65, 0.6], tone[charts.building[chart]])
+        return np.clip(base * share[:, None], 0, 255).astype(np.float32)
 
     return paint
 

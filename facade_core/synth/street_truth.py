@@ -21,7 +21,7 @@ from facade_core.street.scene import Scene
 from facade_core.synth.exemplars import exemplars
 from facade_core.synth.facade import PaintedFacade
 from facade_core.synth.occluders import paint_occluders
-from facade_core.types import Building, Pose, Street
+from facade_core.types import Building, Pose, Roof, Street
 
 # Metres from the axis of the street to its facades, and of what stands before them to the facades.
 HALF_WIDTH, KERB = 9.0, 3.0
@@ -32,6 +32,10 @@ GAP = 4.0
 CORNER, TURN_DEG = np.array([4200.0, 7300.0]), 23.0
 # World places (n, 2) -> colours (n, 3).
 GroundPaint = Callable[[np.ndarray], np.ndarray]
+# Charts (n,) and metres right and down on each (n,) -> colours (n, 3).
+SidePaint = Callable[[np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+# Roofs of the houses of a row in turn, and how high over the eaves: all are seen from the street.
+ROOFS: tuple[Roof | None, ...] = (Roof("gabled", 7.0), Roof("mansard", 5.0, pitch=68.0), None)
 # Rows of pixels rendered at once, which bounds memory.
 BAND = 128
 
@@ -54,9 +58,11 @@ class SyntheticStreet:
 
 
 def synthetic_street(
-    buildings: int = 8, *, seed: int, occluders: int = 2, texels_per_metre: float = 25.0
+    buildings: int = 8, *, seed: int, occluders: int = 2, texels_per_metre: float = 25.0, roofed: bool = False
 ) -> SyntheticStreet:
     """Two rows of terraced houses, half of `buildings` each, whose fronts are painted facades, with cut-outs before each.
+
+    roofed: with ROOFS, flat ones without.
 
     Raises LayoutError for fewer than two buildings or an odd number.
     """
@@ -75,7 +81,8 @@ def synthetic_street(
             corners = [(a, side * b) for a, b in ((along, HALF_WIDTH), (along + width, HALF_WIDTH))]
             corners += [(along + width, side * (HALF_WIDTH + DEPTH)), (along, side * (HALF_WIDTH + DEPTH))]
             outline = shapely.Polygon([CORNER + a * axis + b * across for a, b in corners])
-            houses.append(Building(f"{row}-{number}", outline, height, "height", base=0.0))
+            roof = ROOFS[(row + number) % len(ROOFS)] if roofed else None
+            houses.append(Building(f"{row}-{number}", outline, height, "height", base=0.0, roof=roof))
             along += width
         ends.append(along)
     line = shapely.LineString([CORNER, CORNER + max(ends) * axis])
@@ -103,11 +110,12 @@ def panorama(
     gain: float = 1.0,
     seed: int = 0,
     ground: GroundPaint | None = None,
+    sides: SidePaint | None = None,
 ) -> np.ndarray:
     """What a camera at `pose` sees, (width / 2, width, 3) uint8: facades, cut-outs, plain other surfaces, a bright sky.
 
     gain is the exposure; the noise of the sensor (1 % of full scale) has the given seed; ground: of its colours, mottled grey
-    without.
+    without; sides: of those of walls that are no fronts and of roofs, likewise.
     """
     height = width // 2
     rotation = camera_from_world(pose)
@@ -122,7 +130,7 @@ def panorama(
         camera[..., 1] = -np.sin(latitude)[:, None]
         camera[..., 2] = np.cos(latitude)[:, None] * np.cos(longitude)
         rays = camera @ rotation.astype(np.float32)
-        image[top : top + rows] = _shade(street, position(pose), rays, sheet, left, ground)
+        image[top : top + rows] = _shade(street, position(pose), rays, sheet, left, ground, sides)
     image = gain * image + np.random.default_rng(seed).normal(0, 2.55, image.shape).astype(np.float32)
     return np.round(np.clip(image, 0, 255)).astype(np.uint8)
 
@@ -168,6 +176,7 @@ def _shade(
     sheet: np.ndarray,
     left: np.ndarray,
     ground: GroundPaint | None,
+    sides: SidePaint | None,
 ) -> np.ndarray:
     """Colours (h, w, 3) float32 along rays (h, w, 3)."""
     import cv2
@@ -194,6 +203,9 @@ def _shade(
     if ground is not None:
         on_ground = np.isfinite(distance) & (charts.kind[chart] == GROUND)
         colour[on_ground] = ground((origin + distance[on_ground, None] * rays[on_ground])[:, :2])
+    if sides is not None:
+        beside = np.isfinite(distance) & plain & (charts.kind[chart] != GROUND)
+        colour[beside] = sides(chart[beside], x[beside] / density, y[beside] / density)
     rise = np.clip(rays[..., 2:], 0, 1)
     sky = np.array([225, 232, 240], np.float32) - rise * np.array([70, 45, 10], np.float32)
     colour = np.where(np.isfinite(distance)[..., None], colour, sky)

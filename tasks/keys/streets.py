@@ -21,7 +21,7 @@ from tasks.run import Run
 _Read = Callable[[str, np.ndarray], list[Record | None]]
 
 # The stages that seed charts, in the order in which they write.
-SEEDING = ("textures", "grounds", "facades")
+SEEDING = ("textures", "grounds", "walls", "facades")
 # Settings that streets' texels depend on.
 SETTINGS = ("texels_per_metre", "panorama_width", "translator")
 
@@ -55,23 +55,23 @@ def street_keys(
     code, settings = stage_code("streets", neural=blends), _settings(run, plan)
     charts = plan.charts_of_street(street)
     seeds = _seeds(plan, records, charts)
-    grounds = _grounds(plan, records, charts)
-    known = latest_digests(seeds + grounds, [])
+    shown = _shown_by_cameras(plan, records, charts)
+    known = latest_digests(seeds + shown, [])
     names = {chart: f"{number:016x}" for chart, number in zip(charts.tolist(), plan.ids[charts].tolist(), strict=True)}
-    shown = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
+    visible = [plan.charts_of_viewpoint(viewpoint.id) for viewpoint in viewpoints]
     earlier, passed = _earlier(plan, records, street, charts)
 
     key = first = unit_key(code, settings)
     keys: list[str] = []
     views, read, passes = [], [], []
-    for viewpoint, seen in zip(viewpoints, shown, strict=True):
+    for viewpoint, seen in zip(viewpoints, visible, strict=True):
         views.append([plan.looks[viewpoint.id], sorted(names[c] for c in seen[plan.writable[seen]].tolist())])
         read.append(sorted((names[c], known[names[c]]) for c in seen.tolist() if names[c] in known))
         blended = np.unique(earlier[np.isin(earlier[:, 1], seen), 0])
         passes.append([[plan.looks[v], passed[v]] for v in blended.tolist()])
         key = unit_key(key, views[-1], read[-1], passes[-1]) if blends else unit_key(first, views[-1], read[-1])
         keys.append(key)
-    photographed = [one["digests"] for one in grounds if one and one.get("digests")]
+    photographed = [one["digests"] for one in shown if one and one.get("digests")]
     return StreetKeys(
         parts_key(
             code,
@@ -105,11 +105,13 @@ def _seeds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None
     return records("textures", textures) + records("facades", facades)
 
 
-def _grounds(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
-    """The records of those who took some charts, of the ground, from panoramas."""
+def _shown_by_cameras(plan: Plan, records: _Read, charts: np.ndarray) -> list[Record | None]:
+    """The records of those who took some charts, of the ground and of buildings, from panoramas."""
     near, own = plan.ground_near_cameras(), np.unique(charts)
     at = np.searchsorted(near, own)
-    return records("grounds", at[np.append(near, -1)[at] == own])
+    buildings = np.array(list(plan.walls_near_cameras()), np.int64)
+    walls = np.flatnonzero(np.isin(buildings, plan.scene.charts.building[own]))
+    return records("grounds", at[np.append(near, -1)[at] == own]) + records("walls", walls)
 
 
 def _earlier(plan: Plan, records: _Read, street: int, charts: np.ndarray) -> tuple[np.ndarray, dict[int, str | None]]:

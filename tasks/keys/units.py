@@ -98,11 +98,28 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[Taken]) -> str:
         stage_code("grounds"),
         settings=run.texture.texels_per_metre,
         geometry=f"{plan.ids[chart]:016x}",
-        panoramas=[
+        **_from_cameras(plan, [chart], taken),
+    )
+
+
+def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Taken]) -> str:
+    """Of walls and roofs of a building that some panoramas are near."""
+    return parts_key(
+        stage_code("walls"),
+        settings=run.texture.texels_per_metre,
+        geometry=[f"{plan.ids[chart]:016x}" for chart in charts],
+        **_from_cameras(plan, charts, taken),
+    )
+
+
+def _from_cameras(plan: Plan, charts: Sequence[int], taken: Sequence[Taken]) -> dict[str, Any]:
+    """What panoramas are, and what may stand between them and charts."""
+    return {
+        "panoramas": [
             [one.path.name, file_digest(one.path), _pose(one.pose), list(one.factor), one.squares] for one in taken
         ],
-        between=[_between(plan, chart, one.pose) for one in taken],
-    )
+        "between": [_between(plan, charts, one.pose) for one in taken],
+    }
 
 
 def facade_keys(
@@ -156,7 +173,7 @@ def facade_keys(
             )
             if earlier:
                 parts["earlier"] = earlier
-            parts["between"] = [_between(plan, chart, pose) for _, pose in (*imagery.panoramas, *imagery.earlier)]
+            parts["between"] = [_between(plan, [chart], pose) for _, pose in (*imagery.panoramas, *imagery.earlier)]
         elif source == "own":
             parts["own"] = _own(plan, [chart], textures)
         elif imagery.exemplar is not None:
@@ -173,10 +190,10 @@ def _pose(pose: Pose) -> list[Any]:
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
 
 
-def _between(plan: Plan, chart: int, pose: Pose) -> list[str]:
-    """What may stand between a panorama and a chart, or is either."""
+def _between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:
+    """What may stand between a panorama and charts, or is one of them."""
     place = np.array([pose.x, pose.y, pose.z])
-    low, high = _box(plan, [chart])
+    low, high = _box(plan, charts)
     # what lies below both hides nothing: level ground does not count
     beside = np.array([OFF_PLANE_M, OFF_PLANE_M, -ABOVE_M])
     return plan.things.within(np.minimum(low, place) - beside, np.maximum(high, place) + OFF_PLANE_M)

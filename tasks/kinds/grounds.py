@@ -2,28 +2,20 @@
 
 from __future__ import annotations
 
-import numpy as np
-import shapely
-
 from catalogs.block import Block
-from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.journal import Record
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.cameras.exposure import factors
 from facade_core.geometry.charts import CORNERS
 from facade_core.plan import Plan
 from facade_core.rectify.camera import GROUND_REACH_M
 from tasks.keys.units import ground_key
+from tasks.kinds.cameras import cameras_of_block
 from tasks.kinds.kind import Change, Kind, same_name
-from tasks.kinds.poses import refined
 from tasks.run import Run
 from tasks.units.grounds import ground_unit
-from tasks.units.imagery import Taken
 from tasks.units.memory import ground_memory
 from tasks.units.unit import Unit
 
-# Panoramas at most that a piece of ground is taken from, the nearest to its middle: with the pieces' 32 m and a panorama each
-# five metres all that see it from a street.
-CAMERAS = 8
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 1.2, 4.5
 
@@ -33,26 +25,12 @@ def ground_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     charts = plan.ground_near_cameras()
     if not len(charts):
         return []
-    records = read_journal(group, "poses")
-    gains = factors([_squares(record) for record in records])
-    poses = [refined(pose, record) for pose, record in zip(plan.poses, records, strict=True)]
-    usable = [i for i, record in enumerate(records) if _over_ground(record)]
-    places = shapely.STRtree(shapely.points(np.array([(poses[i].x, poses[i].y) for i in usable]).reshape(-1, 2)))
+    cameras = cameras_of_block(block, plan, group, _over_ground)
     corners = plan.scene.charts.at_shares(charts, CORNERS)[..., :2]
     texels = plan.texels()
     units = []
     for index, (chart, name) in enumerate(zip(charts.tolist(), names_of_ground(plan), strict=True)):
-        low, high = corners[index].min(axis=0), corners[index].max(axis=0)
-        found = places.query(shapely.box(*low, *high), predicate="dwithin", distance=GROUND_REACH_M)
-        middle = (low + high) / 2
-        near = sorted(
-            (usable[i] for i in found.tolist()),
-            key=lambda i: (np.hypot(poses[i].x - middle[0], poses[i].y - middle[1]), i),
-        )
-        taken = tuple(
-            Taken(block.panoramas[i].path, poses[i], tuple(gains[i].tolist()), _squares(records[i]))
-            for i in sorted(near[:CAMERAS])
-        )
+        taken = cameras.near(corners[index], GROUND_REACH_M)
         key = ground_key(run, plan, chart, taken)
         memory = ground_memory(int(texels[chart]), [one.path for one in taken])
         units.append(Unit(index, name, (key,), (chart, taken), memory, (chart,)))
@@ -71,10 +49,6 @@ def _name(number: int) -> str:
 def _over_ground(record: Record | None) -> bool:
     height = None if record is None or record["status"] != "done" else record.get("over_ground_m")
     return height is not None and LEAST_HEIGHT_M <= height <= MOST_HEIGHT_M
-
-
-def _squares(record: Record | None) -> tuple[tuple[int, ...], ...]:
-    return tuple(tuple(square) for square in record.get("squares", ())) if record else ()
 
 
 def _again(change: Change) -> dict[int, int]:

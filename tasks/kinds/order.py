@@ -16,12 +16,14 @@ from tasks.kinds.streets import STREETS, VIEWPOINTS
 from tasks.kinds.surfaces import SURFACES
 from tasks.kinds.textures import TEXTURES
 from tasks.kinds.tiles import TILES
+from tasks.kinds.walls import WALLS
 
 KINDS: tuple[Kind, ...] = (
     POSES,
     EXEMPLARS,
     TEXTURES,
     GROUNDS,
+    WALLS,
     FACADES,
     VIEWPOINTS,
     STREETS,

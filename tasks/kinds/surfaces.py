@@ -35,6 +35,7 @@ def parts_of_block(plan: Plan) -> list[tuple[str, list[int]]]:
 def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
     """As the journal stands: what facades, textures and streets made."""
     seeds = latest_digests([record for stage in SEEDING for record in read_journal(group, stage)], [])
+    walls = latest_digests(read_journal(group, "walls"), [])
     streets = latest_digests([], read_journal(group, "streets"))
     texels, ids = plan.texels(), [f"{number:016x}" for number in plan.ids.tolist()]
     is_ground = plan.scene.charts.kind == GROUND
@@ -44,14 +45,17 @@ def surface_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list
             {int(one) for chart in charts for one in pieces_around(plan.scene.charts, chart, BESIDE_M)} - set(charts)
         )
         reads = [*charts, *beside]
-        seeded, written = (frozenset(c for c in reads if ids[c] in digests) for digests in (seeds, streets))
+        seeded, written, pictured = (
+            frozenset(c for c in reads if ids[c] in digests) for digests in (seeds, streets, walls)
+        )
+        continued = bool(pictured) or (bool(seeded) and bool(is_ground[charts[0]]))
         units.append(
             Unit(
                 index,
                 name,
                 (surface_key(run, plan, charts, beside, seeds, streets),),
-                (tuple(charts), seeded, written),
-                surface_memory(texels[charts], continued=bool(seeded) and bool(is_ground[charts[0]])),
+                (tuple(charts), seeded, written, pictured),
+                surface_memory(texels[charts], continued=continued),
                 tuple(charts),
             )
         )

@@ -22,7 +22,7 @@ from tasks.matching.table import COLUMNS, Candidate, Table, found_row
 from tasks.outcome import reason_of
 from tasks.progress import advance, begin_stage
 from tasks.stages.planning import plan_of
-from tasks.units.evidence import rectified_photo
+from tasks.units.shown.evidence import rectified_photo
 
 # A photo is of the wall that it shows with this probability; else a person decides.
 SURE = 0.8

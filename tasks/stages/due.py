@@ -129,8 +129,8 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
         records = read_journal(group, kind.stage)
         units[kind.stage] = kind.units(run, block, plan, group)
         reasons[kind.stage] = _due(records, units[kind.stage])
-        if kind.stage == "grounds" and reasons["poses"]:  # one exposure for all of them
-            reasons["grounds"] = dict.fromkeys((u.index for u in units["grounds"]), REASONS["panoramas"])
+        if kind.stage in ("grounds", "walls") and reasons["poses"]:  # one exposure for all of them
+            reasons[kind.stage] = dict.fromkeys((u.index for u in units[kind.stage]), REASONS["panoramas"])
         if kind.stage == "facades":
             reasons["facades"] = _after(reasons, units, records, plan, block)
         if kind.seeds:

@@ -55,6 +55,7 @@ def units_of_charts(plan: Plan, charts: Iterable[int]) -> dict[str, set[int]]:
             unit for unit, building in enumerate(plan.textured_buildings()) if chosen & set(plan.own_charts(building))
         },
         "grounds": set(np.flatnonzero(np.isin(plan.ground_near_cameras(), sorted(chosen))).tolist()),
+        "walls": {unit for unit, own in enumerate(plan.walls_near_cameras().values()) if not chosen.isdisjoint(own)},
         "facades": set(np.flatnonzero(np.isin(plan.facades.chart, sorted(chosen))).tolist()),
         "streets": set(written[np.isin(written[:, 1], sorted(chosen)), 0].tolist()),
         "surfaces": {unit for unit, (_, own) in enumerate(parts_of_block(plan)) if not chosen.isdisjoint(own)},

@@ -26,6 +26,7 @@ from tasks.keys.streets import street_keys
 from tasks.kinds.grounds import names_of_ground
 from tasks.kinds.order import STAGES, read_journals
 from tasks.kinds.surfaces import parts_of_block
+from tasks.kinds.walls import names_of_walls
 from tasks.outcome import is_done
 from tasks.run import Run
 from tasks.store.digests import differing
@@ -58,6 +59,7 @@ def find_wounds(session: icechunk.Session) -> dict[str, list[int]]:
             if _done(record) and not all(f"exemplars/{i}/{name}" in group for name in ("image", "labels"))
         ],
         "grounds": _without_seeds(session, records["grounds"]),
+        "walls": _without_seeds(session, records["walls"]),
         "facades": _without_rasters(session, records["facades"]),
         "viewpoints": viewpoints,
         "streets": _over_other_viewpoints(session, records["streets"], records["viewpoints"], viewpoints),
@@ -153,6 +155,8 @@ def _forget(group: StoreGroup, plan: Plan, due: dict[str, set[int]]) -> str:
     buildings = plan.textured_buildings()
     charts += [chart for unit in due.get("textures", ()) for chart in plan.own_charts(buildings[unit])]
     charts += plan.ground_near_cameras()[sorted(due.get("grounds", ()))].tolist()
+    walls = list(plan.walls_near_cameras().values())
+    charts += [chart for unit in due.get("walls", ()) for chart in walls[unit]]
     due.setdefault("streets", set()).update(units_of_charts(plan, charts)["streets"])
     for stage in STAGES:
         for unit in sorted(due.get(stage, ())):
@@ -176,6 +180,7 @@ def _names(plan: Plan) -> dict[str, Sequence[str]]:
         "viewpoints": [f"{streets[one.street]}, {one.id}" for one in plan.viewpoints],
         "textures": [plan.scene.names[building] for building in plan.textured_buildings()],
         "grounds": names_of_ground(plan),
+        "walls": names_of_walls(plan),
         "surfaces": [name for name, _ in parts_of_block(plan)],
     }
 
@@ -222,7 +227,7 @@ def _without_rasters(session: icechunk.Session, records: Records) -> list[int]:
 
 
 def _without_seeds(session: icechunk.Session, records: Records) -> list[int]:
-    """Ground from panoramas of which no chunk is listed: where none shows it, a chunk is empty and never written."""
+    """Units from panoramas of which no chunk is listed: where none shows a chart, a chunk is empty and never written."""
     made = {name: i for i, record in enumerate(records) if record and _done(record) for name in record["digests"]}
     if not made:
         return []

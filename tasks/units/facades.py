@@ -32,8 +32,8 @@ from facade_core.walls import wall_of
 from tasks.outcome import failure, machine_fault, reason_of, refusal, refusing
 from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
-from tasks.units.evidence import Before, Evidence, Fit, evidence_of
 from tasks.units.exemplars import read_exemplar
+from tasks.units.shown.evidence import Before, Evidence, Fit, evidence_of
 from tasks.units.unit import Piece
 
 if TYPE_CHECKING:

@@ -41,11 +41,11 @@ READ_TEXEL, WRITTEN_TEXEL = 16, 64
 # A finished texel that waits for the others of its unit, with its copy on the way to the store; one that is painted and
 # levelled, with what is around it (measured: 150).
 FINISHED_TEXEL, SURFACE_TEXEL = 10, 155
-# A texel of ground on which pictures go on by example, with what lies around it; and what its sources are chosen from, for a
+# A texel on which pictures go on by example, with what lies around it; and what its sources are chosen from, for a
 # whole piece (measured: 187 MB of 640,000 texels, 106 of 260,000).
 CONTINUED_TEXEL, CONTINUED = 300, 50_000_000
 
-# A texel of ground from panoramas, one that each of these shows, and a pixel of them with what hides it.
+# A texel of ground or of a wall from panoramas, one that each of these shows, and a pixel of them with what hides it.
 GROUND_TEXEL, VIEW_TEXEL, CAMERA_PIXEL = 60, 30, 8
 
 # A page that is coloured between its charts: means of ever larger squares of it, as floats. A picture of a tile: the rasters of
@@ -83,7 +83,7 @@ def texture_memory(texels: int, pictures: Sequence[Path]) -> int:
 
 def surface_memory(texels: np.ndarray, *, continued: bool = False) -> int:
     """Of a building or piece of ground whose charts have so many texels (k,): all are kept, one at a time is levelled.
-    continued: whether pictures of the ground go on by example there."""
+    continued: whether pictures go on by example there."""
     example = CONTINUED + int(texels.max()) * CONTINUED_TEXEL if continued else 0
     return LEAST + int(texels.sum()) * FINISHED_TEXEL + int(texels.max()) * SURFACE_TEXEL + example
 
@@ -92,6 +92,14 @@ def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
     """Of a piece of ground of so many texels, from so many panoramas."""
     kept = _pixels(pictures)
     return LEAST + _looking() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
+
+
+def wall_memory(texels: np.ndarray, pictures: Sequence[Path]) -> int:
+    """Of a building whose charts, of so many texels (k,), are taken from so many panoramas: what these show is kept, one chart
+    at a time is taken."""
+    kept = _pixels(pictures)
+    largest = int(texels.max()) * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL)
+    return LEAST + _looking() + int(texels.sum()) * FINISHED_TEXEL + largest + kept * CAMERA_PIXEL
 
 
 def page_memory(texels: int) -> int:

@@ -33,16 +33,17 @@ def _field(run: Run) -> Materials:
 
 def surface_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
     """Write colour and provenance of the charts of one building, or of one piece of ground, through the fork. Arguments: these
-    charts; those that facades or textures seeded, and those that streets wrote, among them and beside them."""
+    charts; those that facades or textures seeded, those that streets wrote, and those of walls and roofs that cameras show,
+    among them and beside them."""
     start = time.time()
     (unit,) = units
-    charts, seeded, written = unit.arguments
+    charts, seeded, written, pictured = unit.arguments
     plan = plan_of_run(run)
     scene, group = plan.scene, open_root(fork)
     field = _field(run)
     prepared = time.time()
     scene.daylight.reach(np.array(charts))  # all at once: each call casts rays of its own
-    known = Known(_reader(group, scene.placement, seeded, written), seeded, written)
+    known = Known(_reader(group, scene.placement, seeded, written), seeded, written, pictured)
     above = sampler(run)
     field, own = _with_own_wall(group, plan, field, charts, seeded)
     rasters = Rasters.of(scene.placement, charts)

@@ -23,9 +23,9 @@ from catalogs.readers.pictures import opening as pictures
 from catalogs.readers.pictures.folders import image_files, photos_by_facade, whole_picture
 from catalogs.readers.pictures.opening import MOST_PIXELS, MOST_WEBP_PIXELS, opened, read_picture
 from facade_core.errors import ImageError, InputError
-from tasks.units.evidence import photo_of
 from tasks.units.images import LONGEST_EXEMPLAR, focal_length, read_exemplar_picture, read_image
 from tasks.units.images import MOST_PIXELS as KEPT
+from tasks.units.shown.evidence import photo_of
 
 RAMP = np.linspace(0.0, 1.0, 48 * 64).reshape(48, 64)
 COLOUR = np.stack([RAMP, RAMP / 2, 1 - RAMP], axis=-1)

@@ -19,9 +19,9 @@ from facade_core.types import SHIPPED_MODELS, Pose
 from tasks.stages.due import what_is_set_aside
 from tasks.units import evidence
 from tasks.units import facades as facade
-from tasks.units.evidence import Evidence, evidence_of
 from tasks.units.imagery import Imagery
 from tasks.units.images import read_panorama, read_textures
+from tasks.units.shown.evidence import Evidence, evidence_of
 
 POSE = Pose(0.0, 0.0, 2.5, 0.0)
 SIZE = (24, 32)

@@ -24,11 +24,19 @@ from tests.pipeline.runs import run
 X, Y, GROUND = 121_000.0, 487_000.0, 1.5
 
 
-def house(city: dict[str, Any], id: str, x: float, y: float, textured: bool = False) -> None:
-    """A box of 12 x 10 x 9 m in the city; its northern wall and its roof may carry the texture."""
+def house(
+    city: dict[str, Any],
+    id: str,
+    x: float,
+    y: float,
+    textured: bool = False,
+    size: tuple[float, float, float] = (12, 10, 9),
+) -> None:
+    """A box in the city; its northern wall and its roof may carry the texture."""
     first = len(city["vertices"])
-    for z in (GROUND, GROUND + 9):
-        city["vertices"] += [[X + x + u, Y + y + v, z] for u, v in ((0, 0), (12, 0), (12, 10), (0, 10))]
+    wide, deep, high = size
+    for z in (GROUND, GROUND + high):
+        city["vertices"] += [[X + x + u, Y + y + v, z] for u, v in ((0, 0), (wide, 0), (wide, deep), (0, deep))]
     faces = [[i, (i + 1) % 4, (i + 1) % 4 + 4, i + 4] for i in range(4)] + [[3, 2, 1, 0], [4, 5, 6, 7]]
     geometry: dict[str, Any] = {
         "type": "MultiSurface",
@@ -63,6 +71,7 @@ def write_inputs(folder: Path) -> Path:
         for column in range(2):
             id = "plot 12/4" if row == column == 1 else f"h{row}{column}"
             house(city, id, 16.0 * column, y, textured=row == column == 1)
+    house(city, "shed", -6, 14, size=(3, 5, 2.2))  # too low for facades
     house(city, "nowhere", 60, 0)
     city["vertices"][-1][0] = float("nan")
     (folder / "city.json").write_text(json.dumps(city))
@@ -162,6 +171,26 @@ def test_own_textures_and_panoramas_are_photos_and_the_rest_is_synthesised(done:
     page, y, x = (int(charts[name][roof[0]]) for name in ("page", "y", "x"))
     height, width = int(charts["height"][roof[0]]), int(charts["width"][roof[0]])
     assert (group["atlas/provenance"][page, y : y + height, x : x + width] == PHOTO).mean() > 0.98
+
+
+def test_a_wall_that_is_no_facade_is_taken_from_the_panorama(done: Any) -> None:
+    """The shed's wall that the camera faces; how much of it is masked is no matter here."""
+    _, out, _ = done
+    session = open_repository(out / "store").readonly_session("main")
+    group = zarr.open_group(session.store, mode="r")
+    (record,) = [json.loads(text) for text in group["journal/walls"][:].tolist()]
+    assert (record["unit"], record["status"]) == ("shed", "done")
+    ((name, share, metres),) = record["cameras"]
+    assert name == "seen.jpg"
+    assert 0 < share < 1
+    assert 8 < metres < 11
+    charts = group["charts"]
+    (wall,) = [c for c, number in enumerate(charts["id"][:].tolist()) if f"{number:016x}" in record["digests"]]
+    page, y, x = (int(charts[name][wall]) for name in ("page", "y", "x"))
+    here = (page, slice(y, y + int(charts["height"][wall])), slice(x, x + int(charts["width"][wall])))
+    pictured = group["atlas/provenance"][here] == PHOTO
+    np.testing.assert_array_equal(group["facade_maps/camera"][here], pictured)
+    assert pictured.any()
 
 
 def test_the_model_stands_at_its_height_on_the_ground(done: Any) -> None:

@@ -50,17 +50,18 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "catalogs/readers/pictures/aerial.py": {"ingest", "textures", "surfaces", "publish"} | streets,
         "tasks/progress.py": set(),
         "facade_core/errors.py": set(),
-        "facade_core/parse/segmenter.py": facades | {"grounds"},
+        "facade_core/parse/segmenter.py": facades | {"grounds", "walls"},
         "facade_core/parse/training.py": set(),
-        "facade_core/parse/models/network.json": facades | {"grounds", "publish"},  # the catalogue names the models
-        "facade_core/parse/models/forest.onnx": facades | {"grounds"},
+        "facade_core/parse/models/network.json": facades
+        | {"grounds", "walls", "publish"},  # the catalogue names the models
+        "facade_core/parse/models/forest.onnx": facades | {"grounds", "walls"},
         "facade_core/parse/models/network.md": set(),
         "facade_core/layout/models/layouts.json": facades | {"publish"},
         "facade_core/street/models/translator.onnx": {"streets", "publish"},
         "facade_core/rectify/refinement.py": {"poses"},
         "facade_core/geometry/facets.py": {"ingest"},
         "facade_core/texture/genetic.py": facades,
-        "tasks/units/images.py": {"ingest", "poses", "textures", "grounds", "surfaces"} | facades | streets,
+        "tasks/units/images.py": {"ingest", "poses", "textures", "grounds", "walls", "surfaces"} | facades | streets,
         "tasks/units/streets.py": streets,
     }.items():
         content = (tmp_path / path).read_bytes()

@@ -1,0 +1,77 @@
+"""Walls that are no facades, and roofs, that panoramas show, a building at a time into the atlas."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from catalogs.block import Block
+from facade_core.atlas.journal import Record
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.geometry.charts import CORNERS
+from facade_core.plan import Plan
+from facade_core.rectify.camera import WALL_REACH_M
+from tasks.keys.units import wall_key
+from tasks.kinds.cameras import cameras_of_block
+from tasks.kinds.kind import Change, Kind
+from tasks.run import Run
+from tasks.units.memory import wall_memory
+from tasks.units.unit import Unit
+from tasks.units.walls import wall_unit
+
+
+def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: poses that are refined, and one exposure of their pictures."""
+    near = plan.walls_near_cameras()
+    if not near:
+        return []
+    cameras = cameras_of_block(block, plan, group, _placed)
+    texels = plan.texels()
+    units = []
+    for index, (building, charts) in enumerate(near.items()):
+        corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)[..., :2].reshape(-1, 2)
+        taken = cameras.near(corners, WALL_REACH_M)
+        key = wall_key(run, plan, charts, taken)
+        memory = wall_memory(texels[charts], [one.path for one in taken])
+        arguments = (tuple(charts), taken)
+        units.append(Unit(index, plan.scene.names[building], (key,), arguments, memory, tuple(charts)))
+    return units
+
+
+def names_of_walls(plan: Plan) -> list[str]:
+    """The buildings that have some."""
+    return [plan.scene.names[building] for building in plan.walls_near_cameras()]
+
+
+def _placed(record: Record | None) -> bool:
+    return record is not None and record["status"] == "done"
+
+
+def _again(change: Change) -> dict[int, int]:
+    """Buildings whose charts that cameras may show all stay, and are the same; the other charts of either stay no longer."""
+
+    def units(plan: Plan) -> dict[str, tuple[int, list[int]]]:
+        near = enumerate(plan.walls_near_cameras().items())
+        return {plan.scene.names[building]: (unit, charts) for unit, (building, charts) in near}
+
+    before, again = units(change.before), {}
+    gone = {chart for _, charts in before.values() for chart in charts}
+    for name, (unit, charts) in units(change.after).items():
+        if name in before and [change.stays.get(chart) for chart in charts] == before[name][1]:
+            again[unit] = before[name][0]
+            gone -= set(before[name][1])
+    for chart, old in list(change.stays.items()):
+        if old in gone:
+            del change.stays[chart]
+    return again
+
+
+WALLS = Kind(
+    "walls",
+    "photographed building",
+    count=lambda block, plan: len(plan.walls_near_cameras()),
+    again=_again,
+    units=wall_units,
+    function=wall_unit,
+    reads=("poses",),
+    seeds=True,
+)

@@ -1,0 +1,1 @@
+"""What pictures show of a surface, as units take it."""

@@ -1,0 +1,111 @@
+"""Panoramas as the units that take surfaces from them open them, and what these show, into the atlas."""
+
+from __future__ import annotations
+
+from collections import OrderedDict
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from facade_core.atlas.provenance import PHOTO, UNSEEN
+from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.cameras import Camera, Shown, usual_of
+from facade_core.detect import look_on_panorama
+from facade_core.plan import Plan
+from facade_core.rectify.camera import position
+from facade_core.street.scene import Scene
+from facade_core.types import Pose
+from tasks.outcome import refusing
+from tasks.units.imagery import Taken
+from tasks.units.images import read_panorama
+
+# Panoramas of which it is kept what hides surfaces on them.
+KEPT = 8
+
+# What stands before surfaces on a panorama (H, W, 3) uint8 of a pose: (H, W) bool.
+Hides = Callable[[np.ndarray, Pose], np.ndarray]
+
+
+def cameras_of(taken: Sequence[Taken], hides: Hides, refused: list[Exception]) -> tuple[list[Camera], list[Taken]]:
+    """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `refused`."""
+    cameras, used = [], []
+    for one in taken:
+        with refusing(refused):
+            image = read_panorama(one.path)
+            hidden = _hidden(one, image, hides)
+            cameras.append(Camera(image, one.pose, hidden, np.array(one.factor), usual_of(one.squares)))
+            used.append(one)
+    return cameras, used
+
+
+def write_shown(
+    group: StoreGroup, plan: Plan, found: Mapping[int, Shown], used: Sequence[Taken]
+) -> tuple[dict[str, str], list[list[Any]]]:
+    """Write what cameras show of charts, by chart; returns the charts' digests, and of each camera that shows some its name,
+    its share of all their texels and how far it was on the mean, metres."""
+    scene, placement = plan.scene, plan.scene.placement
+    if not found:
+        return {}, []
+    shown = [number for number in range(len(used)) if any((one.camera == number).any() for one in found.values())]
+    numbers = np.zeros(len(used) + 1, np.uint16)  # the first is none
+    numbers[np.array(shown) + 1] = np.arange(len(shown)) + 1
+    rasters = Rasters.of(placement, sorted(found))
+    seed, evidence = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
+    camera, confidence = np.empty(rasters.total, np.uint16), np.empty(rasters.total, np.uint8)
+    for chart, one in found.items():
+        texels = rasters.slice(placement, chart)
+        seed[texels] = one.rgb.reshape(-1, 3)
+        evidence[texels] = np.where(one.shown, PHOTO, UNSEEN).reshape(-1)
+        camera[texels] = numbers[one.camera.astype(np.int64) + 1].reshape(-1)
+        confidence[texels] = np.round(255 * one.confidence.clip(0, 1)).reshape(-1)
+    arrays: dict[str, np.ndarray] = {
+        "atlas/seed": seed,
+        "atlas/seed_evidence": evidence,
+        "facade_maps/camera": camera,
+        "facade_maps/confidence": confidence,
+    }
+    for name, flat in arrays.items():
+        write_rasters(group[name], scene.spec, placement, rasters, flat)
+    told = [
+        [
+            used[number].path.name,
+            round(float((camera == numbers[number + 1]).mean()), 4),
+            _far(scene, {chart: one.camera == number for chart, one in found.items()}, used[number]),
+        ]
+        for number in shown
+    ]
+    return chart_digests(seed, evidence, placement, rasters, plan.ids), told
+
+
+def _far(scene: Scene, own: Mapping[int, np.ndarray], one: Taken) -> float:
+    """How far the camera was on the mean from some texels (h, w) bool of charts, metres."""
+    away = []
+    for chart, texels in own.items():
+        rows, columns = np.nonzero(texels)
+        step = 1 / scene.placement.texels_per_metre[chart]
+        points = scene.charts.points(chart, step * (columns + 0.5), step * (rows + 0.5))
+        away.append(np.linalg.norm(points - position(one.pose), axis=1))
+    return round(float(np.concatenate(away).mean()), 2)
+
+
+# What hides surfaces on the panoramas looked at last, in bits, by what looked and their file and pose: units side by side share
+# them.
+_LOOKED_AT: OrderedDict[tuple[str, Path, int, int, Pose], np.ndarray] = OrderedDict()
+
+
+def _hidden(one: Taken, image: np.ndarray, hides: Hides) -> np.ndarray:
+    """What stands before surfaces on a panorama, and the faces and plates that there are on it: (H, W) bool."""
+    state = one.path.stat()
+    of = (hides.__name__, one.path, state.st_size, state.st_mtime_ns, one.pose)
+    bits = _LOOKED_AT.get(of)
+    if bits is None:
+        seen = look_on_panorama(image, one.pose.view)
+        hidden = hides(image, one.pose)
+        bits = np.packbits(hidden | seen.hidden(image.shape[:2]) if seen.any() else hidden)
+        _LOOKED_AT[of] = bits
+        if len(_LOOKED_AT) > KEPT:
+            _LOOKED_AT.popitem(last=False)
+    return np.unpackbits(bits, count=image.shape[0] * image.shape[1]).reshape(image.shape[:2]).astype(bool)

@@ -1,0 +1,132 @@
+"""Walls and roofs from panoramas: what is believed, what lies beside edges, and a painted side wall got back."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import cv2
+import numpy as np
+import pytest
+import shapely
+
+from facade_core.atlas.provenance import INPAINTED, PHOTO, UNSEEN
+from facade_core.cameras import Camera, Shown, beside_edges, photographed_wall
+from facade_core.cameras.walls import believed_of_wall, covered
+from facade_core.geometry.charts import WALL
+from facade_core.geometry.walls import taken_whole
+from facade_core.rectify import View
+from facade_core.street.field import Materials
+from facade_core.street.surfaces import Known, surface
+from facade_core.synth.street_paint import painted_sides
+from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_street
+from facade_core.types import Pose, Street
+
+SIZE = (40, 60)
+
+
+def view(left: float, right: float, *, seen: bool = True) -> View:
+    rgb = np.full((*SIZE, 3), left)
+    rgb[:, SIZE[1] // 2 :] = right
+    there = np.ones(SIZE, bool)
+    there[:, SIZE[1] // 2 :] = seen
+    return View(rgb.astype(np.uint8), there, np.full(SIZE, 0.5, np.float32))
+
+
+def test_what_two_cameras_show_differently_is_not_believed_and_what_one_alone_shows_is() -> None:
+    one, other = believed_of_wall([view(100, 100), view(104, 30)], 10.0)
+    # a square beside the edge of the thing is still within what a pose may be off
+    assert one[:, :30].all()
+    assert not one[:, 36:].any()
+    assert not other[:, 36:].any()
+    alone, less = believed_of_wall([view(100, 60), view(102, 60, seen=False)], 10.0)
+    assert alone.all()
+    np.testing.assert_array_equal(less, view(0, 0, seen=False).seen)
+
+
+@dataclass(frozen=True)
+class Seen:
+    """A side wall at the end of a street, and two cameras beyond it."""
+
+    street: SyntheticStreet
+    chart: int
+    cameras: list[Camera]
+
+
+@pytest.fixture(scope="module")
+def end() -> Seen:
+    street = synthetic_street(2, seed=3, occluders=0, texels_per_metre=8.0, roofed=True)
+    charts = street.scene.charts
+    outward = charts.normal()[:, :2] @ street.axis < -0.99
+    chart = int(np.flatnonzero(outward & (charts.kind == WALL) & taken_whole(charts) & (charts.building == 0))[0])
+    cameras = []
+    for along, across in ((-6.0, 2.0), (-9.0, -3.0)):
+        x, y = street.place(along, across)
+        pose = Pose(float(x), float(y), 2.5, 40.0)
+        image = panorama(street, pose, 1024, seed=1, sides=painted_sides(street))
+        hidden = beside_edges(street.scene, pose, image.shape[:2])
+        cameras.append(Camera(image, pose, hidden, np.ones(3), None))
+    return Seen(street, chart, cameras)
+
+
+def truth(seen: Seen) -> np.ndarray:
+    """Of the wall's raster, (h, w, 3)."""
+    scene, chart = seen.street.scene, seen.chart
+    size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+    x, y = np.meshgrid((np.arange(size[1]) + 0.5) / 8, (np.arange(size[0]) + 0.5) / 8)
+    return painted_sides(seen.street)(np.full(x.size, chart), x.ravel(), y.ravel()).reshape(*size, 3)
+
+
+def test_a_painted_side_wall_is_got_back_but_for_its_rim(end: Seen) -> None:
+    found = photographed_wall(end.street.scene, end.chart, end.cameras)
+    assert found is not None
+    assert found.shown.mean() > 0.6
+    assert not found.shown[[0, -1]].any()
+    assert not found.shown[:, [0, -1]].any()
+    assert set(np.unique(found.camera[found.shown])) <= {0, 1}
+    wall = truth(end)
+    # bricks are finer than the texels: what they look like from afar
+    seen, true = (
+        cv2.blur(np.where(found.shown[..., None], one, 0).astype(np.float32), (9, 9))[found.shown].mean(axis=1)
+        for one in (found.rgb, wall)
+    )
+    assert np.corrcoef(seen, true)[0, 1] > 0.9
+    far = replace(end.cameras[0], pose=replace(end.cameras[0].pose, x=end.cameras[0].pose.x - 60))
+    assert photographed_wall(end.street.scene, end.chart, [far]) is None
+
+
+def test_beside_a_gable_is_no_wall(end: Seen) -> None:
+    scene = end.street.scene
+    walls = np.flatnonzero((scene.charts.kind == WALL) & taken_whole(scene.charts))
+    shares = [covered(scene, wall).mean() for wall in walls.tolist()]
+    own = covered(scene, int(walls[np.argmin(shares)]))
+    assert 0.45 < own.mean() < 0.6
+    assert own[-1, own.shape[1] // 2]
+    assert not own[0, [0, -1]].any()
+    assert np.max(shares) == 1
+
+
+def test_pictures_of_a_wall_go_on_where_none_shows_it(end: Seen) -> None:
+    """A hole in the middle; without pictures the wall is as it was."""
+    scene, chart = end.street.scene, end.chart
+    wall = truth(end).astype(np.uint8)
+    size = wall.shape[:2]
+    shown = np.ones(size, bool)
+    shown[10:40, 20:50] = False
+    given = Shown(wall, shown, np.where(shown, 0, -1).astype(np.int8), shown.astype(np.float32))
+
+    def read(one: int, rows: slice, columns: slice) -> tuple[np.ndarray, np.ndarray]:
+        if one == chart:
+            rank = np.where(given.shown, PHOTO, UNSEEN).astype(np.uint8)
+            return given.rgb[rows, columns], rank[rows, columns]
+        shape = (rows.stop - rows.start, columns.stop - columns.start)
+        return np.zeros((*shape, 3), np.uint8), np.zeros(shape, np.uint8)
+
+    street = Street("s", None, shapely.LineString([end.street.place(0, 0), end.street.place(end.street.length, 0)]))
+    materials = Materials(scene, (street,), seed=1)
+    colour, rank = surface(scene, materials, chart, Known(read, {chart}, (), {chart}), network=False)
+    assert (rank[~shown] == INPAINTED).all()
+    np.testing.assert_array_equal(colour[shown], wall[shown])
+    levelled, before = surface(scene, materials, chart, Known(read, {chart}, ()), network=False)
+    assert (before[~shown] < INPAINTED).all()
+    off, plain = (np.abs(one[~shown].mean(axis=0) - wall[~shown].mean(axis=0)).mean() for one in (colour, levelled))
+    assert off < plain

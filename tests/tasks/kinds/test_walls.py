@@ -1,0 +1,107 @@
+"""Walls and roofs from panoramas: which charts, which panoramas, and what stays of them in a changed block."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from types import SimpleNamespace as Value
+from typing import Any
+
+import numpy as np
+import shapely
+import zarr
+
+from catalogs.block import TextureSettings
+from facade_core.atlas.journal import write_record
+from facade_core.geometry.charts import ROOF, WALL
+from facade_core.ingest import ingest, with_panoramas
+from facade_core.plan import Plan
+from facade_core.types import Building, Pose, Roof, Street
+from tasks.keys.units import changed_parts
+from tasks.kinds.walls import WALLS, names_of_walls, wall_units
+
+# Before the gap between the first two houses, and 200 m on before the third.
+POSES = (Pose(12.0, -6.0, 2.5, 0.0), Pose(206.0, -6.0, 2.5, 0.0))
+GABLED = Roof("gabled", 3.0)
+
+
+@cache
+def planned(*poses: Pose) -> Plan:
+    """Three houses with gables on a street, the third far from the others, and a shed."""
+    houses = [
+        Building(name, shapely.box(x, 0, x + 8, 10), 6.0, "height", roof=GABLED)
+        for name, x in (("a", 0.0), ("b", 16.0), ("c", 202.0))
+    ]
+    shed = Building("shed", shapely.box(9.5, 3, 14.5, 6), 2.3, "height")
+    plan = ingest(
+        [*houses, shed],
+        [Street("1", None, shapely.LineString([(-10, -6), (230, -6)]))],
+        texels_per_metre=4.0,
+        spacing=20.0,
+        height=2.5,
+        visibility_range=25.0,
+        panorama_width=128,
+        storey=3.2,
+        walls="exemplar",
+    )
+    return with_panoramas(plan, poses, [(512, 1024)] * len(poses))
+
+
+def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> None:
+    plan = planned(*POSES)
+    assert names_of_walls(plan) == ["a", "b", "c", "shed"]
+    charts = plan.scene.charts
+    for building, own in plan.walls_near_cameras().items():
+        assert set(charts.kind[own]) <= {WALL, ROOF}
+        assert set(charts.building[own]) == {building}
+        assert not set(own) & set(plan.facades.chart.tolist())
+        assert min(charts.size[own].min(axis=1)) >= 0.6
+    shed = plan.walls_near_cameras()[3]
+    assert WALL in charts.kind[shed]
+    assert charts.normal()[shed][:, 1].min() < -0.9  # its front; not its back, which the camera is behind
+    assert charts.normal()[shed][:, 1].max() < 0.9
+    assert names_of_walls(planned(POSES[1])) == ["c"]
+    assert planned().walls_near_cameras() == {}
+    assert wall_units(Value(), Value(panoramas=()), planned(), zarr.create_group({})) == []  # type: ignore[arg-type]
+
+
+def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_part_in_none(tmp_path: Path) -> None:
+    plan, run = planned(*POSES), Value(texture=TextureSettings(texels_per_metre=4.0))
+    pictures = [tmp_path / name for name in ("0.jpg", "1.jpg")]
+    for path in pictures:
+        path.write_bytes(b"")
+
+    def units(status: str = "done") -> dict[str, Any]:
+        group = zarr.create_group({})
+        group.create_array("journal/poses", shape=(2,), chunks=(1,), dtype=str)
+        for number, pose in enumerate(POSES):
+            known = {"unit": str(number), "key": "k", "status": status if number else "done", "squares": []}
+            place = [pose.x, pose.y, pose.z, pose.heading, 0.0, 0.0]
+            write_record(group, "poses", number, known | {"pose": place})  # type: ignore[arg-type]
+        block = Value(panoramas=[Value(path=path) for path in pictures])
+        return {unit.name: unit for unit in wall_units(run, block, plan, group)}  # type: ignore[arg-type]
+
+    first = units()
+    assert {name: [one.path.name for one in unit.arguments[1]] for name, unit in first.items()} == {
+        "a": ["0.jpg"],
+        "b": ["0.jpg"],
+        "c": ["1.jpg"],
+        "shed": ["0.jpg"],
+    }
+    pictures[1].write_bytes(b"another")
+    told = {name: changed_parts(unit.key, first[name].key) for name, unit in units().items()}
+    assert told == {"a": [], "b": [], "c": ["panoramas"], "shed": []}
+    assert units(status="failed")["c"].arguments[1] == ()
+
+
+def test_units_stay_where_their_charts_do_and_what_no_camera_shows_any_more_is_cleared() -> None:
+    before, after = planned(*POSES), planned(POSES[1])
+    same = {chart: chart for chart in range(len(before.ids))}
+    change: Any = Value(before=before, after=after, stays=dict(same))
+    assert WALLS.again(change) == {0: 2}
+    gone = {chart for building, own in before.walls_near_cameras().items() if building != 2 for chart in own}
+    assert same.keys() - change.stays.keys() == gone
+    moved: Any = Value(before=before, after=before, stays={c: o for c, o in same.items() if c != min(gone)})
+    owner = int(before.scene.charts.building[min(gone)])
+    assert WALLS.again(moved) == {unit: unit for unit in range(4) if unit != owner}
+    assert np.isin(before.walls_near_cameras()[owner], list(moved.stays)).sum() == 0
