@@ -24,6 +24,8 @@ if TYPE_CHECKING:
 # Facades on a page at most, and of those that somebody should look at.
 ON_PAGE = 40
 LOOKED_AT = 60
+# Those that changed most, with their pictures.
+CHANGES = 24
 
 
 class StreetPages(NamedTuple):
@@ -55,13 +57,16 @@ def write_report(
     poses: Sequence[Mapping[str, Any]],
     heights: Mapping[str, int],
     models: Sequence[str],
+    changed_from: float,
+    before: Mapping[str, str],
 ) -> None:
     """Write index.html, exemplars.html and streets/ into `folder`, beside its images/, which are there already.
 
     Those are given by their names: views along streets, panoramas (name, title), and by facade its sheets (name, title);
     rows have `look_first` beside the columns of the catalogue, by which those to look at are in order.
     textures_only: the facades of which no other stage is shown. exemplars: their records, with `pictures` (name, title) and
-    how many facades are made of each, `used`. models: files of the snapshot, from its folder.
+    how many facades are made of each, `used`. models: files of the snapshot, from its folder. before: by facade,
+    the picture of how it was at an earlier capture; those of which more than `changed_from` changed are listed.
     """
     environment = _environment()
     pages = street_pages(rows)
@@ -90,6 +95,9 @@ def write_report(
         for row in shown
     }
     doubtful = to_look_at(rows)
+    changed = sorted(
+        (row for row in rows if (row["changed"] or 0) >= changed_from), key=lambda row: (-row["changed"], row["id"])
+    )
     page = environment.get_template("report.html.j2").render(
         summary=summary,
         index=[_line(street) for street in pages],
@@ -97,6 +105,9 @@ def write_report(
         assumed=sum(row["quality"] == ASSUMED for row in rows),
         told=len(rows),
         most_doubtful=[{"row": row, "link": links[row["id"]]} for row in doubtful[:LOOKED_AT]],
+        changed=[_changed(row, records.get(row["id"], {}), sheets, before, links) for row in changed[:CHANGES]],
+        changes=len(changed),
+        compared=sum(row["changed"] is not None for row in rows),
         exemplars=len(exemplars),
         set_aside=[*set_aside, *(row for row in rows if row["status"] == "failed")],
         streets=streets,
@@ -168,6 +179,29 @@ def _line(street: StreetPages) -> dict[str, Any]:
 
 def _facade(row: Mapping[str, Any], record: Mapping[str, Any], sheets: Sequence[tuple[str, str]]) -> dict[str, Any]:
     return {"row": row, "pictures": _linked("../../images", sheets), "seconds": record.get("seconds", {})}
+
+
+def _changed(
+    row: Mapping[str, Any],
+    record: Mapping[str, Any],
+    sheets: Mapping[str, Sequence[tuple[str, str]]],
+    before: Mapping[str, str],
+    links: Mapping[str, str],
+) -> dict[str, Any]:
+    """A facade that changed: its row, how it was and is, and where that differs: (x, y, tenths), None where hidden."""
+    own = sheets.get(row["id"], ())
+    now = [name for name, _ in own if name.endswith(("-rectified.webp", "-hidden.webp"))] or [name for name, _ in own]
+    cells = record.get("change_map", [])
+    return {
+        "row": row,
+        "link": links[row["id"]],
+        "before": f"images/{quote(before[row['id']])}" if row["id"] in before else None,
+        "now": f"images/{quote(now[0])}" if now else None,
+        "size": (len(cells[0]), len(cells)) if cells else None,
+        "cells": [
+            (x, y, None if cell == "-" else int(cell)) for y, line in enumerate(cells) for x, cell in enumerate(line)
+        ],
+    }
 
 
 def _linked(folder: str, pictures: Sequence[tuple[str, str]]) -> list[dict[str, str]]:

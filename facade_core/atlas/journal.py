@@ -65,6 +65,10 @@ class Record(TypedDict, total=False):
     changed: float | None
     compared: float
     capture_date_before: str | None
+    # where it changed, `facade_core.rectify.changes.Compared.by_cell`; and how it was, a small WebP in base64, grey where the
+    # earlier capture shows something in front or nothing
+    change_map: list[str]
+    picture_before: str
     floors: int
     columns: int
     elements: list[list[Any]]

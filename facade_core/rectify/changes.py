@@ -25,6 +25,8 @@ WHITE = 0.16
 LEAST_COMPARED = 0.1
 # Changes smaller than this, square metres, are none.
 LEAST_CHANGE_M2 = 0.25
+# Where it changed is told by cells of so many metres, and no more than so many to a side.
+CELL_M, MOST_CELLS = 0.5, 48
 # The logistic regression of a cell's cues on whether it changed: `python -m benchmarks.changes --fit`.
 WEIGHTS = (-7.658, 8.125, 9.972, 4.027, 24.696, 0.789, -6.487, -20.81)
 
@@ -32,11 +34,30 @@ WEIGHTS = (-7.658, 8.125, 9.972, 4.027, 24.696, 0.789, -6.487, -20.81)
 @dataclass(frozen=True, slots=True, eq=False)
 class Compared:
     """share, of what both pictures show that is changed, None where that is too little to tell; compared, the share of the
-    facade that both show; changed (h, w) bool, where."""
+    facade that both show; changed (h, w) bool, where; both (h, w) bool, where both show it."""
 
     share: float | None
     compared: float
     changed: np.ndarray
+    both: np.ndarray
+
+    def by_cell(self, texels_per_metre: float) -> tuple[str, ...]:
+        """Where it changed, by cells of half a metre or more, MOST_CELLS to a side at most: a text a row, from above, a letter
+        a cell, from the left: tenths of what both show there that is changed, 0 to 9; "-" where both show less than half."""
+        import cv2
+
+        height, width = self.changed.shape
+        cell = max(CELL_M * texels_per_metre, max(height, width) / MOST_CELLS)
+        size = (max(1, round(width / cell)), max(1, round(height / cell)))
+        both, changed = (
+            cv2.resize(mask.astype(np.float32), size, interpolation=cv2.INTER_AREA)
+            for mask in (self.both, self.changed)
+        )
+        tenths = np.clip(10 * changed / np.maximum(both, 1e-6), 0, 9).astype(int)
+        return tuple(
+            "".join(str(tenth) if shown >= 0.5 else "-" for tenth, shown in zip(row, seen, strict=True))
+            for row, seen in zip(tenths.tolist(), both.tolist(), strict=True)
+        )
 
 
 def compare(newer: View, older: View, texels_per_metre: float) -> Compared:
@@ -45,12 +66,15 @@ def compare(newer: View, older: View, texels_per_metre: float) -> Compared:
     compared = float(both.mean())
     size = newer.seen.shape
     if compared < LEAST_COMPARED:
-        return Compared(None, compared, np.zeros(size, bool))
+        return Compared(None, compared, np.zeros(size, bool), np.zeros(size, bool))
     changed = _changed(cues @ np.array(WEIGHTS[1:], np.float32) + WEIGHTS[0], both, size, texels_per_metre)
     import cv2
 
-    whole = cv2.resize(changed.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
-    return Compared(float(changed.sum() / both.sum()), compared, whole)
+    whole, shown = (
+        cv2.resize(cells.astype(np.uint8), size[::-1], interpolation=cv2.INTER_NEAREST).astype(bool)
+        for cells in (changed, both)
+    )
+    return Compared(float(changed.sum() / both.sum()), compared, whole, shown)
 
 
 def _changed(logit: np.ndarray, both: np.ndarray, size: tuple[int, int], texels_per_metre: float) -> np.ndarray:

@@ -79,6 +79,7 @@ def application(out: Folder, host: str, bound: str, editor: Editor | None = None
             {
                 "stages": [{"stage": stage.name, "title": stage.title} for stage in stages(view, index)],
                 "elements": record.get("elements", []),
+                "change": {"map": record.get("change_map", []), "before": record.get("picture_before")},
                 "seconds": record.get("seconds", {}),
                 "reason": record.get("reason"),
                 "snapshot": view.snapshot,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from base64 import b64decode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -30,13 +31,15 @@ Titled = tuple[str, str]
 @dataclass(frozen=True)
 class Images:
     """What is in report/images: views along streets by their names, panoramas, the sheets of facades by their ids, the
-    facades of which only the texture is shown, and the pictures of exemplars by their names."""
+    facades of which only the texture is shown, the pictures of exemplars by their names, and how facades were before by
+    their ids."""
 
     views: tuple[str, ...]
     panoramas: tuple[Titled, ...]
     sheets: Mapping[str, tuple[Titled, ...]]
     textures_only: frozenset[str]
     exemplars: Mapping[str, tuple[Titled, ...]]
+    before: Mapping[str, str]
 
 
 def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside: Aside) -> Images:
@@ -61,6 +64,7 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside
         sheets,
         frozenset(r["unit"] for r in _done(journal[first:]) if len(r["pictures"]) == 1),
         _exemplars(folder, block, made, aside),
+        dict(_before(folder, block, made)),
     )
 
 
@@ -81,6 +85,15 @@ def _sheets(folder: str, block: StoredBlock, record: Record, made: Made) -> Iter
         of = unit_key(record["digest"], offset, length)
         made.put(f"{folder}/{file}", of, partial(_cut, whole, offset, length))
         yield file, title
+
+
+def _before(folder: str, block: StoredBlock, made: Made) -> Iterator[Titled]:
+    """One WebP for each facade that changed since an earlier capture, as that shows it: the facade's id, and the file."""
+    for record in _done(block.records):
+        if picture := record.get("picture_before"):
+            file = f"{file_stem(record['unit'])}-before.webp"
+            made.put(f"{folder}/{file}", unit_key(picture), partial(b64decode, picture))
+            yield record["unit"], file
 
 
 def _cut(whole: Callable[[], bytes], offset: int, length: int) -> bytes:

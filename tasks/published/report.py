@@ -11,7 +11,7 @@ from catalogs.published.report import write_report
 from facade_core.geometry.walls import ROLES, STREET
 from facade_core.style import SHADED
 from tasks.published.images import Images
-from tasks.published.review import look_first
+from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import Rows
 from tasks.published.stored import StoredBlock
 from tasks.run import Run
@@ -61,6 +61,8 @@ def write_block_report(
             if record["status"] == "done"
         ],
         models=models,
+        changed_from=CHANGED,
+        before=images.before,
     )
 
 

@@ -9,6 +9,10 @@ import numpy as np
 
 from facade_core.facades import Facades
 
+# A facade that told more than this of a change did change: of those that did not, .065 was told at most (`python -m
+# benchmarks.changes`).
+CHANGED = 0.07
+
 
 def look_first(facades: Facades, index: int, record: Mapping[str, Any], quality: str | None) -> float:
     """How much a facade is worth a look, square metres: what its street sees of it, times how doubtful it is.

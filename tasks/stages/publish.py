@@ -164,7 +164,7 @@ def _write(
         write_overview(snapshot, block, tiles, made, aside, attribution)
     advance("publish", 1)
     snapshot.report.mkdir(exist_ok=True)
-    images = Images((), (), {}, frozenset(), {})
+    images = Images((), (), {}, frozenset(), {}, {})
     with aside.trying("pictures"):
         images = write_images(snapshot, block, made, aside)
     advance("publish", 1)

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import time
+from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import replace
+from io import BytesIO
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -108,8 +110,7 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             if imagery.sources()[made.depth] in ("photo", "panoramas"):
                 about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
             if made.before is not None:
-                changed, compared, day = made.before
-                about |= {"changed": changed, "compared": compared, "capture_date_before": day}
+                about |= _change(made.before)
             if made.fit is not None:
                 kept, found, stretched = made.fit
                 about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
@@ -117,6 +118,20 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
         records[facade] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
     return fork, records
+
+
+def _change(before: Before) -> dict[str, Any]:
+    """What is kept of a change."""
+    from PIL import Image
+
+    told: dict[str, Any] = {"changed": before.changed, "compared": before.compared, "capture_date_before": before.day}
+    if before.cells:
+        told["change_map"] = list(before.cells)
+    if before.picture is not None:
+        file = BytesIO()
+        Image.fromarray(before.picture).save(file, "WEBP", quality=72, method=2)
+        told["picture_before"] = b64encode(file.getvalue()).decode()
+    return told
 
 
 def _told(imagery: Imagery, depth: int, source: str) -> str:

@@ -26,7 +26,7 @@ from facade_core.geometry.packing import Placement
 from facade_core.labels import PARSE_COLOURS
 from tasks.kinds.order import read_journals
 from tasks.outcome import refused
-from tasks.published.review import look_first
+from tasks.published.review import CHANGED, look_first
 from tasks.published.rows import facts
 
 # What a facade may be coloured by: not what names it, nor where it lies.
@@ -135,6 +135,7 @@ class View:
             "notes": self.group.attrs.get("notes", []),
             "snapshot": self.snapshot,
             "published": self.published,
+            "changed_from": CHANGED,
             "origin": corner.tolist(),
             "size": extent.round(2).tolist(),
             "columns": [{"name": c.name, "type": c.type, "unit": c.unit, "meaning": c.meaning} for c in SHOWN],

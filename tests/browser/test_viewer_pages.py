@@ -6,6 +6,7 @@ import io
 import json
 import shutil
 import time
+from base64 import b64encode
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -152,6 +153,8 @@ def seen(page: Any) -> Image.Image:
 def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
     page: Any, undisturbed: tuple[Path, dict[str, Any]], tmp_path: Path
 ) -> None:
+    from axe_playwright_python.sync_playwright import Axe
+
     out = tmp_path / "out"
     shutil.copytree(undisturbed[0], out, ignore=shutil.ignore_patterns("prefect"))
     with viewing(out) as address:
@@ -167,6 +170,29 @@ def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
         page.wait_for_selector("text=The run was cut off; run the block again to go on")
         with locked(out):
             page.wait_for_selector("text=The run is going on")
+        # what changed between two captures, of another: coloured and listed alone, and where, beside how it was
+        other = read_journal(group, "facades")[1]
+        assert other is not None
+        picture = io.BytesIO()
+        Image.new("RGB", (8, 6), (200, 60, 30)).save(picture, "WEBP")
+        change = {"changed": 0.4, "compared": 0.9, "capture_date": "2024-05-17", "capture_date_before": "2021-03-01"}
+        change |= {"change_map": ["-95", "000"], "picture_before": b64encode(picture.getvalue()).decode()}
+        session = open_repository(out / "store").writable_session(BRANCH)
+        write_record(open_root(session), "facades", 1, {**other, **change})  # type: ignore[typeddict-item]
+        commit(session, "a facade that changed")
         page.wait_for_selector("text=1 failed")
+        page.click("nav >> text=Map")
+        page.check("#changed-only")
+        page.wait_for_selector(f"tbody tr:only-child >> text={other['unit']}")
+        assert page.locator("line.facade[opacity='1']").count() == 1
+        assert page.input_value("#coloured-by") == "changed"
+        page.click(f"tbody >> text={other['unit']}")
+        page.wait_for_selector("text=Changed: 40 % of what both captures show, which counts as changed")
+        assert "2021-03-01 to 2024-05-17; both show 90 %" in page.inner_text(".changes")
+        assert page.locator(".changes rect").count() == 6 + 4, "the map and its legend"
+        wait(page, "document.querySelector('.changes img').naturalWidth === 8")
+        found = Axe().run(page, options={"resultTypes": ["violations"]}).response["violations"]
+        assert [v["id"] for v in found] == []
+        page.goto(f"{address}/#/run")
         page.click(f"text={record['unit']}")
         page.wait_for_selector(f"text=Failed: {reason}")

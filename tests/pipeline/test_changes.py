@@ -8,9 +8,11 @@ from pathlib import Path
 import numpy as np
 from PIL import Image
 
+from catalogs.published.snapshot import current
 from catalogs.query import query
 from facade_core.synth import facade as paint
 from tasks.stages.publish import publish_block
+from tasks.store.commits import journal
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 WIDTH, HEIGHT_M, FAR = 1024, 2.5, 600.0
@@ -76,6 +78,20 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     assert told.changed["c"] < 0.05
     assert set(query(out, where="changed > 0.3").building) == {"a"}
     assert told.source["a"].startswith("a-new.jpg")
+    # where, and how it was, in the report too
+    records = {r["unit"]: r for r in journal(out / "store", "facades") if r}
+    cells = records[told.id["a"]]["change_map"]
+    upper, lower = ("".join(part).replace("-", "") for part in (cells[:6], cells[-4:]))
+    assert np.mean([cell > "4" for cell in upper]) > 0.6
+    assert set(lower) == {"0"}
+    assert "picture_before" not in records[told.id["c"]]
+    report = current(out).report
+    text = (report / "index.html").read_text()
+    assert "1 of 2 facades that two captures show changed" in text
+    (before,) = (report / "images").glob("*-before.webp")
+    assert f'src="images/{before.name}"' in text
+    with Image.open(before) as image:
+        assert image.width == 72
 
     before = started(out)
     captured(folder, shots | {"c-newest": (FAR, CHANGED, 0.9, "2026-02-03")})

@@ -1,6 +1,7 @@
 // The run's page. Addresses: #/map, #/review, #/facade/ID, #/street/NUMBER/STEP, #/model, #/run; for who corrects #/edit/ID and #/photos/NAME.
 
 import { ask, element, facadeAddress, legend, picture, said } from "./elements.js";
+import { changeMap } from "./changes.js";
 import { map } from "./map.js";
 
 const main = document.getElementById("main");
@@ -8,6 +9,7 @@ const state = document.getElementById("state");
 let block = null; // what /api/block said last
 let progress = null; // what /api/progress said last
 let colouredBy = "status";
+let changedOnly = false; // whether the map shows those alone that changed between two captures
 let shown = ""; // the address that is drawn
 let correcting = null; // for who may correct
 let timer = 0;
@@ -62,13 +64,22 @@ function drawMap() {
       element("option", { value: name, selected: name === colouredBy }, name),
     ),
   );
+  const compared = block.facades.some((facade) => facade.changed !== undefined);
+  const changed = (facade) => facade.changed >= block.changed_from;
+  const only = element("input", { id: "changed-only", type: "checkbox", checked: changedOnly, onchange: (event) => {
+    changedOnly = event.target.checked;
+    colouredBy = changedOnly ? "changed" : colouredBy;
+    draw(true).then(() => document.getElementById("changed-only")?.focus());
+  } });
+  const strong = (number) => !(compared && changedOnly) || changed(block.facades[number]);
   const scheme = colouring(colouredBy);
   const filter = element("input", { id: "filter", type: "search", placeholder: "id, street or status", oninput: () => list() });
   const rows = element("tbody");
   const count = element("span", { role: "status" });
   const list = () => {
     const wanted = filter.value.trim().toLowerCase();
-    const found = block.facades.filter((f) => !wanted || `${f.id} ${f.street} ${f.status} ${f.building}`.toLowerCase().includes(wanted));
+    const found = block.facades.filter((f, number) => strong(number) && (!wanted || `${f.id} ${f.street} ${f.status} ${f.building}`.toLowerCase().includes(wanted)));
+    if (compared && changedOnly) found.sort((a, b) => b.changed - a.changed);
     rows.replaceChildren(
       ...found.slice(0, 500).map((facade) =>
         element(
@@ -84,10 +95,11 @@ function drawMap() {
   list();
   fill(
     element("h2", {}, "Map"),
-    element("div", { class: "controls" }, element("label", { for: "coloured-by" }, "Colour by"), chosen, element("label", { for: "filter" }, "Find"), filter, count),
+    element("div", { class: "controls" }, element("label", { for: "coloured-by" }, "Colour by"), chosen, element("label", { for: "filter" }, "Find"), filter,
+      compared ? element("span", {}, only, element("label", { for: "changed-only" }, " changed between two captures")) : null, count),
     element(
       "div", { class: "split" },
-      element("div", {}, map(block, { colour: scheme.of, label: `Map of ${block.facades.length} facades coloured by ${colouredBy}; the table lists them` }), legend(scheme.legend)),
+      element("div", {}, map(block, { colour: scheme.of, strong, label: `Map of ${block.facades.length} facades coloured by ${colouredBy}; the table lists them` }), legend(scheme.legend)),
       element("div", { class: "scroll", tabindex: 0, role: "region", "aria-label": "Facades" },
         element("table", {}, element("thead", {}, element("tr", {}, ...["Facade", "Street", colouredBy].map((text) => element("th", { scope: "col" }, text)))), rows)),
     ),
@@ -138,6 +150,7 @@ async function drawFacade(id) {
     facade.status === "waiting" ? element("p", {}, "Not made yet.") : null,
     element("dl", { class: "facts" }, ...shownColumns.map((column) =>
       element("div", { title: column.meaning }, element("dt", {}, column.name), element("dd", {}, said(facade[column.name], column.unit))))),
+    facade.changed === undefined ? null : changeMap(facade, details, block.changed_from),
     element("div", { class: "stages" }, ...details.stages.map(({ stage, title }) =>
       element("figure", {},
         element("a", { href: picture(id, stage, details.snapshot), target: "_blank" },

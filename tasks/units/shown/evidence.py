@@ -33,6 +33,8 @@ if TYPE_CHECKING:
 RIM = 2
 # How much pictures of the capture before count beside those of the newest: they are taken where these show nothing.
 EARLIER_QUALITY = 0.25
+# How it was before is kept, as a picture of at most so many texels to a side, of facades of which at least this share changed.
+PICTURED, LONGEST, GREY = 0.02, 320, 176
 # A facade of which pictures show less than this is made from an exemplar: there is too little to complete it from.
 SHOWN = 0.3
 
@@ -72,11 +74,14 @@ class Evidence:
 
 class Before(NamedTuple):
     """What of a facade changed since an earlier capture, of which the newest picture is of a day: the share of what both show,
-    None where that is too little, and the share of the facade that they do."""
+    None where that is too little, and the share of the facade that they do; where, by cells; and how it was, a small picture,
+    where enough changed to look at it."""
 
     changed: float | None
     compared: float
     day: str | None
+    cells: tuple[str, ...] = ()
+    picture: np.ndarray | None = None
 
 
 class Fit(NamedTuple):
@@ -155,6 +160,11 @@ def _of_panoramas(
         told = compare(now, then, float(plan.scene.placement.texels_per_metre[chart]))
         share = None if told.share is None else round(told.share, 4)
         before = Before(share, round(told.compared, 4), _last(earlier))
+        if share is not None:
+            picture = _small(then) if share >= PICTURED else None
+            before = before._replace(
+                cells=told.by_cell(float(plan.scene.placement.texels_per_metre[chart])), picture=picture
+            )
         # what is no longer so is not shown; the rest fills what the newest do not show
         views += [
             replace(one.view, seen=one.view.seen & ~told.changed, quality=EARLIER_QUALITY * one.view.quality)
@@ -177,6 +187,14 @@ def _of_panoramas(
         captured=_last(newest),
         before=before,
     )
+
+
+def _small(view: View) -> np.ndarray:
+    """A view (h, w, 3) as it is looked at beside another: no longer than LONGEST, and grey where it does not show the wall."""
+    image = np.where(view.clear[..., None], view.rgb, np.uint8(GREY))
+    scale = min(1.0, LONGEST / max(image.shape[:2]))
+    height, width = (max(1, round(side * scale)) for side in image.shape[:2])
+    return resized(image, (height, width))
 
 
 class _Taken(NamedTuple):
