@@ -246,6 +246,7 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
       streetloom view out/mine --port 0 --no-open      beside a run that is still going
       streetloom view out/mine --edit --who anna
       streetloom view out/mine --edit --photos my-photos/
+      streetloom view out/town --edit                  a page lists the city's blocks, each to be opened
     """
     from facade_core.errors import InputError
     from flows.cli.interrupts import end_early
@@ -256,7 +257,8 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
         raise click.UsageError("--who needs --edit")
     if photos is not None and not edit:
         raise click.UsageError("--photos needs --edit")
-    out = _run_in(out)
+    runs = _runs_in(out) if edit and photos is None else {}
+    out = out if len(runs) > 1 else _run_in(out)
     try:
         from flows.viewer.app import serve
         from flows.viewer.editing import Editor
@@ -265,8 +267,10 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
     except ModuleNotFoundError as error:
         raise InputError(f"the viewer needs {error.name}; install it with: pip install 'streetloom[viewer]'") from error
 
-    if edit:
-        beside = block_of(out).parent  # where corrections are kept
+    for run in runs.values():
+        block_of(run)  # beside which corrections are kept
+    if edit and len(runs) < 2:
+        beside = block_of(out).parent
         if photos is not None and not (beside / TABLE).is_file():
             raise InputError(
                 f"{beside / TABLE}: there is no such table; write it: streetloom match {block_of(out)} {photos}"
@@ -283,7 +287,14 @@ def view(out: Folder, port: int, host: str, opened: bool, edit: bool, who: str |
             webbrowser.open(f"{address}/#/model" if (out / "current").is_file() else address)
 
     end_early("the viewer is closed; what was saved is kept" if edit else "the viewer is closed; the run is as it was")
-    serve(out, host, port, ready, Editor(who or user(), photos) if edit else None)
+    serve(runs if len(runs) > 1 else out, host, port, ready, Editor(who or user(), photos) if edit else None)
+
+
+def _runs_in(folder: Folder) -> dict[str, Folder]:
+    """The runs in a folder by their names."""
+    from catalogs.published.runs import stores_in
+
+    return stores_in(folder)
 
 
 def _run_in(folder: Folder) -> Folder:

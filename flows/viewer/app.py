@@ -14,7 +14,7 @@ from starlette.middleware import Middleware
 from starlette.middleware.gzip import GZipMiddleware
 from starlette.requests import Request
 from starlette.responses import FileResponse, JSONResponse, PlainTextResponse, Response
-from starlette.routing import Mount, Route
+from starlette.routing import BaseRoute, Mount, Route
 from starlette.staticfiles import StaticFiles
 
 from catalogs.published.places import Folder
@@ -46,10 +46,27 @@ HEADERS = {
 }
 
 
-def application(out: Folder, host: str, bound: str, editor: Editor | None = None) -> Starlette:
-    """The viewer of the run in folder `out`, told to listen on `host`, which is the address `bound`; `editor` may correct what
-    it shows, and nobody without one."""
-    who = guard(host, bound)
+def application(out: Folder | Mapping[str, Folder], host: str, bound: str, editor: Editor | None = None) -> Starlette:
+    """The viewer of the run in folder `out`, or of several by their names, each below an address of its own; told to listen on
+    `host`, which is the address `bound`; `editor` may correct what it shows, and nobody without one."""
+    routes = _of_several(out, editor) if isinstance(out, Mapping) else _of_run(out, editor)
+    middleware = [
+        Middleware(_Guarded, guard=guard(host, bound)),
+        Middleware(GZipMiddleware, minimum_size=2000),
+    ]
+    return Starlette(routes=routes, middleware=middleware)
+
+
+def _of_several(runs: Mapping[str, Folder], editor: Editor | None) -> list[BaseRoute]:
+    return [
+        Route("/", lambda request: Response((PAGE / "city.html").read_text("utf-8"), media_type="text/html")),
+        Route("/api/blocks", lambda request: JSONResponse({"blocks": list(runs)})),
+        Mount("/page", StaticFiles(directory=PAGE)),
+        *(Mount(f"/blocks/{number}", routes=_of_run(out, editor)) for number, out in enumerate(runs.values())),
+    ]
+
+
+def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
     reader, growth = Reader(out), Growth()
 
     def answer(make: Callable[[Request], Response]) -> Callable[[Request], Response]:
@@ -113,7 +130,7 @@ def application(out: Folder, host: str, bound: str, editor: Editor | None = None
             return FileResponse(file, media_type="model/gltf-binary", headers=headers)
         return Response(file.read_bytes(), media_type="model/gltf-binary", headers=headers)
 
-    routes = [
+    routes: list[BaseRoute] = [
         Route("/", lambda request: Response((PAGE / "index.html").read_text("utf-8"), media_type="text/html")),
         Route("/api/block", answer(overview)),
         Route("/api/progress", answer(progress)),
@@ -129,11 +146,7 @@ def application(out: Folder, host: str, bound: str, editor: Editor | None = None
         routes += edit_routes(reader, editor)
         if editor.photos is not None:
             routes += match_routes(reader, editor, editor.photos)
-    middleware = [
-        Middleware(_Guarded, guard=who),
-        Middleware(GZipMiddleware, minimum_size=2000),
-    ]
-    return Starlette(routes=routes, middleware=middleware)
+    return routes
 
 
 class _Guarded:
@@ -169,10 +182,14 @@ def _whole(request: Request, name: str, count: int) -> int:
 
 
 def serve(
-    out: Folder, host: str, port: int, ready: Callable[[str, str | None], None], editor: Editor | None = None
+    out: Folder | Mapping[str, Folder],
+    host: str,
+    port: int,
+    ready: Callable[[str, str | None], None],
+    editor: Editor | None = None,
 ) -> None:
-    """Serve until interrupted; `ready` is told the address, and who else can look in where others can. With an editor, to whom
-    alone that address gives its token, on loopback only.
+    """Serve, as `application` does, until interrupted. `ready` is told the address, and who else can look in where others can.
+    With an editor, to whom alone that address gives its token, on loopback only.
 
     Raises InputError where host or port cannot be had.
     """

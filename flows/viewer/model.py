@@ -27,10 +27,10 @@ def model(out: Folder, view: View) -> dict[str, Any]:
     return {
         "anchor": start.position if start else listed[0]["origin"],
         "heading": start.heading if start else None,
-        "overview": f"/model?{urlencode({'of': snapshot.id})}",
+        "overview": f"model?{urlencode({'of': snapshot.id})}",
         "tiles": [
             {
-                "address": f"/model?{urlencode({'of': snapshot.id, 'tile': tile['path']})}",
+                "address": f"model?{urlencode({'of': snapshot.id, 'tile': tile['path']})}",
                 "box": tile["box"],
                 "origin": tile["origin"],
             }

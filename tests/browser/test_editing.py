@@ -216,10 +216,21 @@ def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
 
 def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once: Path, tmp_path: Path) -> None:
     folder = copied(once, tmp_path / "block")
+    copied(once, tmp_path / "another")
     block = folder / "in" / "block.yaml"
-    with viewing(folder / "out", "--edit", "--who", "anna") as address:
+    with viewing(tmp_path, "--edit", "--who", "anna") as address:
+        # of a folder with several blocks one is opened, and there is a way back
         page.goto(address)
+        page.wait_for_selector("text=2 blocks")
+        assert page.locator("main li").all_inner_texts() == ["another/out", "block/out"]
+        page.click("text=block/out")
         wait(page, "location.hash === '#/review'")
+        page.click("text=All blocks")
+        page.wait_for_selector("text=2 blocks")
+        assert "token" not in page.url
+        page.click("text=block/out")
+        wait(page, "location.hash === '#/review'")
+        page.wait_for_selector("#redo-now")
         page.evaluate("location.hash = '#/edit/a-0'")
         page.click("#not-a-facade")
         page.fill("#storeys", "400")
@@ -250,7 +261,7 @@ def test_a_wall_that_is_none_storeys_and_who_holds_another_token(page: Any, once
         page.click("#as-found")
         wait(page, "document.querySelector('#not-a-facade').getAttribute('aria-pressed') === 'false'")
         assert not read_corrections(block), "of its building too"
-        base = address.partition("#")[0]
+        base = page.url.partition("#")[0]
         page.evaluate("sessionStorage.setItem('token', 'another')")
         page.goto(f"{base}?again#/facade/a-0")
         page.wait_for_selector("text=Nothing can be corrected: the token is missing")

@@ -30,7 +30,7 @@ export async function begin(token, again) {
     if (!answer.ok) throw new Error(words.reason || answer.statusText);
     return words;
   };
-  const state = await told("/edit/state");
+  const state = await told("edit/state");
   return state && new Correcting(told, state, again);
 }
 
@@ -48,7 +48,7 @@ class Correcting {
 
   async redo() {
     try {
-      this.follow(await this.told("/edit/redo", {}));
+      this.follow(await this.told("edit/redo", {}));
     } catch (error) {
       this.tell(error.message, true);
     }
@@ -64,7 +64,7 @@ class Correcting {
     const going = this.run.disabled;
     this.run.disabled = redo.under_way;
     if (redo.said) this.tell(redo.said, redo.failed);
-    if (redo.under_way) setTimeout(() => this.told("/edit/state").then((state) => this.follow(state.redo), (error) => this.lost(error)), LOOK_AGAIN_MS);
+    if (redo.under_way) setTimeout(() => this.told("edit/state").then((state) => this.follow(state.redo), (error) => this.lost(error)), LOOK_AGAIN_MS);
     else if (going) this.again();
   }
 
@@ -104,10 +104,10 @@ class Page {
   }
 
   async load() {
-    const { stages } = await ask(`/api/facade?id=${encodeURIComponent(this.id)}`);
+    const { stages } = await ask(`api/facade?id=${encodeURIComponent(this.id)}`);
     const under = UNDER.map((name) => stages.find(({ stage }) => stage === name)).filter(Boolean);
     if (!under.length) throw new Error(`Facade ${this.id} is not made yet: there is nothing to draw on.`);
-    const stand = await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`);
+    const stand = await this.correcting.told(`edit/facade?id=${encodeURIComponent(this.id)}`);
     const colours = Object.fromEntries(this.block.parse_colours.map(([colour, name]) => [name, colour]));
     this.editor = new Editor(stand, this.correcting.labels, colours, () => this.changed());
     this.parts = this.made(under, stand);
@@ -153,7 +153,7 @@ class Page {
   }
 
   async reload() {
-    const stand = await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`);
+    const stand = await this.correcting.told(`edit/facade?id=${encodeURIComponent(this.id)}`);
     if (this.dirty()) return; // somebody drew meanwhile
     if (String(stand.size) !== String(this.stand.size)) { // the wall has another height now
       const [before] = this.parts;
@@ -301,13 +301,13 @@ class Page {
       this.result.classList.toggle("failed", failed);
     };
     try {
-      const done = await this.correcting.told("/edit/corrections", { corrections, why: this.why.value, facade: this.id, stood: this.stand.corrected });
-      this.stands(await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`));
+      const done = await this.correcting.told("edit/corrections", { corrections, why: this.why.value, facade: this.id, stood: this.stand.corrected });
+      this.stands(await this.correcting.told(`edit/facade?id=${encodeURIComponent(this.id)}`));
       say([done.said, ...done.notes].join("; "), false);
       return true;
     } catch (error) {
       say(error.message, true);
-      const { corrected } = await this.correcting.told(`/edit/facade?id=${encodeURIComponent(this.id)}`).catch(() => this.stand);
+      const { corrected } = await this.correcting.told(`edit/facade?id=${encodeURIComponent(this.id)}`).catch(() => this.stand);
       this.stand = { ...this.stand, corrected };
       this.listed();
       return false;

@@ -30,7 +30,7 @@ export async function ask(path) {
 }
 
 export const picture = (facade, stage, snapshot) =>
-  `/picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
+  `picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
 export const facadeAddress = (id) => `#/facade/${encodeURIComponent(id)}`;
 
 export function said(value, unit = "") {

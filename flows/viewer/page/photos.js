@@ -58,7 +58,7 @@ export class Photos {
 
   async draw(block, name, fill) {
     this.block = block;
-    if (!this.rows) this.stands((await this.told("/edit/matches")).photos);
+    if (!this.rows) this.stands((await this.told("edit/matches")).photos);
     if (!this.rows.length) {
       fill(element("h2", {}, "Photos"), element("p", {}, "The table has no photo."));
       return;
@@ -154,7 +154,7 @@ export class Photos {
     const { image } = this;
     try {
       image.src = await this.shown(`photo ${row.photo}`, async () => {
-        const blob = await this.told(`/edit/photo?name=${encodeURIComponent(row.photo)}`);
+        const blob = await this.told(`edit/photo?name=${encodeURIComponent(row.photo)}`);
         const reader = new FileReader();
         await new Promise((done) => { reader.onload = done; reader.readAsDataURL(blob); });
         return reader.result;
@@ -167,7 +167,7 @@ export class Photos {
   async wall(id, number) {
     const { image, how } = this.choices[number];
     const found = await this.shown(`wall ${id}`, async () => {
-      const { stages, snapshot } = await ask(`/api/facade?id=${encodeURIComponent(id)}`);
+      const { stages, snapshot } = await ask(`api/facade?id=${encodeURIComponent(id)}`);
       const [by] = BY.filter(([name]) => stages.some(({ stage }) => stage === name));
       return by ? [picture(id, by[0], snapshot), by[1]] : null;
     }).catch(() => null);
@@ -253,7 +253,7 @@ export class Photos {
     const decisions = this.unsaved().map((row) => ({ photo: row.photo, ...this.steps.now[row.photo], stood: [row.facade, row.by] }));
     this.keep.disabled = true;
     try {
-      const done = await this.told("/edit/decisions", { decisions });
+      const done = await this.told("edit/decisions", { decisions });
       this.taken = true;
       const name = this.row.photo;
       this.stands(done.photos);

@@ -134,7 +134,7 @@ async function drawFacade(id) {
     return;
   }
   const facade = block.facades[number];
-  const details = await ask(`/api/facade?id=${encodeURIComponent(id)}`);
+  const details = await ask(`api/facade?id=${encodeURIComponent(id)}`);
   const go = (by) => (location.hash = facadeAddress(block.facades[(number + by + block.facades.length) % block.facades.length].id));
   const shownColumns = block.columns.filter((column) => facade[column.name] !== undefined);
   fill(
@@ -183,7 +183,7 @@ function drawStreet(street, step) {
   const choose = element("select", { id: "street", onchange: (event) => (location.hash = `#/street/${event.target.value}/0`) },
     ...withViews.map((i) => element("option", { value: i, selected: i === street }, block.streets[i].name)));
   const shot = (kind, alt, title) => element("figure", { class: "panorama" },
-    element("img", { src: `/picture/${kind}?viewpoint=${viewpoint}&of=${progress?.snapshot || block.snapshot}`, alt, id: kind }), element("figcaption", {}, title));
+    element("img", { src: `picture/${kind}?viewpoint=${viewpoint}&of=${progress?.snapshot || block.snapshot}`, alt, id: kind }), element("figcaption", {}, title));
   const parts = [
     element("h2", {}, `Street ${block.streets[street].name}`),
     element("div", { class: "controls" }, element("label", { for: "street" }, "Street"), choose,
@@ -209,7 +209,7 @@ function drawStreet(street, step) {
 }
 
 async function drawModel() {
-  const model = await ask("/api/model");
+  const model = await ask("api/model");
   const { show } = await import("./model.js");
   const canvas = element("canvas", { id: "model", tabindex: 0, role: "img", "aria-label": "The textured block in 3D; keys are told below" });
   const note = element("p", { class: "note", role: "status" });
@@ -289,11 +289,11 @@ const later = (after) => {
 
 async function follow() {
   try {
-    const now = await ask("/api/progress");
+    const now = await ask("api/progress");
     const changed = !progress || ["snapshot", "published", "under_way"].some((name) => now[name] !== progress[name]);
     progress = now;
     if (changed) {
-      block = await ask("/api/block");
+      block = await ask("api/block");
       document.title = `${block.block} · Streetloom`;
       document.getElementById("title").textContent = block.block;
       if (correcting && shown.startsWith("#/edit/")) await correcting.renew(block, decodeURIComponent(shown.slice("#/edit/".length)));
@@ -321,6 +321,9 @@ addEventListener("keydown", (event) => {
     if (number >= 0) location.hash = facadeAddress(next.id);
   }
 });
+
+// Of a block of several there is a way back to the others.
+if (/\/blocks\/\d+\/$/.test(location.pathname)) document.querySelector("nav").prepend(element("a", { href: "../../" }, "All blocks"));
 
 // The address with the token is for who corrects; it is kept for this window, and taken out of what the window shows.
 async function begin() {
