@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from difflib import get_close_matches
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from catalogs.block.corrections import (
     OF_BUILDINGS,
@@ -28,6 +28,7 @@ from catalogs.published.snapshot import current
 from catalogs.readers.annotations import Said, pictures_of, read_annotations, said_in
 from facade_core.errors import InputError
 from tasks.corrections.told import Told
+from tasks.corrections.walls import unreached
 from tasks.published.opened import Published, opened, published
 from tasks.store.standing import recorded_source
 
@@ -35,7 +36,8 @@ from tasks.store.standing import recorded_source
 @dataclass(frozen=True)
 class Imported:
     """What an import came to: the files it went to, the command that does again what depends on it, and how many facades and
-    buildings were corrected. notes: corrections by somebody else that newer ones took the place of, and what is not taken."""
+    buildings were corrected, those aside of which nothing that is seen changes. notes: corrections by somebody else that newer
+    ones took the place of, what is not taken, and what does not change."""
 
     files: tuple[Path, ...]
     command: str
@@ -94,8 +96,13 @@ def block_of(out: Folder) -> Path:
     return block
 
 
-# The block file of a run, what is new of it, and what to look at.
-_New = tuple[Path, list[Correction], list[str]]
+class _New(NamedTuple):
+    """What is new of the block of a run; what to look at; and the buildings on which nothing that is seen changes."""
+
+    block: Path
+    said: list[Correction]
+    notes: list[str]
+    unchanged: frozenset[str]
 
 
 def _by(who: str, why: str, when: datetime | None = None) -> Correction:
@@ -105,21 +112,23 @@ def _by(who: str, why: str, when: datetime | None = None) -> Correction:
 def _told(out: Folder, found: Published, said: Sequence[Said], named: str, by: Correction) -> _New:
     block = block_of(out)
     told = Told(found, read_corrections(block))
-    return block, told.corrections(named, said, by), told.notes
+    new = told.corrections(named, said, by)
+    notes, unchanged = unreached(found, new)
+    return _New(block, new, [*told.notes, *notes], unchanged)
 
 
 def _kept(out: Folder, of_blocks: Sequence[_New]) -> Imported:
     """Keep what is new of some blocks, whose runs are in a folder."""
     by_file: dict[Path, tuple[Path, list[Correction]]] = {}
-    for block, new, _ in of_blocks:
+    for block, new, *_ in of_blocks:
         if new:
             by_file.setdefault(corrections_file(block), (block, []))[1].extend(new)
     for block, new in by_file.values():
         add_corrections(block, new)
-    every = [one for _, new, _ in of_blocks for one in new]
+    every = [one for of in of_blocks for one in of.said if one.id not in of.unchanged or one.what in OF_FACADES]
     facades, buildings = (len({one.id for one in every if one.what in kind}) for kind in (OF_FACADES, OF_BUILDINGS))
-    notes = tuple(note for *_, more in of_blocks for note in more)
-    return Imported(tuple(by_file), _command(out, of_blocks[0][0]), facades, buildings, notes)
+    notes = tuple(note for of in of_blocks for note in of.notes)
+    return Imported(tuple(by_file), _command(out, of_blocks[0].block), facades, buildings, notes)
 
 
 def _command(out: Folder, block: Path) -> str:

@@ -275,6 +275,27 @@ def test_tables_of_buildings_and_of_facades_correct_heights_and_what_is_none(fol
     }
 
 
+def test_what_walls_are_of_is_told_where_they_have_textures_and_is_counted_where_something_changes(
+    folder: Path,
+) -> None:
+    out, walls = folder / "out", {f"b-{wall}" for wall in range(4)}
+    assert {record(folder, wall)["source"] for wall in walls} <= {"0", "1"}, "of exemplars"
+    done = import_corrections(out, own(folder, {"building_id": "b", "wall_material": "brick"}), who="anna")
+    assert done.buildings == 0
+    assert done.notes == (
+        "b: 4 walls are textured from exemplars or pictures, which no wall_material or wall_colour changes; give the building "
+        "another exemplar",
+    )
+    assert read_corrections(folder / "in" / "block.yaml").value("b", "wall_material") == "brick", (
+        "kept for what they may be"
+    )
+    none = [{"facade_id": wall, "facade": False} for wall in sorted(walls)]
+    done = import_corrections(out, own(folder, *none, {"building_id": "b", "wall_colour": "#7a3b2e"}), who="anna")
+    assert (done.facades, done.buildings, done.notes) == (4, 1, ())
+    done = import_corrections(out, own(folder, {"building_id": "a", "wall_material": "brick", "levels": 3}), who="anna")
+    assert (done.buildings, len(done.notes)) == (1, 1)
+
+
 def test_corrections_follow_a_wall_to_another_id_and_wait_where_it_is_gone(folder: Path) -> None:
     elements = [["window", 0.2, 0.2, 0.5, 0.5]]
     import_corrections(folder / "out", own(folder, {"facade_id": "b-2", "elements": elements}), who="anna")

@@ -1,0 +1,56 @@
+"""Which walls a corrected material or colour does not reach: those that are textured from exemplars or pictures."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Sequence
+from typing import NamedTuple
+
+from catalogs.block.corrections import OF_BUILDINGS, Correction
+from facade_core.geometry.charts import WALL
+from tasks.published.opened import Published
+
+# What says of what walls are, beside what has a texture.
+_OF_WALLS = ("wall_material", "wall_colour")
+# The source of a facade that has no texture of its own: it takes what its walls are of.
+PLAIN = "translator"
+
+
+class Unreached(NamedTuple):
+    """Of corrections that say what walls are of: a note, where walls stay as they are; and the buildings on which nothing
+    changes, as all of their walls do."""
+
+    notes: tuple[str, ...]
+    buildings: frozenset[str]
+
+
+def unreached(found: Published, new: Sequence[Correction]) -> Unreached:
+    """What `new` corrections of a block do not change of what was published of it."""
+    plan = found.plan
+    houses = {name: index for index, name in found.names.items()}
+    none = {one.id for one in new if one.what == "facade" and one.value is False}
+    stated = sorted({one.id for one in new if one.what in _OF_WALLS and one.value is not None and one.id in houses})
+    kept = {id: walls for id in stated if (walls := _textured(found, houses[id], none))}
+    if not kept:
+        return Unreached((), frozenset())
+    others = {one.id for one in new if one.what in OF_BUILDINGS and one.what not in _OF_WALLS}
+    whole = {
+        id
+        for id in kept
+        if not any(plan.scene.charts.kind[chart] == WALL for chart in plan.own_charts(houses[id])) and id not in others
+    }
+    names = ", ".join([*kept][:3]) + (", ..." if len(kept) > 3 else "")
+    note = (
+        f"{names}: {sum(kept.values())} walls are textured from exemplars or pictures, which no wall_material or "
+        "wall_colour changes; give the building another exemplar"
+    )
+    return Unreached((note,), frozenset(whole))
+
+
+def _textured(found: Published, building: int, none: Collection[str]) -> int:
+    """How many facades of a building have a texture, those aside that are said now to be none."""
+    facades = found.plan.facades
+    return sum(
+        of == building and id not in none and made["status"] == "done" and made["source"] != PLAIN
+        for of, id, made in zip(facades.building.tolist(), facades.id, found.records, strict=True)
+        if made is not None
+    )
