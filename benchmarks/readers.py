@@ -22,18 +22,24 @@ BLOCKS = ("amsterdam-dam", "amsterdam-ij", "delfshaven", "ingolstadt", "plateau"
 
 
 def main() -> None:
-    """Read real files in every format, a process each, and ingest the example blocks; prints one JSON object."""
+    """Read real files in every format, a process each, and plan the example blocks; prints one JSON object."""
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--data", type=Path, default=Path("../shared/data"), help="the data folder")
     parser.add_argument("--one", type=Path, help="read one file only, and print its figures")
+    parser.add_argument("--only", choices=("readers", "blocks"), help="one of the two, both without")
     options = parser.parse_args()
     if options.one:
         print(json.dumps(_read(options.one)))
         return
     os.environ["STREETLOOM_DATA"] = str(options.data.resolve())
-    with tempfile.TemporaryDirectory() as folder:
-        readers = [_apart(path) for path in _files(options.data / "city", Path(folder))]
-    result = {"benchmark": "readers", "readers": readers, "blocks": [_block(name) for name in BLOCKS]}
+    result: dict[str, Any] = {"benchmark": "readers"}
+    if options.only != "blocks":
+        with tempfile.TemporaryDirectory() as folder:
+            result["readers"] = [_apart(path) for path in _files(options.data / "city", Path(folder))]
+    if options.only != "readers":
+        blocks = [_block(name) for name in BLOCKS]
+        totals = {name: sum(block[name] for block in blocks) for name in ("viewpoints", "viewpoints_inside_buildings")}
+        result |= {"blocks": blocks, "all_blocks": totals}
     print(json.dumps(result, indent=1))
 
 

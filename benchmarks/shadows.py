@@ -63,6 +63,7 @@ def main(arguments: list[str] | None = None) -> None:
                 "benchmark": "shadows",
                 "photos": len(told),
                 "marked": len(MARKED),
+                "unmarked": len(told) - len(MARKED),
                 "told": len(over),
                 "both": len(over & MARKED),
                 "missed": sorted(MARKED - over),

@@ -1,6 +1,7 @@
 """What `mkdocs build` gathers for the site: every page of the project at its own place, with the pictures that it shows.
 
-So a link between two pages is the same in a clone, on a host of repositories and on the site.
+So a link between two pages is the same in a clone, on a host of repositories and on the site. The drawing of the house, which
+hosts of repositories draw, is drawn here: what draws it in a browser would be fetched from a network.
 """
 
 from __future__ import annotations
@@ -13,9 +14,11 @@ from typing import Any
 from mkdocs.structure.files import File, Files
 
 from benchmarks.figures.page import current_with_changes
+from docs.drawing import drawn
 
 ROOT = Path(__file__).resolve().parent.parent
 _LOCAL = re.compile(r"\[([^\[\]]*)\]\((?!\w+:)([^)\s#]+)((?:#[^)\s]*)?)\)")
+_DRAWING = re.compile(r"^```mermaid\n(.*?)^```$", re.MULTILINE | re.DOTALL)
 _SHOWN = {".md", ".jpg", ".png", ".svg", ".html", ".webp", ".ipynb"}
 
 
@@ -47,6 +50,8 @@ def on_page_markdown(markdown: str, page: Any, config: Any, files: Files) -> str
     """Links to files that the site does not have, such as code, become their names; figures say what has changed since."""
     if page.file.src_uri == "docs/figures.md":
         markdown = current_with_changes()
+        page.meta["hide"] = ["toc"]  # four columns
+    markdown = _DRAWING.sub(lambda drawing: drawn(drawing[1]), markdown)
     folder = Path(page.file.src_uri).parent
 
     def kept(match: re.Match[str]) -> str:

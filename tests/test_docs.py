@@ -10,7 +10,9 @@ from functools import cache
 from pathlib import Path
 
 import pytest
+from defusedxml import ElementTree
 
+from docs.drawing import drawn
 from tests.test_layers import HOUSE, STOREYS
 
 ROOT = Path(__file__).resolve().parent.parent
@@ -102,6 +104,17 @@ def test_the_drawing_shows_the_storeys(layer: str) -> None:
     assert [(int(number), tuple(rooms)) for number, *rooms in lines] == sorted(storeys.items(), reverse=True)
     boxes = re.findall(rf'\b{layer[0]}(\d)\["([^"]+)"\]', text)
     assert {int(number): tuple(rooms.split(" · ")) for number, rooms in boxes} == storeys
+
+
+def test_the_site_draws_them_all() -> None:
+    flowchart = re.search(
+        r"^```mermaid\n(.*?)^```$", ARCHITECTURE.read_text(encoding="utf-8"), re.MULTILINE | re.DOTALL
+    )
+    assert flowchart is not None
+    drawn_text = [text.text or "" for text in ElementTree.fromstring(drawn(flowchart[1])).iter("text")]
+    rooms = [room for storeys in STOREYS.values() for rooms in storeys for room in rooms]
+    assert sorted(room for text in drawn_text for room in text.split(" · ") if room in rooms) == sorted(rooms)
+    assert {"flows", *STOREYS, "facade_core"} <= set(drawn_text)
 
 
 def test_every_room_has_its_line() -> None:

@@ -1,7 +1,7 @@
 """The rows of the page, and how a figure is taken out of a record: rows.toml.
 
-In the text of a figure `{record/key/key:spec}` stands for a value of a record. A key of a list is an item's number, or a word
-that this item alone has as a value. spec is Python's, with the nought before a point only where it begins with one (`.2f`
+In the text of a figure `{record/key/key:spec}` stands for a value of a record. A key may be an item's number, and of a list a
+word that this item alone has as a value. spec is Python's, with the nought before a point only where it begins with one (`.2f`
 gives .56, `0.2f` 0.56), and may follow on a conversion: `!percent`, `!kilo`, `!mega`, or of a list `!min`, `!max`, `!median`,
 `!mean`, `!count`, `!sum`.
 """
@@ -108,8 +108,8 @@ def figure_of(row: Row, records: Mapping[str, Record]) -> str:
 
 
 def _step(value: Any, key: str) -> Any:
-    if not isinstance(value, list):
-        return value[key]
+    if isinstance(value, dict):
+        return value[key] if key in value or not key.isdecimal() else list(value.values())[int(key)]
     if key.isdecimal():
         return value[int(key)]
     (found,) = [item for item in value if key in item.values()]
