@@ -10,7 +10,8 @@ from itertools import groupby
 import numpy as np
 import shapely
 
-from facade_core.geometry.charts import WALL, Charts
+from facade_core.geometry.charts import GROUND, ROOF, WALL, Charts
+from facade_core.geometry.raycast import MISS
 from facade_core.geometry.streets import Viewpoint
 from facade_core.geometry.walls import BACK, LEVEL_M, NARROW_M, SIDE, STOREY_M, STREET, bends
 from facade_core.grouping import Grouped, grouped
@@ -28,6 +29,9 @@ FACADE_TEXELS = 16
 FREE = 0.25
 # Points of a wall that are looked at, per axis.
 SAMPLES = (5, 4)
+# What lies below a wall's foot is looked at from this far before it, at these shares of its width, from this far above: on a
+# roof, or without ground so little below where the wall begins high, there are neither doors nor shops.
+BEFORE_M, ALONG, ABOVE_M, BELOW_M = 0.5, (0.1, 0.3, 0.5, 0.7, 0.9), 1.0, 2.0
 # A storey is at least and at most this high: tagged levels can contradict the height. Else STOREY_M.
 TAGGED_STOREY_M = (2.2, 6.0)
 
@@ -46,8 +50,8 @@ class Facades:
     metres from where that begins;
     foot (n,) metres over the foot of most of its building's walls;
     eaves (n,) metres from there to where most of them end, and storeys (n,) int32, how many these are;
-    raised (n,) bool, whether the building begins above the ground; house (n,) int64, a number of 32 bits for the building, or
-    for that of which it is a part: all its parts are of one style.
+    raised (n,) bool, whether the building begins above the ground, or the wall on a roof; house (n,) int64, a number of 32 bits
+    for the building, or for that of which it is a part: all its parts are of one style.
     """
 
     id: tuple[str, ...]
@@ -140,7 +144,7 @@ def find_facades(
         foot=foot,
         eaves=eaves,
         storeys=storeys,
-        raised=np.array([buildings[b].raised > 0 for b in building], bool),
+        raised=np.array([buildings[b].raised > 0 for b in building], bool) | _above_ground(scene, chart, foot),
         house=np.array([number_of(buildings[b].house) for b in building], np.int64),
     )
 
@@ -177,6 +181,18 @@ def _levels(charts: Charts, chart: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         if end - base >= FACADE_HEIGHT_M:
             over[own], eaves[own] = foot[own] - base, end - base
     return np.where(np.abs(over) < LEVEL_M, 0.0, over), eaves
+
+
+def _above_ground(scene: Scene, chart: np.ndarray, foot: np.ndarray) -> np.ndarray:
+    """Which walls (k,) begin on a roof, their own building's or a neighbour's, or a storey over most of their building's, by
+    their `foot` (k,), and with no ground below: (k,) bool."""
+    charts = scene.charts
+    feet = charts.at_shares(chart, np.array([[share, 1.0] for share in ALONG]))
+    above = feet + BEFORE_M * charts.normal()[chart][:, None] + [0.0, 0.0, ABOVE_M]
+    distance, met = scene.caster.cast(above, np.broadcast_to([0.0, 0.0, -1.0], above.shape))
+    kind = np.where((met != MISS) & (distance < ABOVE_M + BELOW_M), charts.kind[met], MISS)
+    roofs, grounds = ((kind == one).mean(axis=1) > 0.5 for one in (ROOF, GROUND))
+    return roofs | ((foot > FACADE_HEIGHT_M) & ~grounds)
 
 
 def _most(level: np.ndarray, width: np.ndarray) -> float:

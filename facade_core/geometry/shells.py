@@ -1,6 +1,8 @@
-"""Facets into charts; modelled shells down to the ground."""
+"""Facets into charts; modelled shells down to the ground, and no farther."""
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import shapely
@@ -11,11 +13,26 @@ from facade_core.geometry.cutting import SHORTEST_WALL_M, cut_triangles
 from facade_core.geometry.facets import Facets
 from facade_core.geometry.neighbours import OUTLINE_M
 from facade_core.geometry.terrain import Terrain
+from facade_core.types import Shell
 
 # A gap of this much between a building and the terrain below it is closed by a wall.
 SKIRT_M = 0.05
 # The lower edges of a shell's walls lie near its lowest point.
 FOOT_M = 2.0
+# A shell that goes so far into the ground begins there, if so much of it is above.
+SUNK_M, ABOVE_M = 0.5, 2.5
+
+
+def from_the_ground(shell: Shell, lowest: float) -> Shell:
+    """A shell that begins below the lowest ground about it, metres, begun there instead: what lies deeper is lifted, so what is
+    closed stays closed. There are models whose walls go down to height 0, metres below the ground that they state: storeys
+    counted from there have their doors and shops in the earth. A shell with textures of its own stays as it is."""
+    deep, height = shell.vertices[:, 2] < lowest, shell.vertices[:, 2] - lowest
+    if not len(height) or height.min() > -SUNK_M or height.max() < ABOVE_M or (shell.texture >= 0).any():
+        return shell
+    vertices = shell.vertices.copy()
+    vertices[deep, 2] = lowest
+    return replace(shell, vertices=vertices)
 
 
 def add_facets(

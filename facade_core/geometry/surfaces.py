@@ -21,7 +21,7 @@ from facade_core.geometry.ground import add_ground
 from facade_core.geometry.gutters import gutters
 from facade_core.geometry.neighbours import beside, free_line, in_the_way, on_one_ground
 from facade_core.geometry.roofs import GRID_M, roof_shell
-from facade_core.geometry.shells import add_facets, add_skirt
+from facade_core.geometry.shells import add_facets, add_skirt, from_the_ground
 from facade_core.geometry.terrain import Terrain
 from facade_core.geometry.trim import Trim
 from facade_core.geometry.vents import vents, vents_on_flat
@@ -105,7 +105,7 @@ def add_building(
     """
     outline = _outline(building)
     if building.shell is not None:
-        shell = building.shell
+        shell = from_the_ground(building.shell, terrain.lowest(outline))
     else:
         if not (np.isfinite(building.height) and building.height > building.raised):
             above_what = "where it begins" if building.raised else "0"

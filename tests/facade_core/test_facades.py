@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -10,6 +11,7 @@ import shapely
 from scipy import ndimage
 
 from facade_core.facades import Facades
+from facade_core.geometry.roofs import roof_shell
 from facade_core.geometry.walls import BACK, STREET, free_part
 from facade_core.ingest import ingest
 from facade_core.labels import DOOR, SHOP, WINDOW
@@ -17,7 +19,7 @@ from facade_core.plan import Plan
 from facade_core.synth import facade as paint
 from facade_core.texture import Style, Wall, on_wall, style_of
 from facade_core.texture.storeys import STOREY_M, storeys_on
-from facade_core.types import Building, Street
+from facade_core.types import Building, Roof, Street
 from facade_core.walls import wall_of
 
 MPP = 0.0625
@@ -33,9 +35,9 @@ BUILDINGS = [
 ]
 
 
-def plan_of(walls: str) -> Plan:
+def plan_of(walls: str, buildings: Sequence[Building] = BUILDINGS) -> Plan:
     return ingest(
-        BUILDINGS,
+        buildings,
         [Street("s", "s", shapely.LineString([(-5, -8), (95, -8)]))],
         texels_per_metre=8.0,
         spacing=8.0,
@@ -87,6 +89,24 @@ def test_a_wall_over_a_lower_neighbour_is_free_above_it(plan: Plan) -> None:
     assert whole.area == pytest.approx(160, rel=0.01)
     assert free.area == pytest.approx(64, rel=0.02)
     assert free.bounds[3] == pytest.approx(16 - 9.6, abs=0.1), "metres from the top"
+
+
+def test_a_wall_that_begins_on_a_roof_has_no_ground_floor(style: Style) -> None:
+    """A tower stands on the podium that the street passes, both given as models."""
+    podium = Building("podium", shapely.box(0, 0, 40, 14), 6.0, "height", base=0.0)
+    tower = Building("tower", shapely.box(8, 2, 32, 12), 12.8, "height", base=0.0, roof=Roof("gabled", 3.0))
+    plan = plan_of("exemplar", [podium, replace(tower, shell=roof_shell(tower, 6.0), roof=None)])
+    facades, charts = plan.facades, plan.scene.charts
+    begins = charts.origin[facades.chart, 2] - facades.height
+    np.testing.assert_array_equal(facades.raised, begins > 5.9)
+    assert facades.raised.sum() == 6, (
+        "four walls and two gables; below, what closes the gap to the ground is in the podium"
+    )
+    for building, entered in (("podium", True), ("tower", False)):
+        front = max(on(plan, building, (0, -1)), key=lambda i: begins[i])
+        wall = wall_of(plan.scene, facades, front)
+        assert wall.street
+        assert np.isin(on_wall(style, wall, metres_per_pixel=MPP)[1], (DOOR, SHOP)).any() == entered, building
 
 
 def test_what_is_round_is_one(plan: Plan) -> None:

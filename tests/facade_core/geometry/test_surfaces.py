@@ -180,6 +180,21 @@ def test_the_ground_goes_on_under_a_canopy() -> None:
     assert not under(house)
 
 
+def test_a_shell_begins_at_the_ground_that_it_states() -> None:
+    """As in models whose walls go down to height 0, whatever the ground's."""
+    shell = roof_shell(replace(BOX, roof=Roof("gabled", 3.0)), 0.0)
+    assert shell is not None
+    charts, mesh = surfaces([replace(BOX, shell=shell, base=3.4)], [STREET])
+    own = trimesh.Trimesh(mesh.vertices, mesh.triangles[charts.building[mesh.chart] == 0])
+    own.merge_vertices(digits_vertex=6)
+    assert own.bounds[0, 2] == pytest.approx(3.4)
+    assert own.bounds[1, 2] == pytest.approx(shell.vertices[:, 2].max())
+    whole = trimesh.Trimesh(shell.vertices, shell.triangles)
+    assert own.area == pytest.approx(whole.area - BOX.footprint.area - 3.4 * BOX.footprint.length)
+    deeper = replace(shell, texture=np.zeros_like(shell.texture))
+    assert surfaces([replace(BOX, shell=deeper, base=3.4)], [STREET])[1].vertices[:, 2].min() == pytest.approx(0.0)
+
+
 def test_a_shell_may_stand_in_two_parts() -> None:
     halves = [
         roof_shell(replace(BOX, footprint=shapely.box(x, 0, x + 8, 10), roof=Roof("gabled", 3.0)), 0.0) for x in (0, 20)
