@@ -204,7 +204,7 @@ def test_what_is_hidden_and_kept_an_exemplar_a_height_a_roof_and_materials(
         page.evaluate("location.hash = '#/edit/a-0'")
         page.wait_for_selector("#height")
         assert (boxes.count(), page.input_value("#height"), page.input_value("#exemplar")) == (before + 2, "8.25", "1")
-        page.focus(".boxes")
+        wait(page, "document.activeElement.classList.contains('boxes')")  # keys are the picture's at once
         page.keyboard.press("p")
         page.keyboard.press("Delete")
         page.select_option("#exemplar", "")

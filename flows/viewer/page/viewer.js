@@ -276,7 +276,9 @@ async function draw(again = false) {
   } catch (error) {
     fill(element("p", { class: "failed" }, error.message));
   }
-  if (moved && !again && parts[0] !== "model") main.focus({ preventScroll: true });
+  const boxes = main.querySelector(".boxes"); // who corrects goes on by keys at once
+  if (boxes && !again) boxes.focus({ preventScroll: true });
+  else if (moved && !again && parts[0] !== "model") main.focus({ preventScroll: true });
 }
 
 // What may be drawn anew under a reader's hands: not a model, photos that are decided, a list in use or a slider that is held.
