@@ -16,10 +16,12 @@ from datetime import timedelta
 from pathlib import Path
 from typing import Any
 
+import geopandas
 import pytest
 from click.testing import CliRunner
 
 import catalogs
+from catalogs.block.corrections import corrections_file, read_corrections
 from catalogs.published import objects
 from catalogs.published.files import amiss
 from catalogs.published.places import local_side
@@ -167,6 +169,14 @@ def test_python_and_commands_open_it(runs: Runs, tmp_path: Path) -> None:
     for style, name in (("glb", ""), ("gpkg", "a.gpkg")):
         exported = call(main, ["export", str(runs.out), "--format", style, "--to", str(tmp_path / (name or style))])
         assert exported.exit_code == 0, exported.output
+    # what is corrected of it is kept beside its block file, which lies in no bucket
+    walls = geopandas.read_file(tmp_path / "a.gpkg", layer="facades")
+    for said in ("nothing differs from what was published", "1 facades and 0 buildings corrected in"):
+        taken = call(main, ["import", str(runs.out), str(tmp_path / "a.gpkg")])
+        assert said in taken.output
+        walls.assign(is_facade=walls["id"] != facade).to_file(tmp_path / "a.gpkg", layer="facades")
+    assert read_corrections(runs.block).value(facade, "facade") is False
+    corrections_file(runs.block).unlink()
     refused = call(main, ["export", str(runs.out), "--format", "glb", "--building", "a"])
     assert refused.exit_code == 2
     assert "--to" in refused.stderr
