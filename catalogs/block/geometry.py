@@ -45,6 +45,8 @@ SURROUNDINGS_M = 200.0
 AROUND_M = 120.0
 # Streets are followed this far from the box around the buildings: four times as far as a viewpoint may see.
 FOLLOWED_M = 1000.0
+# Said of an area that holds buildings once its longitudes and latitudes change places.
+SWAPPED = "latitudes come first there"
 
 
 @dataclass(frozen=True)
@@ -144,9 +146,22 @@ def _frame(
         file.read("crs", check_axes, frame, *middle)
     else:
         frame = file.read("crs", block_frame, sources[0].crs, *middle)
-        notes = (f"crs not given: {frame.to_string()} ({frame.name}) chosen",)
+        notes = _chosen(frame, keys.buildings.crs)
     notes += outside(frame, *middle)
     return frame, area_outline(keys.area, frame) if keys.area else None, notes
+
+
+def _chosen(frame: CRS, given: str | None) -> tuple[str, ...]:
+    """What to say of a frame that a block file leaves open: nothing where it is the one that it gives for the buildings."""
+    shown = f"{frame.to_string()} ({frame.name})"
+    if given is None:
+        return (f"crs not given: {shown} chosen",)
+    stated = known_frame(given)
+    return (
+        ()
+        if stated == frame
+        else (f"the block counts in {shown}, as {stated.to_string()} does not count in metres there",)
+    )
 
 
 def _streets(
@@ -216,7 +231,7 @@ def _nothing(
         south, west, north, east = keys.area
         remedy = "mend area"
         if bounds and west <= bounds[2] and east >= bounds[0] and south <= bounds[3] and north >= bounds[1]:
-            remedy = f"latitudes come first there: write {[west, south, east, north]}"
+            remedy = f"{SWAPPED}: write {[west, south, east, north]}"
         return file.fault("area", f"{path} has no {key}{named} inside area {keys.area}{span}; {remedy}")
     return file.fault(f"{key}.path", f"{path} has no {key} that can be used; give a file that does")
 

@@ -56,7 +56,8 @@ def _existing(key: str, text: str, block: Path) -> Path:
     try:
         kind = path.stat().st_mode
     except (FileNotFoundError, NotADirectoryError):
-        remedy = _nearest(path) or "paths are relative to the block file"
+        close = nearest(path)
+        remedy = f"did you mean {close}?" if close else "paths are relative to the block file"
         raise ValueError(f"{key}: {shortened(path)} does not exist; {remedy}") from None
     except OSError as error:  # a name that is too long, links in a circle, a folder that may not be entered
         raise ValueError(f"{key}: {shortened(path)} cannot be opened ({error.strerror}); name another path") from error
@@ -74,14 +75,14 @@ def shortened(path: Path, limit: int = 240) -> str:
     return text if len(text) <= limit else f"...{text[-limit:]}"
 
 
-def _nearest(path: Path) -> str | None:
-    """What the folder of a missing file holds instead; of the first thousand of its files."""
+def nearest(path: Path) -> str | None:
+    """The name of what the folder of a missing file holds instead; of the first thousand of its files."""
     try:
         near = [found.name for found in islice(path.parent.iterdir(), 1000)]
     except OSError:
         return None
     close = difflib.get_close_matches(path.name, near, n=1)
-    return f"did you mean {close[0]}?" if close else None
+    return close[0] if close else None
 
 
 def _home(key: str, text: str) -> Path:

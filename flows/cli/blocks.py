@@ -62,14 +62,14 @@ def new_block(
       streetloom new-block mine.yaml --buildings houses.gpkg --streets roads.gpkg --crs EPSG:3067
       streetloom new-block mine/mine.yaml --osm city.osm.pbf --bbox 24.945 60.165 24.950 60.168 --imagery panoramax
     """
-    from catalogs.buildings.densest import square_around
     from flows.cli.console import progress
     from flows.cli.interrupts import undone_on_interrupt
+    from tasks.examples.new_block import Around
     from tasks.examples.new_block import new_block as write
 
     if bbox and around:
         raise click.UsageError("give --bbox or --around, not both")
-    area = bbox or (square_around(*around, size) if around else size)
+    area = bbox or (Around(*around, size) if around else size)
     with undone_on_interrupt(), progress(quiet=not sys.stderr.isatty()):
         found = write(block_file, _geometry(osm, buildings, streets, crs), area, photos, exemplars, poses)
     for line in found.lines():

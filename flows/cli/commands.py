@@ -137,11 +137,11 @@ def demo(out: Folder, exemplars: Path | None, workers: int, dask: str | None, as
     """
     from catalogs.published.places import local_side
     from flows.lock import locked
-    from tasks.examples.demo import write_demo
+    from tasks.examples.demo import is_painted, write_demo
 
     with locked(out):
         block_file = write_demo(local_side(out) / "input", exemplars)
-    _run(block_file, out, workers, dask, as_json)
+    _run(block_file, out, workers, dask, as_json, painted=is_painted(block_file))
 
 
 def _run(
@@ -153,6 +153,8 @@ def _run(
     redo: str | None = None,
     only: bool = False,
     keep: int | None = None,
+    *,
+    painted: bool = False,
 ) -> None:
     import time
 
@@ -185,7 +187,7 @@ def _run(
     if as_json:
         click.echo(json.dumps(summary))
     else:
-        show(console, summary)
+        show(console, summary, painted=painted)
     if "withheld" in summary:
         note(summary["withheld"])
     if summary["facades_failed"] or summary["failures"]:

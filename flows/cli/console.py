@@ -97,13 +97,13 @@ def _lasting(seconds: float) -> str:
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 
-def show(target: Console, summary: dict[str, Any]) -> None:
-    """The summary of a run for people."""
+def show(target: Console, summary: dict[str, Any], *, painted: bool = False) -> None:
+    """The summary of a run for people. painted: its pictures are painted, with no face or plate to look for."""
     done = f"{summary['facades_done']} facades, {summary['viewpoints']} viewpoints in {summary['seconds']:.0f} s"
     _line(target, (summary["block"], "bold"), f": {done}, {summary['units_skipped']} units were done before")
     for failure in summary["failures"]:
         _line(target, "  ", ("failed", "red"), f" {failure['unit']}: {failure['reason']}")
-    if summary["not_looked_at"]:
+    if summary["not_looked_at"] and not painted:
         unseen = f"{summary['not_looked_at']} facades and exemplars were made of pictures"
         _line(
             target, f"  {unseen} in which faces and plates were not looked for; `make detect-setup` installs what does"

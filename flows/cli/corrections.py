@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from flows.cli.paths import EXISTING_OUT
+from flows.cli.paths import EXISTING, EXISTING_OUT
 from flows.cli.say import note, say
 from flows.cli.usage import user
 
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @click.command("import")
 @click.argument("folder", metavar="OUT", type=EXISTING_OUT)
-@click.argument("path", metavar="FILE", type=click.Path(exists=True, path_type=Path))
+@click.argument("path", metavar="FILE", type=EXISTING)
 @click.option("--who", metavar="NAME", help="Who corrected it.  [default: this user]")
 @click.option("--why", metavar="TEXT", default="", help="A remark that is kept with it.")
 def import_(folder: Folder, path: Path, who: str | None, why: str) -> None:

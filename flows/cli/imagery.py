@@ -105,7 +105,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     """
     from facade_core.errors import InputError
     from flows.cli.console import progress
-    from tasks.matching.finding import match_photos
+    from tasks.matching.finding import PLACES, UNPLACED, match_photos
     from tasks.matching.table import TABLE, read_table, write_table
     from tasks.matching.taking import take, taking
 
@@ -126,6 +126,8 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
         found_table, faults = match_photos(block_file, photos, table, poses)
     for fault in faults:
         note(f"{fault.id}: {fault.reason}")
+    if any(fault.reason == UNPLACED for fault in faults):
+        note(f"of those without a place: {PLACES}")
     matches = found_table.matches()
     if not matches:
         raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")

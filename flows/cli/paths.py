@@ -1,12 +1,31 @@
 """Kinds of paths that commands take."""
 
+import os
 from pathlib import Path
 from typing import Any
 
 import click
 
-EXISTING_FILE = click.Path(exists=True, dir_okay=False, path_type=Path)
-EXISTING_FOLDER = click.Path(exists=True, file_okay=False, path_type=Path)
+
+class ExistingPath(click.Path):
+    """A file or folder that is there; of one that is not, what lies there under a name like it is told."""
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        try:
+            return super().convert(value, param, ctx)
+        except click.BadParameter as error:
+            from catalogs.block.paths import nearest
+
+            path = Path(value)
+            if os.path.lexists(path) or (close := nearest(path)) is None:
+                raise
+            said = f"{error.message.rstrip('.')}; did you mean {path.with_name(close)}?"
+            raise click.BadParameter(said, ctx, param) from error
+
+
+EXISTING = ExistingPath(exists=True, path_type=Path)
+EXISTING_FILE = ExistingPath(exists=True, dir_okay=False, path_type=Path)
+EXISTING_FOLDER = ExistingPath(exists=True, file_okay=False, path_type=Path)
 
 
 class Place(click.ParamType):

@@ -224,7 +224,7 @@ def catalog(folder: Folder, to: str | None) -> None:
     "--host", default=VIEWER_HOST, show_default=True, help="Address or name to serve on; 0.0.0.0 is all addresses."
 )
 @click.option("--open/--no-open", "opened", default=True, show_default=True, help="Open the page in a browser.")
-@click.option("--edit", is_flag=True, help="Let whoever opens the address that is printed correct facades; see below.")
+@click.option("--edit", is_flag=True, help="Let whoever opens the address that is printed correct facades; see above.")
 @click.option("--who", metavar="NAME", help="With --edit: who corrects.  [default: this user]")
 @click.option(
     "--photos",

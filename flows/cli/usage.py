@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
+from difflib import get_close_matches
 from typing import IO, Any
 
 import click
@@ -62,10 +64,20 @@ def _said(error: click.UsageError) -> str:
         return f"no such option {error.option_name}{_close(error.possibilities)}"
     if isinstance(error, click.exceptions.NoSuchCommand):
         return f"no such command {error.command_name}{_close(error.possibilities)}"
-    said = error.format_message()
+    said = error.format_message().rstrip(".") + _near(error)
     for range_of, words in NUMBERS.items():
         said = said.replace(f"is not a valid {range_of}", words)
     return said
+
+
+def _near(error: click.UsageError) -> str:
+    """Of a value that is none of an option's, the one that may have been meant."""
+    chosen = error.param.type if isinstance(error, click.BadParameter) and error.param else None
+    given = re.match(r"'(.*?)' is not one of", error.message)
+    if not isinstance(chosen, click.Choice) or given is None:
+        return ""
+    close = get_close_matches(given[1], map(str, chosen.choices), n=1, cutoff=0.5)
+    return f"; did you mean {close[0]}?" if close else ""
 
 
 def _close(names: Iterable[str] | None) -> str:

@@ -67,14 +67,16 @@ class Redo:
             self._failed = process.wait() != 0
             printed.seek(0)
             with suppress(LookupError, ValueError, TypeError):  # it ended early; what it said last tells why
-                self._said = _told(json.loads(printed.read().strip().splitlines()[-1]))
+                self._said = told(json.loads(printed.read().strip().splitlines()[-1]))
 
 
-def _told(summary: dict[str, Any]) -> str:
+def told(summary: dict[str, Any]) -> str:
     """What a run came to, in a line."""
     counted = f"{summary['units_done']} units done, {summary['units_skipped']} were done before"
     failures = summary["failures"]
     if not failures:
-        return counted
+        if summary["units_done"]:
+            return counted
+        return f"there is nothing to do: all {summary['units_skipped']} units were done before"
     first, more = failures[0], len(failures) - 1
     return f"{counted}; {first['unit']}: {first['reason']}{f'; and {more} more' if more else ''}"

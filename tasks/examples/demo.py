@@ -52,6 +52,11 @@ def write_demo(folder: Path, exemplar_folder: Path | None = None) -> Path:
     return block_file
 
 
+def is_painted(block_file: Path) -> bool:
+    """Whether the pictures of the demo's input are those that it paints: with others no photo is painted."""
+    return (block_file.parent / "photos").is_dir()
+
+
 def _write(path: Path, exemplar_folder: Path, *, photos: bool) -> None:
     imagery = {"exemplars": {"path": str(exemplar_folder.resolve())}}
     if exemplar_folder.parent == path.parent:

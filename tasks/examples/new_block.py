@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import os
 import shutil
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 
@@ -13,7 +15,8 @@ import numpy as np
 import yaml
 
 from catalogs.block import Block, read_block
-from catalogs.buildings.densest import densest_square
+from catalogs.block.geometry import SWAPPED
+from catalogs.buildings.densest import densest_square, square_around
 from catalogs.buildings.extents import Bounds
 from catalogs.features import file_stem
 from catalogs.readers.files import read_buildings
@@ -68,6 +71,19 @@ class Geometry:
 
 
 @dataclass(frozen=True)
+class Around:
+    """A square with its middle at a place in degrees, its side in metres."""
+
+    longitude: float
+    latitude: float
+    size: float
+
+    def swapped(self, reason: str) -> str:
+        """What to say where the two were meant the other way round."""
+        return f"--around: {reason}; longitude comes first: write --around {self.latitude:g} {self.longitude:g}"
+
+
+@dataclass(frozen=True)
 class Found:
     """A new block, and its pictures by what they are of use for.
 
@@ -77,7 +93,10 @@ class Found:
         panoramas: pictures with a pose.
         photos: pictures named after a facade.
         unused: the others, each with the reason.
-        facades: the ids that a photo can be named after.
+        unplaced: those that neither have a pose nor are named after a facade.
+        facades: the ids of the facades that a street sees.
+        textured: how many walls a run textures: these, those beside them and those out of sight.
+        folder: the pictures'.
     """
 
     path: Path
@@ -85,7 +104,10 @@ class Found:
     panoramas: tuple[str, ...]
     photos: tuple[str, ...]
     unused: tuple[tuple[str, str], ...]
+    unplaced: tuple[str, ...]
     facades: tuple[str, ...]
+    textured: int
+    folder: Path | None
 
     def lines(self) -> list[str]:
         """What was found, one fact a line."""
@@ -101,10 +123,12 @@ class Found:
             f"frame      {self.block.crs.to_string()} ({self.block.crs.name})",
             f"buildings  {len(self.block.buildings)}, heights: {stated}",
             f"streets    {given}",
-            f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}",
+            f"facades    {len(self.facades)} seen from a street, such as {', '.join(self.facades[:3])}; with walls beside and "
+            f"behind them a run makes {self.textured}",
             f"pictures   {len(self.panoramas)} panoramas with a pose, {len(self.photos)} photos named after a facade, "
-            f"{len(self.unused)} of no use yet",
-            *(f"           {name}: {reason.removeprefix(f'{name} ')}" for name, reason in self.unused),
+            f"{len(self.unused) + len(self.unplaced)} of no use yet",
+            *self._unplaced(),
+            *self._unused(),
             *([f"           {AS_TAKEN}"] if self.photos else []),
             *(
                 f"set aside  {fault.kind} {fault.id}: {fault.reason}"
@@ -114,11 +138,32 @@ class Found:
             *(f"note       {note}" for note in self.block.notes),
         ]
 
+    def _unplaced(self) -> list[str]:
+        """A line for the pictures without a pose or a name of use, with what finds their facades; none where there are none."""
+        if not self.unplaced:
+            return []
+        return [
+            f"           {_listed(self.unplaced)}: no pose, and not named after a facade; for photos run "
+            f"`streetloom match {self.path} {self.folder}`, for panoramas give --poses"
+        ]
+
+    def _unused(self) -> list[str]:
+        """A line for each reason for which pictures are of no use."""
+        by_reason: dict[str, list[str]] = {}
+        for name, reason in self.unused:
+            by_reason.setdefault(reason.removeprefix(f"{name} "), []).append(name)
+        return [f"           {_listed(names)}: {reason}" for reason, names in by_reason.items()]
+
+
+def _listed(names: Sequence[str]) -> str:
+    """Names of pictures, no more than three of them, and how many there are where these are not all."""
+    return ", ".join(names) if len(names) <= 3 else f"{len(names)} pictures ({', '.join(names[:3])}, ...)"
+
 
 def new_block(
     path: Path,
     geometry: Geometry,
-    area: Sequence[float] | float,
+    area: Sequence[float] | Around | float,
     photos: Path | None,
     exemplars: Path | None,
     poses: Path | None = None,
@@ -128,7 +173,7 @@ def new_block(
     """Write the block file `path` for a part of a city's geometry.
 
     Args:
-        area: (west, south, east, north) in degrees, or the side in metres of the square that is built up most.
+        area: (west, south, east, north) in degrees, a square, or the side in metres of the one that is built up most.
         photos: a folder of pictures; panoramas are told by their shape and pose, photos of a facade by its id as their name.
         exemplars: the style library; without it one is painted beside the file.
         poses: a file of the panoramas' poses, where they have none in themselves.
@@ -139,28 +184,55 @@ def new_block(
     if path.exists():
         raise InputError(f"{path} is there already; name another file, or remove it")
     library = exemplars or path.parent / "exemplars"
-    made = [folder for folder in (library, *path.parents) if not folder.exists()]
+    made = [folder for folder in path.parents if not folder.exists()]
     path.parent.mkdir(parents=True, exist_ok=True)
+    own = False
     try:
-        if library in made:
-            paint(library)
-        return _written(path, geometry, area, photos, library, poses, seed)
+        if not library.exists():
+            own = _painted(library, paint)
+        options = _OPTIONS | geometry.options()
+        if exemplars is None:  # nobody gave that option
+            options = {key: option for key, option in options.items() if option != "--exemplars"}
+        if isinstance(area, Around):
+            options["area"] = "--around"
+        return _written(path, geometry, area, photos, library, poses, seed, options)
     except BaseException:
-        for folder in made:  # the library first, then parents from the inside out
-            shutil.rmtree(folder, ignore_errors=True)
+        if own:
+            shutil.rmtree(library, ignore_errors=True)
+        for folder in made:  # from the inside out; what another wrote there meanwhile stays
+            with suppress(OSError):
+                folder.rmdir()
         raise
+
+
+def _painted(library: Path, paint: Callable[[Path], None]) -> bool:
+    """Paint a style library that is whole as soon as it is there; whether it is this one: another block may be made beside it
+    at the same time, and its library be there first."""
+    draft = library.with_name(f".{library.name}.{os.getpid()}.draft")
+    try:
+        paint(draft)
+        draft.rename(library)
+    except OSError as error:
+        if error.errno not in (errno.ENOTEMPTY, errno.EEXIST):
+            raise
+        return False
+    else:
+        return True
+    finally:
+        shutil.rmtree(draft, ignore_errors=True)
 
 
 def _written(
     path: Path,
     geometry: Geometry,
-    area: Sequence[float] | float,
+    area: Sequence[float] | Around | float,
     photos: Path | None,
     library: Path,
     poses: Path | None,
     seed: int,
+    options: Mapping[str, str],
 ) -> Found:
-    bounds = _densest(geometry, area) if isinstance(area, float) else area
+    bounds = _bounds(geometry, area)
     imagery = {"exemplars": {"path": _beside(library, path)}}
     frame = {} if geometry.crs is None else {"crs": geometry.crs}
     keys = {
@@ -172,13 +244,17 @@ def _written(
         "seed": seed,
     }
     draft = path.with_name(f".{path.name}.draft")
-    options = _OPTIONS | geometry.options()
     try:
-        block = _drafted(draft, keys, options)
+        try:
+            block = _drafted(draft, keys, options)
+        except InputError as error:
+            if isinstance(area, Around) and SWAPPED in str(error):
+                raise InputError(area.swapped("no buildings are there")) from error
+            raise
         plan = plan_of(replace(block, texture=replace(block.texture, panorama_width=256)))
         ids = set(plan.facades.id)
         fronts = tuple(plan.facades.id[i] for i in np.flatnonzero(plan.facades.role == STREET).tolist())
-        panoramas, named, unused = _sorted_pictures(photos, poses, block, ids) if photos else ((), (), ())
+        panoramas, named, unused, unplaced = _sorted_pictures(photos, poses, block, ids) if photos else ((), (), (), ())
         if photos and panoramas:
             imagery["panoramas"] = {"path": _beside(photos, path)}
             if poses:
@@ -189,7 +265,15 @@ def _written(
         os.replace(draft, path)
     finally:
         draft.unlink(missing_ok=True)
-    return Found(path, block, panoramas, named, unused, fronts)
+    return Found(path, block, panoramas, named, unused, unplaced, fronts, len(ids), photos)
+
+
+def _bounds(geometry: Geometry, area: Sequence[float] | Around | float) -> Sequence[float]:
+    if isinstance(area, Around):
+        if abs(area.latitude) >= 90.0:
+            raise InputError(area.swapped(f"{area.latitude:g} is no latitude"))
+        return square_around(area.longitude, area.latitude, area.size)
+    return _densest(geometry, area) if isinstance(area, float) else area
 
 
 def _densest(geometry: Geometry, size: float) -> Bounds:
@@ -202,6 +286,11 @@ def _densest(geometry: Geometry, size: float) -> Bounds:
         found = densest_square([replace(source, crs=crs)], size)
     except InputError as error:
         raise InputError(f"{option}: {error}") from error
+    if found is None and source.items:
+        raise InputError(
+            f"{option}: none of {len(source.items)} buildings of {geometry.buildings} can be of {crs}; give what its "
+            "coordinates count in as --crs EPSG:..."
+        )
     if found is None:
         raise InputError(f"{option}: {geometry.buildings} holds no buildings; give a file that does")
     return found
@@ -218,7 +307,8 @@ def _drafted(draft: Path, keys: dict, options: Mapping[str, str]) -> Block:
 
 def _sorted_pictures(
     folder: Path, poses: Path | None, block: Block, facades: set[str]
-) -> tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...]]:
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[tuple[str, str], ...], tuple[str, ...]]:
+    """Panoramas with a pose, photos named after a facade, those of no use with the reason, and those that lack either."""
     paths, broken = image_files(folder, "photo")
     stems = facades | set(map(file_stem, facades))
     try:
@@ -228,13 +318,14 @@ def _sorted_pictures(
     except InputError:  # none can be used
         posed, reasons = set(), {}
     named = tuple(path.name for path in paths if path.stem in stems and path.name not in posed)
-    without = "no pose, and not named after a facade"
-    unused = [(path.name, reasons.get(path.name, without)) for path in paths if path.name not in {*posed, *named}]
+    others = [path.name for path in paths if path.name not in {*posed, *named}]
+    unused = [(name, reasons[name]) for name in others if name in reasons]
+    unplaced = tuple(name for name in others if name not in reasons)
     if posed and named:
         unused += [
             (name, "panoramas and photos of facades want a folder each; only panoramas are used") for name in named
         ]
-    return tuple(sorted(posed)), named, tuple(unused + [(fault.id, fault.reason) for fault in broken])
+    return tuple(sorted(posed)), named, tuple(unused + [(fault.id, fault.reason) for fault in broken]), unplaced
 
 
 def _beside(target: Path, block: Path) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import replace
 from pathlib import Path
 
@@ -28,6 +29,9 @@ from tasks.units.shown.evidence import rectified_photo
 SURE = 0.8
 # So many walls are told of each, which have at least this probability.
 CANDIDATES, LEAST = 3, 0.02
+# What is said of a photo without a place, and once what gives it one.
+UNPLACED = "no place"
+PLACES = "give their places with --poses FILE.csv (file,lon,lat,heading), or name each after its facade"
 _FULL = (0.0, 0.0, 1.0, 1.0)
 
 
@@ -36,23 +40,25 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     each photo that cannot be told.
 
     Where a photo was taken, and its heading, are read in `poses`, else in its EXIF. Raises InputError where the block, the
-    folder or the poses cannot be read, and where there is a table already, which a person may have mended.
+    folder or the poses cannot be read, none of the photos has a place, and where there is a table already, which a person may
+    have mended.
     """
     if path.exists():
         raise InputError(
             f"{path} is there and may have been mended; take its photos (--take), remove it, or name another with --out"
         )
+    paths, unreadable = image_files(folder, "photo")
+    stated = read_poses(poses) if poses else {}
+    if not any(_place(path, stated) for path in paths):  # told before the block is read, which takes longer
+        raise InputError(f"{folder}: none of its {len(paths)} photos says where it was taken; {PLACES}")
     block = read_block(block_file)
     plan = plan_of(replace(block, panoramas=()))
     terrain = terrain_of(block.buildings, block.terrain)
-    paths, unreadable = image_files(folder, "photo")
-    stated = read_poses(poses) if poses else {}
     begin_stage("match", len(paths))
     found, faults = [], list(unreadable)
     for photo in paths:
         try:
-            named = stated.get(photo.name) or stated.get(photo.stem)
-            found.append(_row(plan, terrain, block, photo, named))
+            found.append(_row(plan, terrain, block, photo, _place(photo, stated)))
         except (FacadeError, ValueError, OSError) as error:
             if is_machines(error):
                 raise
@@ -61,14 +67,19 @@ def match_photos(block_file: Path, folder: Path, path: Path, poses: Path | None 
     return Table(path, COLUMNS, tuple(found)), faults
 
 
-def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, stated: SourcePose | str | None) -> dict[str, str]:
-    if isinstance(stated, str):
-        raise InputError(stated)
-    place = stated or stated_place(path)
+def _place(path: Path, stated: Mapping[str, SourcePose | str]) -> SourcePose | str | None:
+    """Where a photo was taken, or what is wrong with that; None where nothing says it."""
+    try:
+        return stated.get(path.name) or stated.get(path.stem) or stated_place(path)
+    except InputError as error:
+        return str(error)
+
+
+def _row(plan: Plan, terrain: Terrain, block: Block, path: Path, place: SourcePose | str | None) -> dict[str, str]:
     if place is None:
-        raise InputError(
-            "it does not say where it was taken; name where with --poses (file,lon,lat,heading), or name it after its facade"
-        )
+        raise InputError(UNPLACED)
+    if isinstance(place, str):
+        raise InputError(place)
     pose = in_frame(place, _FULL, block.crs, {})
     photo, size = rectified_photo(path)
     taken = taken_by(photo.image, photo.seen, photo.homography, photo.focal, size)

@@ -73,7 +73,8 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     photos, table = block_file.parent.parent / "photos", block_file.parent / "matches.csv"
     ended = CliRunner().invoke(main, ["match", str(block_file), str(photos)])
     assert ended.exit_code == 0, ended.output
-    assert "silent.jpg: it does not say where it was taken; name where with --poses" in ended.output
+    assert "silent.jpg: no place\n" in ended.output
+    assert ended.output.count("give their places with --poses FILE.csv") == 1
     with table.open(newline="") as file:
         rows = {row["photo"]: row for row in csv.DictReader(file)}
     assert set(rows) == {"IMG_1.jpg", "far.jpg"}
@@ -95,6 +96,16 @@ def test_a_photo_comes_to_its_wall(block_file: Path) -> None:
     assert (again.count, again.copied, again.gone) == (1, {}, ()), "again is the same"
     assert take(again) is None
     assert len(list((block_file.parent / "photos").iterdir())) == 1
+
+
+def test_photos_without_any_place_are_told_before_the_block_is_read(tmp_path: Path) -> None:
+    for name in ("one.jpg", "two.jpg"):
+        Image.new("RGB", (64, 64)).save(tmp_path / name)
+    (tmp_path / "block.yaml").write_text("no block")
+    ended = CliRunner().invoke(main, ["match", str(tmp_path / "block.yaml"), str(tmp_path)])
+    assert ended.exit_code == 2
+    (line,) = ended.output.splitlines()
+    assert "none of its 2 photos says where it was taken; give their places with --poses" in line
 
 
 @pytest.mark.parametrize(

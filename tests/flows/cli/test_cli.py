@@ -235,6 +235,11 @@ def test_a_crash_is_one_line_and_code_70(tmp_path: Path, monkeypatch: pytest.Mon
             ("export", "FOLDER", "--format", "3dtiles", "--max-texture-mb", "abc"),
             "export: invalid value for '--max-texture-mb': 'abc' is no number (streetloom export --help)",
         ),
+        (
+            ("export", "FOLDER", "--format", "gltf"),
+            "export: invalid value for '--format': 'gltf' is not one of 'glb', '3dtiles', 'cityjson', 'cityjsonseq', 'lod3', "
+            "'citygml', 'coco', 'labelme', 'gpkg', 'cog', 'usd'; did you mean glb? (streetloom export --help)",
+        ),
         (("prune", "FOLDER"), "prune: missing option '--keep' (streetloom prune --help)"),
         (("train", "parsr"), "train: no such command parsr; did you mean parser? (streetloom train --help)"),
         (
@@ -254,6 +259,31 @@ def test_a_slip_of_the_command_line_is_one_line(tmp_path: Path, arguments: tuple
     shown = CliRunner().invoke(main, [given.get(word, word) for word in arguments])
     assert (shown.exit_code, shown.stdout) == (2, "")
     assert shown.stderr == f"streetloom: {said}\n"
+
+
+@pytest.mark.parametrize(
+    ("arguments", "near"),
+    [
+        (("run", "blok.yaml"), "block.yaml"),
+        (("import", "out/dmo", "block.yaml"), "out/demo"),
+        (("import", "out/demo", "blck.yaml"), "block.yaml"),
+        (("query", "out/dmo"), "out/demo"),
+        (("run", "xyzzy"), None),
+    ],
+)
+def test_a_path_that_is_not_there_is_told_with_what_is(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: tuple[str, ...], near: str | None
+) -> None:
+    from flows.cli.commands import main
+
+    (tmp_path / "block.yaml").write_text("")
+    (tmp_path / "out" / "demo").mkdir(parents=True)
+    monkeypatch.chdir(tmp_path)
+    shown = CliRunner().invoke(main, list(arguments))
+    assert shown.exit_code == 2
+    (line,) = shown.stderr.splitlines()
+    assert "does not exist" in line
+    assert (f"; did you mean {near}?" in line) if near else ("did you mean" not in line)
 
 
 def test_every_command_refuses_an_unknown_option_in_one_line() -> None:

@@ -2,15 +2,17 @@
 
 from __future__ import annotations
 
+import io
 import json
 import logging
 from pathlib import Path
 
 import pytest
+from rich.console import Console
 
 from facade_core.errors import InputError, MachineError
 from flows.cli import console
-from flows.cli.console import Lines
+from flows.cli.console import Lines, show
 from flows.cli.endings import ending
 from flows.log_file import log_of, log_to
 from tasks.compute.cluster import ClusterGone
@@ -97,3 +99,14 @@ def test_a_run_that_logs_nothing_leaves_no_log(tmp_path: Path) -> None:
     with log_to(tmp_path):
         pass
     assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("painted", [False, True])
+def test_faces_are_not_missed_on_painted_pictures(painted: bool) -> None:
+    summary = {
+        "block": "demo", "facades_done": 3, "viewpoints": 1, "seconds": 2.0, "units_skipped": 0, "failures": [],
+        "not_looked_at": 2, "outputs": {"report": "r", "glb": [], "items": "i"}, "out": "out/demo",
+    }  # fmt: skip
+    written = io.StringIO()
+    show(Console(file=written, width=200), summary, painted=painted)
+    assert ("faces and plates were not looked for" in written.getvalue()) is not painted

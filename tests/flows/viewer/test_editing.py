@@ -14,6 +14,7 @@ import pytest
 from facade_core.errors import InputError
 from flows.viewer.app import application, serve
 from flows.viewer.editing import MOST_BYTES, TOKEN, Editor
+from flows.viewer.redo import told
 
 HERE = "http://127.0.0.1:PORT"
 ADDRESSES = ("/edit/corrections", "/edit/redo", "/edit/decisions")
@@ -118,3 +119,10 @@ def test_an_editor_is_served_on_loopback_alone_and_told_the_token(tmp_path: Path
     assert said[0].endswith(f"/#/token/{editor.token}")
     assert editor.token != Editor("anna").token
     assert len(editor.token) >= 32
+
+
+def test_a_redo_with_nothing_due_says_so() -> None:
+    summary: dict[str, Any] = {"units_done": 0, "units_skipped": 680, "failures": []}
+    assert told(summary) == "there is nothing to do: all 680 units were done before"
+    assert told(summary | {"units_done": 2}) == "2 units done, 680 were done before"
+    assert told(summary | {"failures": [{"unit": "a-0", "reason": "bad"}]}).endswith("a-0: bad")

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import shutil
 import signal
 import subprocess
 import sys
@@ -17,7 +18,7 @@ from PIL import Image
 
 from catalogs.block import read_block
 from facade_core.errors import InputError
-from tasks.examples.new_block import Geometry, new_block
+from tasks.examples.new_block import Around, Geometry, new_block
 
 BOX = (24.9471, 60.1659, 24.9488, 60.1667)
 
@@ -47,13 +48,15 @@ def test_a_new_block_says_what_was_found_and_can_be_read(osm: Geometry, exemplar
     photos = tmp_path / "photos"
     photos.mkdir()
     panorama(photos / "posed.jpg", 60.1663, 24.9479)
-    Image.new("RGB", (256, 128)).save(photos / "unposed.jpg")
+    for number in range(5):
+        Image.new("RGB", (256, 128)).save(photos / f"unposed-{number}.jpg")
     found = new_block(tmp_path / "mine.yaml", osm, BOX, photos, exemplars)
     text = "\n".join(found.lines())
     assert "buildings  4, heights: 4 from default" in text
     assert "streets    2 of" in text
-    assert "1 panoramas with a pose, 0 photos named after a facade, 1 of no use yet" in text
-    assert "unposed.jpg: no pose" in text
+    assert "1 panoramas with a pose, 0 photos named after a facade, 5 of no use yet" in text
+    assert "5 pictures (unposed-0.jpg, unposed-1.jpg, unposed-2.jpg, ...): no pose; give its pose in" in text
+    assert len(found.facades) < found.textured
     block = read_block(tmp_path / "mine.yaml")
     assert [panorama.id for panorama in block.panoramas] == ["posed"]
     assert block.buildings == found.block.buildings
@@ -65,9 +68,17 @@ def test_photos_named_after_a_facade_are_used(osm: Geometry, exemplars: Path, tm
     photos = tmp_path / "photos"
     photos.mkdir()
     Image.new("RGB", (40, 60)).save(photos / f"{facade}.png")
+    for number in range(4):
+        Image.new("RGB", (40, 60)).save(photos / f"IMG_{number}.png")
     found = new_block(tmp_path / "second.yaml", osm, BOX, photos, exemplars)
+    (line,) = [line for line in found.lines() if "not named after a facade" in line]
+    assert (
+        "4 pictures (IMG_0.png, IMG_1.png, IMG_2.png, ...): no pose, and not named after a facade; for photos run"
+        in line
+    )
+    assert f"`streetloom match {tmp_path / 'second.yaml'} {photos}`" in line
     assert found.photos == (f"{facade}.png",)
-    assert set(read_block(tmp_path / "second.yaml").photos) == {facade}
+    assert facade in read_block(tmp_path / "second.yaml").photos
 
 
 def test_nothing_is_written_over_or_left_behind(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
@@ -129,8 +140,43 @@ def test_a_file_without_a_frame_is_told_of_by_its_option(exemplars: Path, tmp_pa
         geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house]).to_file(file)
     with pytest.raises(InputError, match=r"^--buildings: .* states no frame; give --crs"):
         new_block(tmp_path / "mine.yaml", Geometry(file, None), 200.0, None, exemplars)
+    with pytest.raises(InputError, match=r"^--buildings: none of 1 buildings of .* can be of EPSG:4326; give .* --crs"):
+        new_block(tmp_path / "mine.yaml", Geometry(file, None, "EPSG:4326"), 200.0, None, exemplars)
     found = new_block(tmp_path / "mine.yaml", Geometry(file, None, "EPSG:3067"), 200.0, None, exemplars)
     assert len(found.block.buildings) == 1
+    assert not any("crs" in note for note in found.block.notes), "it was given"
+    geopandas.GeoDataFrame({"height": [12.0]}, geometry=[house], crs="EPSG:3067").to_crs(4326).to_file(file)
+    found = new_block(tmp_path / "degrees.yaml", Geometry(file, None, "EPSG:4326"), 200.0, None, exemplars)
+    assert found.block.notes[0].endswith("as EPSG:4326 does not count in metres there")
+
+
+def test_a_place_whose_coordinates_are_swapped_is_told_in_its_own_words(
+    osm: Geometry, exemplars: Path, tmp_path: Path
+) -> None:
+    for around, reason in (
+        (Around(60.1663, 24.9479, 200.0), "no buildings are there"),
+        (Around(35.68, 139.77, 200.0), "139.77 is no latitude"),
+    ):
+        right = f"--around {around.latitude:g} {around.longitude:g}"
+        with pytest.raises(InputError, match=f"^--around: {reason}; longitude comes first: write {right}$"):
+            new_block(tmp_path / "mine.yaml", osm, around, None, exemplars)
+    with pytest.raises(InputError, match=r"^--around: .*no buildings inside area"):
+        new_block(tmp_path / "mine.yaml", osm, Around(10.0, 10.0, 200.0), None, exemplars)
+
+
+def test_two_at_once_in_a_folder_share_a_whole_library(osm: Geometry, exemplars: Path, tmp_path: Path) -> None:
+    def paint(folder: Path) -> None:
+        """The other one is done in the meantime."""
+        if not (tmp_path / "new" / "exemplars").exists():
+            shutil.copytree(exemplars, folder)
+            shutil.copytree(exemplars, tmp_path / "new" / "exemplars")
+
+    new_block(tmp_path / "new" / "mine.yaml", osm, BOX, None, None, paint=paint)
+    assert sorted(path.name for path in (tmp_path / "new").iterdir()) == ["exemplars", "mine.yaml"]
+    shutil.rmtree(tmp_path / "new" / "exemplars")
+    (tmp_path / "new" / "exemplars").mkdir()
+    with pytest.raises(InputError, match=r"^imagery.exemplars.path: .*exemplars holds no pictures"):
+        new_block(tmp_path / "new" / "other.yaml", osm, BOX, None, None, paint=paint)
 
 
 def test_block_files_of_the_package_are_block_files() -> None:
