@@ -33,13 +33,16 @@ def view(left: float, right: float, *, seen: bool = True) -> View:
 
 
 def test_what_two_cameras_show_differently_is_not_believed_and_what_one_alone_shows_is() -> None:
-    one, other = believed_of_wall([view(100, 100), view(104, 30)], 10.0)
+    low = np.indices(SIZE)[0] >= 30
+    one, other = believed_of_wall([view(100, 100), view(104, 30)], low, 10.0)
     # a square beside the edge of the thing is still within what a pose may be off
     assert one[:, :30].all()
     assert not one[:, 36:].any()
     assert not other[:, 36:].any()
-    alone, less = believed_of_wall([view(100, 60), view(102, 60, seen=False)], 10.0)
-    assert alone.all()
+    alone, less = believed_of_wall([view(100, 60), view(102, 60, seen=False)], low, 10.0)
+    assert alone[:30].all()
+    assert alone[:, :30].all()
+    assert not alone[30:, 36:].any(), "a bicycle, maybe"
     np.testing.assert_array_equal(less, view(0, 0, seen=False).seen)
 
 
