@@ -12,15 +12,15 @@ import numpy as np
 
 from facade_core.cameras.agreement import compared, on_texels
 from facade_core.cameras.shown import Camera, Shown, in_one_exposure, shown_by
-from facade_core.geometry.charts import CORNERS
 from facade_core.rectify.camera import WALL_REACH_M, position
 from facade_core.rectify.fusion import View
 from facade_core.rectify.panorama import rectify_view
 from facade_core.street.overhead import raster_points
 from facade_core.street.scene import Scene
 
-# What one camera alone shows so near above the foot of a building may be a bicycle, a bin or a hedge before it, metres.
-FOOT_M = 1.2
+# What one camera alone shows so far below itself may be a bicycle, a bin or a hedge before the wall, metres: cameras stand 2.5
+# over the ground, and higher over that of a model which is too low.
+BELOW_M = 1.3
 # Of sub-texels that outlines are drawn in, bits.
 SHIFT = 4
 
@@ -32,27 +32,26 @@ def photographed_wall(scene: Scene, chart: int, cameras: Sequence[Camera]) -> Sh
     if not any(bool(view.clear.any()) for view in views):
         return None
     density = float(scene.placement.texels_per_metre[chart])
-    return shown_by(views, believed_of_wall(views, _low(scene, chart), density), density)
+    low = [_low(scene, chart, camera) for camera in cameras]
+    return shown_by(views, believed_of_wall(views, low, density), density)
 
 
-def believed_of_wall(views: Sequence[View], low: np.ndarray, density: float) -> list[np.ndarray]:
-    """Which clear texels of each view are believed, (h, w) bool each; low (h, w) bool: where one camera alone is not; density
-    in texels per metre."""
+def believed_of_wall(views: Sequence[View], low: Sequence[np.ndarray], density: float) -> list[np.ndarray]:
+    """Which clear texels of each view are believed, (h, w) bool each; low (h, w) bool: where each alone is not; density in
+    texels per metre."""
     squares, kept = compared(views, density), []
     for i, view in enumerate(views):
         agreed, alone = (
             on_texels(one, squares.side, view.seen.shape) for one in (squares.supported[i], squares.alone(i))
         )
-        kept.append(view.clear & (agreed | (alone & ~low)))
+        kept.append(view.clear & (agreed | (alone & ~low[i])))
     return kept
 
 
-def _low(scene: Scene, chart: int) -> np.ndarray:
-    """The texels (h, w) bool of a chart that are within FOOT_M of its building's foot."""
-    own = np.flatnonzero(scene.charts.building == scene.charts.building[chart])
-    foot = scene.charts.at_shares(own, CORNERS)[..., 2].min()
+def _low(scene: Scene, chart: int, camera: Camera) -> np.ndarray:
+    """The texels (h, w) bool of a chart that lie so far below a camera that things on the ground may stand before them."""
     rows, columns = (np.arange(int(n)) + 0.5 for n in (scene.placement.height[chart], scene.placement.width[chart]))
-    return np.asarray(raster_points(scene, chart, rows, columns)[..., 2] < foot + FOOT_M)
+    return np.asarray(raster_points(scene, chart, rows, columns)[..., 2] < position(camera.pose)[2] - BELOW_M)
 
 
 def _view(scene: Scene, chart: int, camera: Camera, own: np.ndarray) -> View:

@@ -33,7 +33,7 @@ def view(left: float, right: float, *, seen: bool = True) -> View:
 
 
 def test_what_two_cameras_show_differently_is_not_believed_and_what_one_alone_shows_is() -> None:
-    low = np.indices(SIZE)[0] >= 30
+    low = [np.indices(SIZE)[0] >= 30] * 2
     one, other = believed_of_wall([view(100, 100), view(104, 30)], low, 10.0)
     # a square beside the edge of the thing is still within what a pose may be off
     assert one[:, :30].all()
