@@ -21,7 +21,8 @@ Measured on 2 cores.
 
 *as of* says what vouches for a figure:
 
-- a day: measured then; with the load of the machine where time or memory is measured (2 is all of it).
+- a day: measured then, by a record that no test repeats; with the load of the machine where time or memory is measured (2 is
+  all of it).
 - every test run: quick and the same on any machine, so the tests measure it again.
 - by hand: carried over on that day from what the command printed, before records were kept.
 - by eye: judged by a person on that day.

@@ -145,7 +145,10 @@ def read_journal(group: StoreGroup, stage: str) -> list[Record | None]:
 
 
 def read_records(group: StoreGroup, stage: str, units: np.ndarray) -> list[Record | None]:
-    """The records of some units of a stage, by their indices (n,), in that order."""
+    """The records of some units of a stage, by their indices (n,), in that order; None of each where the store is from before
+    the stage."""
+    if f"journal/{stage}" not in group:
+        return [None] * len(units)
     texts = group[f"journal/{stage}"].oindex[units] if len(units) else []
     return [json.loads(str(text)) if text else None for text in texts]
 
@@ -155,8 +158,9 @@ def write_record(group: StoreGroup, stage: str, index: int, record: Record) -> N
 
 
 def forget_record(group: StoreGroup, stage: str, index: int) -> None:
-    """Make a unit due again."""
-    group[f"journal/{stage}"][index] = ""
+    """Make a unit due again, which it is in a store from before its stage."""
+    if f"journal/{stage}" in group:
+        group[f"journal/{stage}"][index] = ""
 
 
 def unit_key(*parts: Any) -> str:

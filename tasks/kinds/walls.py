@@ -20,7 +20,8 @@ from tasks.units.walls import wall_unit
 
 
 def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    """As the journal stands: poses that are refined, and one exposure of their pictures."""
+    """As the journal stands: poses that are refined, and one exposure of their pictures. Buildings that are taken from the same
+    panoramas follow each other, whatever their order in the source: what stands before them is found once."""
     near = plan.walls_near_cameras()
     if not near:
         return []
@@ -34,7 +35,7 @@ def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
         memory = wall_memory(texels[charts], [one.path for one in taken])
         arguments = (tuple(charts), taken)
         units.append(Unit(index, plan.scene.names[building], (key,), arguments, memory, tuple(charts)))
-    return units
+    return sorted(units, key=lambda unit: [str(one.path) for one in unit.arguments[1]])
 
 
 def names_of_walls(plan: Plan) -> list[str]:

@@ -12,7 +12,7 @@ const colour = (cell) => (cell === "-" ? HIDDEN : cell === "0" ? ALIKE : STEPS[M
 export function changeMap(facade, details, from) {
   const { map, before } = details.change;
   const [rows, columns] = [map.length, map[0]?.length ?? 0];
-  const said = facade.changed >= from ? "changed" : "as it was";
+  const said = facade.changed >= from ? "changed" : "unchanged";
   const svg = element("svg", { viewBox: `0 0 ${columns} ${rows}`, role: "img", "aria-label": `Where facade ${facade.id} changed: ${percent(facade.changed)} of what both captures show` },
     ...map.flatMap((line, y) => [...line].map((cell, x) => element("rect", { x, y, width: 1.02, height: 1.02, fill: colour(cell) }))));
   const now = details.stages.find(({ stage }) => stage === "hidden") || details.stages.find(({ stage }) => stage === "rectified");

@@ -108,4 +108,5 @@ def _hidden(one: Taken, image: np.ndarray, hides: Hides) -> np.ndarray:
         _LOOKED_AT[of] = bits
         if len(_LOOKED_AT) > KEPT:
             _LOOKED_AT.popitem(last=False)
+    _LOOKED_AT.move_to_end(of)
     return np.unpackbits(bits, count=image.shape[0] * image.shape[1]).reshape(image.shape[:2]).astype(bool)

@@ -48,3 +48,10 @@ def test_records_come_back(records: list[dict[str, Any] | None], forgotten: int)
     index = forgotten % len(records)
     forget_record(group, "facades", index)
     assert read_journal(group, "facades") == [*records[:index], None, *records[index + 1 :]]
+
+
+def test_of_a_stage_that_is_newer_than_the_store_nothing_is_known() -> None:
+    group = zarr.create_group({})
+    forget_record(group, "walls", 0)
+    assert read_records(group, "walls", np.array([1, 0])) == [None, None]
+    assert read_journal(group, "walls") == []
