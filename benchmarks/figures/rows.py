@@ -79,7 +79,7 @@ def read_rows(path: Path = ROWS) -> Rows:
             raise InputError(
                 f"{path.name}, {row.what}: no command for the record {unknown[0]}: add [record.{unknown[0]}]"
             )
-        typed = re.search(r"\d", PLACE.sub("", row.figure))
+        typed = re.search(r"\b\d+\b", PLACE.sub("", row.figure))  # not that of F1 or 3D
         if (row.by is None) != (row.of is None) or row.by not in (None, *BY):
             raise InputError(f"{path.name}, {row.what}: by is {' or '.join(BY)}, and of a day")
         if typed and row.by is None:
