@@ -2,7 +2,7 @@
 
 painted: streets whose textures are known, six cameras each, poses off by 0.3 m and 1 degree: errors of the poses. amsterdam:
 with --data, real panoramas against known walls: the tilts of edges on rectified walls, degrees. Poses are as given, refined
-as a run does (each alone), refined together (`benchmarks.joint_poses`, a trial), and true. left_out, of both: each panorama is
+alone, refined together after that, as a run does, and true. left_out, of both: each panorama is
 left out in turn, and what it shows of each wall is foretold by the others, fused as a run does: PSNR in dB, a factor a channel
 aside, and SSIM over the texels that both show, means over walls and panoramas. registered: the same where what is foretold is
 first shifted on the wall, as a whole, to where it fits best; shift_m: by how many metres, median. What a shift brings is the
@@ -32,8 +32,9 @@ from benchmarks.imagery import (
     ssim,
     street_with_cameras,
 )
-from benchmarks.joint_poses import refine_together
+from facade_core.geometry.charts import GROUND, WALL
 from facade_core.rectify import Fused, View, fuse_views, rectify_view, refine_pose, sightings
+from facade_core.rectify.together import Alone, refine_together
 from facade_core.street.scene import Scene
 from facade_core.synth.street_truth import SyntheticStreet, hidden
 from facade_core.types import Pose
@@ -119,8 +120,11 @@ def painted(streets: int) -> dict[str, Any]:
 
 
 def _refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> dict[str, Sequence[Pose]]:
-    alone = [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
-    return {"given": given, "refined": alone, "together": refine_together(scene, images, given)}
+    alone = [refine_pose(scene, image, pose) for image, pose in zip(images, given, strict=True)]
+    start = [Alone(one.pose, not any(why.startswith("place as given") for why in one.reasons)) for one in alone]
+    surfaces = np.flatnonzero(np.isin(scene.charts.kind, (WALL, GROUND))).tolist()
+    found = refine_together(scene, surfaces, images, start)
+    return {"given": given, "refined": [one.pose for one in alone], "together": [one.pose for one in found]}
 
 
 def _left_out_of(

@@ -32,6 +32,7 @@ from flows.log_file import told_to_prefect
 from tasks.compute.connect import Compute, connect
 from tasks.compute.spreading import spread
 from tasks.examples.demo import NAME, write_demo
+from tasks.keys.memory import street_memory
 from tasks.kinds.order import KINDS
 from tasks.outcome import Outcome, refused
 from tasks.progress import begin_stage
@@ -44,7 +45,6 @@ from tasks.stages.publish import publish_block
 from tasks.stages.streets import note_partial, streets_done, texture_street
 from tasks.store.redo import chosen_streets
 from tasks.store.room import require_room
-from tasks.units.memory import street_memory
 
 log = logging.getLogger(__name__)
 

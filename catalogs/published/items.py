@@ -164,6 +164,20 @@ COLUMNS = (
         "how far lines on walls are off their axes on the median once poses are refined: of the worst panorama that the "
         "facade is from; none where it has no lines",
     ),
+    Column(
+        "pose_apart_m",
+        "double",
+        "metres",
+        "how far from each other panoramas have what they show of the same walls on the median once poses are refined "
+        "together: of the worst that the facade is from; none where it shares no wall",
+    ),
+    Column(
+        "pose_raised_m",
+        "double",
+        "metres",
+        "by how much the height of a panorama was moved from the stated one, upwards: of the one that was moved most of "
+        "those that the facade is from; none of photos",
+    ),
     Column("variation_types", "int32", "", "element types of the variation hierarchy"),
     Column("variation_levels", "int32", "", "levels of the variation hierarchy"),
     Column("variation_bytes", "int64", "bytes", "size of the encoded hierarchy"),

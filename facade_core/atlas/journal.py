@@ -42,6 +42,14 @@ class Record(TypedDict, total=False):
     given_deg: float | None
     residual_deg: float | None
     left: list[str]
+    # bundles: by panorama its pose refined alone, and what of its own record is another once it was refined with others
+    together: Any
+    # panoramas that were: on how many surfaces others agree, why they keep
+    # the pose refined alone, how far apart what both show of these lay and lies, median, metres
+    shared: int
+    kept_alone: str
+    apart_before_m: float | None
+    apart_m: float | None
     # panoramas: how high over the ground they were taken, None where the block has none there, and its colours around
     over_ground_m: float | None
     squares: list[list[int]]

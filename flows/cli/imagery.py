@@ -131,7 +131,7 @@ def match(block_file: Path, photos: Path, poses: Path | None, out: Path | None, 
     matches = found_table.matches()
     if not matches:
         raise InputError(f"{photos}: none of its photos can be placed; give their places with --poses")
-    write_table(found_table)
+    write_table(found_table, new=True)
     for one in matches:
         told = ", ".join(f"{each.facade} ({each.probability:.2f})" for each in one.candidates)
         sure = (

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import threading
 from pathlib import Path
 from typing import Any
 
@@ -14,7 +13,7 @@ from catalogs.readers.pictures.opening import read_picture
 from facade_core.errors import InputError
 from flows.viewer.editing import Editor, read, written
 from tasks.corrections import block_of
-from tasks.matching.table import TABLE, Decision, Match, decided, read_table, write_table
+from tasks.matching.table import TABLE, Decision, Match, alone, decided, read_table, write_table
 from tasks.matching.taking import take, taking
 from tasks.viewing import Reader
 from tasks.viewing.pictures import encode
@@ -26,7 +25,6 @@ SHOWN = 1600
 def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
     """The addresses for who decides which walls the photos in a folder show; what they say goes into the table beside the block
     file, and the way of `streetloom match --take`."""
-    one_at_a_time = threading.Lock()
 
     def all_of() -> dict[str, Any]:
         return {"photos": [_row(match) for match in read_table(block_of(reader.out).parent / TABLE).matches()]}
@@ -42,9 +40,10 @@ def match_routes(reader: Reader, editor: Editor, photos: Path) -> list[Route]:
 
     def save(body: Any) -> dict[str, Any]:
         block = block_of(reader.out)
-        with one_at_a_time:
+        path = block.parent / TABLE
+        with alone(path):
             decisions = _decisions(body)
-            table = decided(read_table(block.parent / TABLE), decisions, who=editor.who)
+            table = decided(read_table(path), decisions, who=editor.who)
             # what is decided is checked before anything is written; other rows that are wrong are told
             found = taking(block, photos, table, {one.photo for one in decisions})
             write_table(table)

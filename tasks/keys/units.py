@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from hashlib import blake2b
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -24,6 +24,9 @@ from facade_core.types import AS_FOUND, Models, Pose
 from tasks.keys.stage_code import stage_code
 from tasks.run import Run
 from tasks.units.imagery import Imagery, Taken
+
+if TYPE_CHECKING:
+    from tasks.units.bundles import Member
 
 # What of a block a panorama may be matched with, metres from where it was taken.
 AROUND_POSE_M = 150.0
@@ -77,6 +80,23 @@ def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
         picture=[path.name, file_digest(path)],
         pose=_pose(pose),
         geometry=plan.things.within(place - AROUND_POSE_M, place + AROUND_POSE_M),
+    )
+
+
+def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequence[int]) -> str:
+    """Of panoramas that are refined together on some charts."""
+    places = np.array([(one.alone.pose.x, one.alone.pose.y, one.alone.pose.z) for one in members]).reshape(-1, 3)
+    around = (
+        plan.things.within(places.min(axis=0) - AROUND_POSE_M, places.max(axis=0) + AROUND_POSE_M)
+        if len(members)
+        else []
+    )
+    return parts_key(
+        stage_code("bundles"),
+        settings=run.texture.texels_per_metre,
+        pose=[_pose(one.given) for one in members],
+        panoramas=[[one.path.name, file_digest(one.path), _pose(one.alone.pose), one.alone.told] for one in members],
+        geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
     )
 
 

@@ -9,7 +9,8 @@ import numpy as np
 import shapely
 
 from catalogs.block import Block
-from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.journal import Record
+from facade_core.atlas.posed import read_posed
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.cameras.exposure import factors
 from facade_core.plan import Plan
@@ -44,7 +45,7 @@ class Cameras:
 def cameras_of_block(block: Block, plan: Plan, group: StoreGroup, usable: Callable[[Record | None], bool]) -> Cameras:
     """As the journal stands: poses that are refined, and what their pictures show of the ground; those that are usable by their
     record."""
-    records = read_journal(group, "poses")
+    records = read_posed(group)
     squares = [_squares(record) for record in records]
     gains = factors(squares)
     taken = tuple(

@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from catalogs.block import Block
 from facade_core.atlas.zarr_types import StoreGroup, group_at
 from facade_core.plan import Plan
+from tasks.keys.memory import exemplar_memory
 from tasks.keys.units import exemplar_key
 from tasks.kinds.kind import Change, Kind, Records, same_key_or_name
 from tasks.run import Run
 from tasks.units.exemplars import exemplar_unit
-from tasks.units.memory import exemplar_memory
 from tasks.units.unit import Unit
 
 

@@ -12,6 +12,7 @@ from catalogs.block.part import ENTRANCE_M, Part
 from catalogs.readers.pictures.poses import day_of
 from facade_core.atlas.encoded import HIERARCHIES, forget_encoded
 from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.posed import read_posed
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.fronts import outlines_as_walls
 from facade_core.geometry.walls import LEVEL_M
@@ -19,6 +20,7 @@ from facade_core.naming import number_of
 from facade_core.plan import Plan
 from facade_core.style import Library, Walls, choose_exemplars
 from facade_core.types import Street
+from tasks.keys.memory import facade_memory
 from tasks.keys.units import facade_keys
 from tasks.kinds.captures import Captures, captures_of
 from tasks.kinds.corrected import corrected_of
@@ -27,7 +29,6 @@ from tasks.kinds.poses import is_refused, refined
 from tasks.run import Run
 from tasks.units.facades import facade_unit
 from tasks.units.imagery import Imagery, imagery_of
-from tasks.units.memory import facade_memory
 from tasks.units.unit import Unit
 
 # A shop is behind the nearest wall, at most so far, metres: maps put it into the building or before it.
@@ -57,7 +58,7 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:
     """The pictures that there are of every facade, with the exemplar chosen for it."""
-    poses = read_journal(group, "poses")
+    poses = read_posed(group)
     shown = panoramas_of(plan, block)
     panoramas, earlier = (
         [
@@ -228,7 +229,7 @@ FACADES = Kind(
     again=_again,
     units=facade_units,
     function=facade_unit,
-    reads=("poses", "exemplars"),
+    reads=("poses", "bundles", "exemplars"),
     seeds=True,
     always=True,
     moved=_moved,

@@ -8,12 +8,12 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS
 from facade_core.plan import Plan
 from facade_core.rectify.camera import GROUND_REACH_M
+from tasks.keys.memory import ground_memory
 from tasks.keys.units import ground_key
 from tasks.kinds.cameras import cameras_of_block
 from tasks.kinds.kind import Change, Kind, same_name
 from tasks.run import Run
 from tasks.units.grounds import ground_unit
-from tasks.units.memory import ground_memory
 from tasks.units.unit import Unit
 
 # A panorama was taken so high over the ground, metres, or the block's ground is not the one it shows: a bridge, a quay.
@@ -71,6 +71,6 @@ GROUNDS = Kind(
     again=_again,
     units=ground_units,
     function=ground_unit,
-    reads=("poses",),
+    reads=("poses", "bundles"),
     seeds=True,
 )

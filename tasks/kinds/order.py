@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from facade_core.atlas.journal import read_journal
 from facade_core.atlas.zarr_types import StoreGroup
+from tasks.kinds.bundles import BUNDLES
 from tasks.kinds.exemplars import EXEMPLARS
 from tasks.kinds.facades import FACADES
 from tasks.kinds.grounds import GROUNDS
@@ -20,6 +21,7 @@ from tasks.kinds.walls import WALLS
 
 KINDS: tuple[Kind, ...] = (
     POSES,
+    BUNDLES,
     EXEMPLARS,
     TEXTURES,
     GROUNDS,

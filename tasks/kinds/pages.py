@@ -11,9 +11,9 @@ from facade_core.atlas.journal import latest_digests, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.keys.finished import page_keys
+from tasks.keys.memory import page_memory
 from tasks.kinds.kind import Change, Kind, Records, same_name
 from tasks.run import Run
-from tasks.units.memory import page_memory
 from tasks.units.pages import page_unit
 from tasks.units.unit import Unit
 

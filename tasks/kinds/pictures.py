@@ -13,9 +13,9 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export.views import cameras, photo_share, pictured, view_names
 from facade_core.plan import Plan
 from tasks.keys.finished import facade_pictures_key, view_keys
+from tasks.keys.memory import facade_pictures_memory, view_memory
 from tasks.kinds.kind import Change, Kind, Records
 from tasks.run import Run
-from tasks.units.memory import facade_pictures_memory, view_memory
 from tasks.units.pictures import pictures_unit
 from tasks.units.unit import Unit
 

@@ -7,10 +7,10 @@ from facade_core.atlas.journal import Record
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from facade_core.types import Pose
+from tasks.keys.memory import pose_memory
 from tasks.keys.units import pose_key
 from tasks.kinds.kind import Change, Kind, same_key_or_name
 from tasks.run import Run
-from tasks.units.memory import pose_memory
 from tasks.units.poses import pose_unit
 from tasks.units.unit import Unit
 

@@ -12,11 +12,11 @@ from facade_core.geometry.charts import GROUND
 from facade_core.grouping import Grouped
 from facade_core.plan import Plan
 from facade_core.street.surfaces import BESIDE_M
+from tasks.keys.memory import surface_memory
 from tasks.keys.streets import SEEDING
 from tasks.keys.surfaces import surface_key
 from tasks.kinds.kind import Change, Kind
 from tasks.run import Run
-from tasks.units.memory import surface_memory
 from tasks.units.surfaces import surface_unit
 from tasks.units.unit import Unit
 

@@ -7,10 +7,10 @@ import numpy as np
 from catalogs.block import Block
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
+from tasks.keys.memory import texture_memory
 from tasks.keys.units import texture_key
 from tasks.kinds.kind import Change, Kind
 from tasks.run import Run
-from tasks.units.memory import texture_memory
 from tasks.units.textures import texture_unit
 from tasks.units.unit import Unit
 

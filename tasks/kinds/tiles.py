@@ -12,9 +12,9 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.export.block_tiles import tiles_of
 from facade_core.plan import Plan
 from tasks.keys.finished import tile_key, tile_shape
+from tasks.keys.memory import tile_memory
 from tasks.kinds.kind import Change, Kind, Records, same_name
 from tasks.run import Run
-from tasks.units.memory import tile_memory
 from tasks.units.tiles import tile_unit
 from tasks.units.unit import Unit
 

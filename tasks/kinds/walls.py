@@ -10,11 +10,11 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS
 from facade_core.plan import Plan
 from facade_core.rectify.camera import WALL_REACH_M
+from tasks.keys.memory import wall_memory
 from tasks.keys.units import wall_key
 from tasks.kinds.cameras import cameras_of_block
 from tasks.kinds.kind import Change, Kind
 from tasks.run import Run
-from tasks.units.memory import wall_memory
 from tasks.units.unit import Unit
 from tasks.units.walls import wall_unit
 
@@ -73,6 +73,6 @@ WALLS = Kind(
     again=_again,
     units=wall_units,
     function=wall_unit,
-    reads=("poses",),
+    reads=("poses", "bundles"),
     seeds=True,
 )

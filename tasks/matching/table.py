@@ -3,9 +3,11 @@
 from __future__ import annotations
 
 import csv
+import fcntl
 import io
 import os
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -114,15 +116,34 @@ def _columns(header: Sequence[str], cells: Sequence[Sequence[str]]) -> list[str]
     return [name or (next(free) if at in filled else "") for at, name in enumerate(columns)]
 
 
-def write_table(table: Table) -> None:
-    """In one step."""
+@contextmanager
+def alone(table: Path) -> Iterator[None]:
+    """Wait until no other process or thread changes a table: who reads it, and writes what became of it, loses nothing."""
+    handle = os.open(table.parent, os.O_RDONLY)
+    try:
+        fcntl.flock(handle, fcntl.LOCK_EX)
+        yield
+    finally:
+        os.close(handle)
+
+
+def write_table(table: Table, *, new: bool = False) -> None:
+    """In one step. Raises InputError for a new one where somebody wrote one meanwhile."""
     text = io.StringIO(newline="")
     rows = csv.DictWriter(text, table.columns, delimiter=table.separator)
     rows.writeheader()
     rows.writerows(table.rows)
-    temporary = table.path.with_name(f".{table.path.name}.tmp")
+    temporary = table.path.with_name(f".{table.path.name}.{os.getpid()}.tmp")
     temporary.write_text(text.getvalue(), encoding="utf-8", newline="")
-    os.replace(temporary, table.path)
+    try:
+        if new:
+            os.link(temporary, table.path)
+            temporary.unlink()
+        else:
+            os.replace(temporary, table.path)
+    except FileExistsError:
+        temporary.unlink()
+        raise InputError(f"{table.path} was written meanwhile; take its photos (--take), or remove it") from None
 
 
 @dataclass(frozen=True)

@@ -12,7 +12,7 @@ from facade_core.geometry.walls import ROLES, STREET
 from facade_core.style import SHADED
 from tasks.published.images import Images
 from tasks.published.review import CHANGED, look_first
-from tasks.published.rows import Rows
+from tasks.published.rows import Rows, raised
 from tasks.published.stored import StoredBlock
 from tasks.run import Run
 
@@ -44,7 +44,11 @@ def write_block_report(
         records={record["unit"]: record for record in journals["facades"]},
         streets=journals["streets"],
         viewpoints=journals["viewpoints"],
-        poses=[record for record in journals["poses"] if record["status"] == "done"],
+        poses=[
+            {**record, "raised_m": raised(record, stated)}
+            for record, stated in zip(block.posed, block.plan.poses, strict=True)
+            if record and record["status"] == "done"
+        ],
         heights=_heights(block.buildings),
         views=images.views,
         panoramas=images.panoramas,

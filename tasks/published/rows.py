@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from datetime import UTC, datetime
 from itertools import combinations
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
@@ -17,6 +17,7 @@ from facade_core.atlas.journal import Record, atlas_digest
 from facade_core.atlas.provenance import PROVENANCE, TRANSLATED
 from facade_core.facades import Facades
 from facade_core.geometry.walls import ROLES, STREET
+from facade_core.types import Pose
 from tasks.kinds.order import KINDS
 from tasks.published.stored import StoredBlock
 from tasks.run import Run
@@ -90,7 +91,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
 
     plan, buildings = block.plan, block.buildings
     facades, charts = plan.facades, plan.scene.charts
-    residuals = {one["unit"]: one.get("residual_deg") for one in block.journals["poses"] if one}
+    posed = _posed(block)
     rows = []
     for index, name in enumerate(facades.id):
         chart = int(facades.chart[index])
@@ -112,7 +113,7 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
                 **_roof(buildings, building),
                 "azimuth_deg": round(float(np.degrees(np.arctan2(normal[0], normal[1])) % 360), 2),
                 **facts(facades, index, record, buildings["height_source"][building]),
-                "pose_residual_deg": _residual(record, residuals),
+                **_pose_facts(record, posed),
                 "corrected": int(bool(record.get("corrected")) or buildings["id"][building] in block.corrected),
                 "parents": _parents(run.block, buildings["id"][building], street.id, record),
                 "updated": made_at(record) or block.ingested,
@@ -125,13 +126,34 @@ def _facade_rows(run: Run, block: StoredBlock) -> list[dict[str, Any]]:
     return rows
 
 
-def _residual(record: Mapping[str, Any], residuals: Mapping[str, float | None]) -> float | None:
-    """The largest of the panoramas that a facade is from; None where none of them has one."""
+def raised(record: Mapping[str, Any], stated: Pose) -> float:
+    """By how much the height of a panorama was moved from the stated one, metres, upwards."""
+    return round(record["pose"][2] - cast(float, stated.z), 3)
+
+
+def _posed(block: StoredBlock) -> dict[str, dict[str, Any]]:
+    """The columns that tell of panoramas' poses, by their names."""
+    return {
+        record["unit"]: {
+            "pose_residual_deg": record.get("residual_deg"),
+            "pose_apart_m": record.get("apart_m"),
+            "pose_raised_m": raised(record, stated),
+        }
+        for record, stated in zip(block.posed, block.plan.poses, strict=True)
+        if record and record["status"] == "done"
+    }
+
+
+def _pose_facts(record: Mapping[str, Any], posed: Mapping[str, Mapping[str, Any]]) -> dict[str, float | None]:
+    """Of each column the largest, of either sign, of the panoramas that a facade is from; None where none of them has it."""
     parts = (record.get("source") or "").split(", ")
     # a name may have a comma of its own
     runs = (", ".join(parts[i:j]) for i, j in combinations(range(len(parts) + 1), 2))
-    found = [residuals.get(name) for name in runs]
-    return max((residual for residual in found if residual is not None), default=None)
+    own = [posed[name] for name in runs if name in posed]
+    found = {}
+    for column in ("pose_residual_deg", "pose_apart_m", "pose_raised_m"):
+        found[column] = max((one[column] for one in own if one[column] is not None), key=abs, default=None)
+    return found
 
 
 def _roof(buildings: Mapping[str, Any], building: int) -> dict[str, Any]:

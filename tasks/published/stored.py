@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, cast
 
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.plan_tables import Values, read_plan, read_table
+from facade_core.atlas.posed import read_posed
 from facade_core.atlas.store import open_root
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
@@ -31,6 +32,11 @@ class StoredBlock:
     def journals(self) -> dict[str, list[Record | None]]:
         """Stage -> the record of every unit, None where there is none."""
         return {stage: self.records if stage == "facades" else read_journal(self.group, stage) for stage in STAGES}
+
+    @cached_property
+    def posed(self) -> list[Record | None]:
+        """Those of panoramas, with what was made of them together."""
+        return read_posed(self.group)
 
     @cached_property
     def corrected(self) -> frozenset[str]:

@@ -17,6 +17,7 @@ from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
 from tasks.keys.streets import SEEDING, street_keys
 from tasks.keys.units import changed_parts, parts_of
+from tasks.kinds.bundles import bundles, members_of
 from tasks.kinds.facades import panoramas_of
 from tasks.kinds.kind import Kind
 from tasks.kinds.order import KINDS
@@ -129,7 +130,11 @@ def what_is_due(run: Run, block: Block, outline: Outline) -> Ahead:
         records = read_journal(group, kind.stage)
         units[kind.stage] = kind.units(run, block, plan, group)
         reasons[kind.stage] = _due(records, units[kind.stage])
-        if kind.stage in ("grounds", "walls") and reasons["poses"]:  # one exposure for all of them
+        if kind.stage == "bundles":
+            reasons["bundles"] = _bundles(reasons, plan, block)
+        if kind.stage in ("grounds", "walls") and (
+            reasons["poses"] or reasons["bundles"]
+        ):  # one exposure for all of them
             reasons[kind.stage] = dict.fromkeys((u.index for u in units[kind.stage]), REASONS["panoramas"])
         if kind.stage == "facades":
             reasons["facades"] = _after(reasons, units, records, plan, block)
@@ -180,6 +185,13 @@ def _why(record: Record | None, keys: tuple[str, ...]) -> str:
     return next((reason for part, reason in REASONS.items() if part in changed), REASONS["settings"])
 
 
+def _bundles(reasons: Mapping[str, Mapping[int, str]], plan: Plan, block: Block) -> dict[int, str]:
+    """The bundles that are due, those too of panoramas that are refined again."""
+    again = reasons["poses"].keys()
+    following = (number for number, bundle in enumerate(bundles(plan, block)) if again & set(bundle))
+    return dict.fromkeys(following, REASONS["panoramas"]) | dict(reasons["bundles"])
+
+
 def _after(
     reasons: Mapping[str, Mapping[int, str]],
     units: Mapping[str, Sequence[Unit]],
@@ -188,7 +200,8 @@ def _after(
     block: Block,
 ) -> dict[int, str]:
     """The facades that are due once panoramas and exemplars are done again, of which their keys know nothing yet."""
-    facades, poses, exemplars = reasons["facades"], reasons["poses"], reasons["exemplars"]
+    facades, exemplars = reasons["facades"], reasons["exemplars"]
+    poses = {*reasons["poses"], *members_of(plan, block, sorted(reasons["bundles"]))}
     sources = {unit.name for unit in units["exemplars"] if unit.index in exemplars}
     shown = [(*of.newest, *of.before) for of in panoramas_of(plan, block)] if poses else []
     found = {}

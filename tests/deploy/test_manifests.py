@@ -14,7 +14,7 @@ import yaml
 
 from deploy.certificates import settings
 from tasks.compute.scheduler_view import UNITS_SHARE
-from tasks.units import memory
+from tasks.keys import memory
 from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS
 from tests.pipeline.runs import ROOT
 

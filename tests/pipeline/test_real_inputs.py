@@ -165,6 +165,8 @@ def test_own_textures_and_panoramas_are_photos_and_the_rest_is_synthesised(done:
     told = items[items.source == "seen.jpg"].pose_residual_deg
     assert told.isna().all() if left["seen.jpg"] is None else (told == left["seen.jpg"]).all()
     assert items[items.source != "seen.jpg"].pose_residual_deg.isna().all()
+    assert items[items.source == "seen.jpg"].pose_raised_m.notna().all()
+    assert items.pose_apart_m.isna().all(), "it is the only one"
     charts = group["charts"]
     roof = np.flatnonzero(charts["textured"][:] & (charts["kind"][:] == 1))
     assert len(roof) == 1, "one roof has a texture of its own"

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import numpy as np
@@ -16,9 +17,10 @@ from benchmarks.matching import SIZE, WIDE_DEG, photo_of
 from catalogs.block import read_block
 from facade_core.errors import InputError
 from facade_core.synth.street_truth import SyntheticStreet, synthetic_street
+from facade_core.types import Pose
 from flows.cli.commands import main
 from tasks.city.blocks import read_city
-from tasks.matching.table import Decision, decided, read_table, write_table
+from tasks.matching.table import COLUMNS, Decision, Table, alone, decided, found_row, read_table, write_table
 from tasks.matching.taking import take, taking
 from tests.pipeline.stages import EAST, NORTH, write_block
 
@@ -241,3 +243,21 @@ def test_a_remark_in_no_column_is_not_lost(tmp_path: Path, text: str, remarks: d
         read_table(path)
     path.write_text("photo,facade,,\n1.jpg,a-0,,,,\n\n2.jpg\n")
     assert [(one.photo, one.facade) for one in read_table(path).matches()] == [("1.jpg", "a-0"), ("2.jpg", "")]
+
+
+def test_who_decides_at_once_loses_nothing(tmp_path: Path) -> None:
+    path, photos = tmp_path / "matches.csv", [f"{number}.jpg" for number in range(24)]
+    rows = tuple(found_row(photo, None, [], Pose(0, 0, 0, 0), heading=False) for photo in photos)
+    write_table(Table(path, COLUMNS, rows), new=True)
+
+    def decide(photo: str) -> None:
+        with alone(path):
+            write_table(decided(read_table(path), [Decision(photo, "a-0", True, ("", ""))], who="anna"))
+
+    with ThreadPoolExecutor(4) as threads:
+        list(threads.map(decide, photos))
+    assert all(match.facade == "a-0" for match in read_table(path).matches())
+    with pytest.raises(InputError, match="was written meanwhile"):
+        write_table(Table(path, COLUMNS, ()), new=True)
+    assert [one.name for one in tmp_path.iterdir()] == ["matches.csv"]
+    assert len(read_table(path).rows) == 24

@@ -23,12 +23,23 @@ from catalogs.readers.pictures.materials import MaterialPicture
 from facade_core.atlas.journal import write_record
 from facade_core.ingest import ingest
 from facade_core.plan import Plan
+from facade_core.rectify.together import Alone
 from facade_core.types import Building, Pose, Shell, Street
 from tasks.keys.streets import SETTINGS, StreetKeys, street_keys
 from tasks.keys.surfaces import surface_key
-from tasks.keys.units import changed_parts, exemplar_key, facade_keys, parts_key, parts_of, pose_key, texture_key
+from tasks.keys.units import (
+    bundle_key,
+    changed_parts,
+    exemplar_key,
+    facade_keys,
+    parts_key,
+    parts_of,
+    pose_key,
+    texture_key,
+)
 from tasks.kinds.order import STAGES
 from tasks.run import Run
+from tasks.units.bundles import Member
 from tasks.units.imagery import Imagery
 
 RUN = Run(
@@ -109,6 +120,7 @@ class Inputs:
     run: Run = RUN
     kinds: frozenset[str] = frozenset()
     pose: Pose = POSE
+    given: Pose = POSE
     rectified: bool = True
     exemplar: tuple[int, str] = (0, "brick")
     exemplars: dict[int, str] = field(default_factory=lambda: {0: "e0", 1: "e1"})
@@ -171,6 +183,11 @@ def pose_of(inputs: Inputs) -> tuple[str, ...]:
     return (pose_key(inputs.run, plan, 0, inputs.path("panorama.jpg")),)
 
 
+def bundle_of(inputs: Inputs) -> tuple[str, ...]:
+    member = Member(inputs.path("panorama.jpg"), inputs.given, Alone(inputs.pose, told=inputs.rectified))
+    return (bundle_key(inputs.run, inputs.plan(), [member, member], [0]),)
+
+
 def exemplar_of(inputs: Inputs) -> tuple[str, ...]:
     return (exemplar_key(inputs.run, inputs.path("exemplar.png")),)
 
@@ -213,6 +230,20 @@ CHANGES: Mapping[str, tuple[Callable[[Inputs], tuple[str, ...]], Changes]] = {
             "seed": (of_run(seed=2), set()),
             "panorama": (of_file("panorama.jpg"), {"picture"}),
             "pose": (of_inputs(pose=replace(POSE, heading=31.0)), {"pose"}),
+            "near": (of_kinds("near"), {"geometry"}),
+            "far": (of_kinds("far"), set()),
+        }
+        | NOWHERE,
+    ),
+    "bundle": (
+        bundle_of,
+        {
+            "resolution": (of_run(texels_per_metre=5.0), {"settings"}),
+            "seed": (of_run(seed=2), set()),
+            "panorama": (of_file("panorama.jpg"), {"panoramas"}),
+            "the pose refined alone": (of_inputs(pose=replace(POSE, heading=31.0)), {"panoramas"}),
+            "the stated pose": (of_inputs(given=replace(POSE, x=1.0)), {"pose"}),
+            "what told it": (of_inputs(rectified=False), {"panoramas"}),
             "near": (of_kinds("near"), {"geometry"}),
             "far": (of_kinds("far"), set()),
         }

@@ -59,9 +59,12 @@ def test_a_change_reaches_the_stages_that_import_it(codes: Codes, tmp_path: Path
         "facade_core/layout/models/layouts.json": facades | {"publish"},
         "facade_core/street/models/translator.onnx": {"streets", "publish"},
         "facade_core/rectify/refinement.py": {"poses"},
+        "facade_core/rectify/together.py": {"bundles"},
         "facade_core/geometry/facets.py": {"ingest"},
         "facade_core/texture/genetic.py": facades,
-        "tasks/units/images.py": {"ingest", "poses", "textures", "grounds", "walls", "surfaces"} | facades | streets,
+        "tasks/units/images.py": {"ingest", "poses", "bundles", "textures", "grounds", "walls", "surfaces"}
+        | facades
+        | streets,
         "tasks/units/streets.py": streets,
     }.items():
         content = (tmp_path / path).read_bytes()

@@ -4,21 +4,28 @@ from __future__ import annotations
 
 import pytest
 
-from tasks.published.rows import _residual
+from tasks.published.rows import _pose_facts
 
-RESIDUALS = {"a.jpg": 0.4, "Rue, north.jpg": 1.2, "b.jpg": None}
+POSED = {
+    name: dict(zip(("pose_residual_deg", "pose_apart_m", "pose_raised_m"), values, strict=True))
+    for name, values in {
+        "a.jpg": (0.4, None, 0.3),
+        "Rue, north.jpg": (1.2, 0.02, -1.1),
+        "b.jpg": (None, 0.05, 0.0),
+    }.items()
+}
 
 
 @pytest.mark.parametrize(
-    ("source", "residual"),
+    ("source", "told"),
     [
-        ("a.jpg", 0.4),
-        ("Rue, north.jpg", 1.2),
-        ("a.jpg, Rue, north.jpg, b.jpg", 1.2),
-        ("b.jpg", None),
-        ("north.jpg", None),
-        (None, None),
+        ("a.jpg", (0.4, None, 0.3)),
+        ("Rue, north.jpg", (1.2, 0.02, -1.1)),
+        ("a.jpg, Rue, north.jpg, b.jpg", (1.2, 0.05, -1.1)),
+        ("b.jpg", (None, 0.05, 0.0)),
+        ("north.jpg", (None, None, None)),
+        (None, (None, None, None)),
     ],
 )
-def test_the_largest_residual_counts_whatever_commas_names_have(source: str | None, residual: float | None) -> None:
-    assert _residual({"source": source}, RESIDUALS) == residual
+def test_the_largest_counts_whatever_commas_names_have(source: str | None, told: tuple[float | None, ...]) -> None:
+    assert tuple(_pose_facts({"source": source}, POSED).values()) == told

@@ -12,7 +12,7 @@ import pytest
 from PIL import Image
 
 from facade_core.export.views import VIEW_SIZE
-from tasks.units import memory
+from tasks.keys import memory
 from tasks.units.imagery import Imagery
 
 # Peak of what a process holds while it does a unit, beside what it held before: libraries are loaded and compiled by a small

@@ -15,6 +15,7 @@ from facade_core.detect import looked_for
 from facade_core.errors import InputError
 from facade_core.export.pages import LARGEST_PAGE
 from facade_core.export.views import SAMPLES, VIEW_SIZE
+from facade_core.rectify.together import WIDEST
 from facade_core.street.neural import NETWORK_PIXELS
 from tasks.units.imagery import Imagery
 from tasks.units.images import LONGEST_EXEMPLAR, MOST_PIXELS, image_size
@@ -33,6 +34,8 @@ DECODED_PIXEL = 4
 PICTURE_PIXEL = 12
 # A panorama whose pose is refined: the picture, and edges of it at a smaller size.
 POSE_PIXEL = 24
+# What is kept of one that is refined together with others.
+KEPT_PANORAMA = WIDEST * WIDEST // 2 * 3
 # A pixel that the neural translator works on: what its taps see and its widest layers (measured: 1700 to 1900).
 NETWORK_PIXEL = 2000
 # The window of a street: seed, colour and provenance of a texel it reads; with the blend state of one it writes (measured: 61
@@ -58,6 +61,12 @@ VIEW_RAY, DRAWN_TEXEL = 60, 90
 
 def pose_memory(path: Path) -> int:
     return LEAST + _decoded([path]) + _pixels([path]) * POSE_PIXEL
+
+
+def bundle_memory(paths: Sequence[Path]) -> int:
+    """Of panoramas that are refined together: each is read in turn, and kept small."""
+    widest = max((pose_memory(path) for path in paths), default=LEAST)
+    return widest + len(paths) * KEPT_PANORAMA
 
 
 def exemplar_memory(path: Path) -> int:

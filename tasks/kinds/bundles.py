@@ -1,0 +1,97 @@
+"""Panoramas that show the same walls, refined together once each is refined alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from datetime import date
+
+import numpy as np
+import shapely
+
+from catalogs.block import Block
+from catalogs.readers.pictures.poses import day_of
+from facade_core.atlas.journal import Record, read_journal
+from facade_core.atlas.zarr_types import StoreGroup
+from facade_core.geometry.charts import CORNERS
+from facade_core.plan import Plan
+from facade_core.rectify.bundles import LEAST_SEEN, bundles_of
+from facade_core.rectify.camera import GROUND_REACH_M
+from facade_core.rectify.together import Alone
+from tasks.keys.memory import bundle_memory
+from tasks.keys.units import bundle_key
+from tasks.kinds.kind import Change, Kind, same_name
+from tasks.kinds.poses import refined
+from tasks.run import Run
+from tasks.units.bundles import Member, bundle_unit
+from tasks.units.unit import Unit
+
+
+def bundle_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
+    """As the journal stands: of each bundle the panoramas that were refined alone, refused ones aside."""
+    records = read_journal(group, "poses")
+    units = []
+    for index, (name, bundle) in enumerate(zip(names_of_bundles(plan, block), bundles(plan, block), strict=True)):
+        members = tuple(
+            Member(block.panoramas[i].path, plan.poses[i], _alone(record, plan, i))
+            for i in bundle
+            if (record := records[i]) is not None and record["status"] == "done"
+        )
+        surfaces = _surfaces(plan, bundle)
+        key = bundle_key(run, plan, members, surfaces)
+        units.append(Unit(index, name, (key,), (members, surfaces), bundle_memory([one.path for one in members])))
+    return units
+
+
+def bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
+    """The panoramas that are refined together, by the block and the poses that are given."""
+    days = [_number(day_of(panorama.captured)) for panorama in block.panoramas]
+    places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
+    return bundles_of(plan.sightings.facade, plan.sightings.panorama, plan.sightings.seen, places, days)
+
+
+def members_of(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
+    """The panoramas of some bundles."""
+    return {panorama for number in some for panorama in bundles(plan, block)[number]}
+
+
+def names_of_bundles(plan: Plan, block: Block) -> list[str]:
+    """What bundles are called: as their first panoramas."""
+    return [block.panoramas[bundle[0]].path.name for bundle in bundles(plan, block)]
+
+
+def _alone(record: Record, plan: Plan, panorama: int) -> Alone:
+    """A panorama as it was refined alone; its reasons tell whether its place was left as given."""
+    told = not any(reason.startswith("place") for reason in record["left"])
+    return Alone(refined(plan.poses[panorama], record), told)
+
+
+def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
+    """The charts of facades that two panoramas of a bundle show, and of ground that two are near, ascending."""
+    seen = plan.sightings
+    shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= LEAST_SEEN)]
+    facade, count = np.unique(shown, return_counts=True)
+    ground = plan.ground_near_cameras()
+    corners = plan.scene.charts.at_shares(ground, CORNERS)[..., :2]
+    boxes = shapely.box(*corners.min(axis=1).T, *corners.max(axis=1).T)
+    places = shapely.points([(plan.poses[i].x, plan.poses[i].y) for i in bundle])
+    near = (shapely.distance(boxes[:, None], places) <= GROUND_REACH_M).sum(axis=1) > 1
+    return tuple(np.sort(np.concatenate([plan.facades.chart[facade[count > 1]], ground[near]])).tolist())
+
+
+def _number(day: str | None) -> int | None:
+    return date.fromisoformat(day).toordinal() if day else None
+
+
+def _again(change: Change) -> dict[int, int]:
+    return same_name(change.records["bundles"], names_of_bundles(change.after, change.block))
+
+
+BUNDLES = Kind(
+    "bundles",
+    "panorama bundle",
+    count=lambda block, plan: len(bundles(plan, block)),
+    again=_again,
+    units=bundle_units,
+    function=bundle_unit,
+    reads=("poses",),
+)

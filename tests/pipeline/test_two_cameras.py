@@ -1,0 +1,107 @@
+"""Two cameras before one house: they are refined together, agree on the ground, and one more changes what it shows alone."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+import zarr
+from PIL import Image
+
+from facade_core.atlas.journal import read_journal
+from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.posed import read_posed
+from facade_core.atlas.provenance import PHOTO
+from facade_core.atlas.rasters import Rasters, read_rasters
+from facade_core.atlas.store import open_repository
+from facade_core.synth import facade as paint
+from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
+
+WIDTH, HEIGHT_M, FAR = 1536, 2.5, 600.0
+WALL = paint((12.0, 7.0), floors=2, columns=4, style="jugend", metres_per_pixel=0.04, seed=2).image
+# The ground from 10 m south and 10 m west of where streets begin, four pixels a metre.
+SEEDED = ("seed", "seed_evidence")
+PAVED = cv2.resize(np.random.default_rng(4).integers(60, 190, (44, 84), np.uint8), (168, 88)).astype(np.uint8)
+
+
+def panorama(path: Path, east: float, north: float) -> None:
+    """What a camera sees of house a, or of house c 600 m to the north, and of paved ground."""
+    longitude = ((np.arange(WIDTH) + 0.5) / WIDTH - 0.5) * 2 * np.pi
+    latitude = ((0.5 - (np.arange(WIDTH // 2) + 0.5) / (WIDTH // 2)) * np.pi)[:, None]
+    ahead, right, up = np.cos(longitude) * np.cos(latitude), np.sin(longitude) * np.cos(latitude), np.sin(latitude)
+    image = np.full((WIDTH // 2, WIDTH, 3), (200, 215, 235), np.uint8)
+    with np.errstate(divide="ignore"):
+        down = HEIGHT_M / np.where(up < 0, -up, np.nan) * np.ones_like(ahead)
+        wall = (5.0 - north) / np.where(ahead > 1e-6, ahead, np.nan)
+    column, row = ((at + 10) * 4 for at in (east + down * right, north + down * ahead))
+    paved = (down > 0) & (column >= 0) & (column < 168) & (row >= 0) & (row < 88)
+    image[up[:, 0] < 0] = 120
+    image[paved] = PAVED[row[paved].astype(int), column[paved].astype(int), None]
+    x, z = east + wall * right - 4.0, HEIGHT_M + wall * up
+    on = (wall > 0) & (x >= 0) & (x < 12) & (z >= 0) & (z < 7)
+    rows, columns = WALL.shape[:2]
+    image[on] = WALL[((7 - z[on]) / 7 * rows).astype(int), (x[on] / 12 * columns).astype(int)]
+    Image.fromarray(image).save(path, quality=95)
+
+
+def posed(folder: Path, cameras: dict[str, tuple[float, float, float]]) -> None:
+    """Panoramas by name: metres east and north, and the height that is stated."""
+    (folder / "panoramas").mkdir(parents=True, exist_ok=True)
+    poses = {}
+    for name, (east, north, stated) in cameras.items():
+        panorama(folder / "panoramas" / f"{name}.jpg", east, north - FAR * round(north / FAR))
+        poses[f"{name}.jpg"] = {"x": EAST + east, "y": NORTH + north, "z": stated, "heading": 0}
+    (folder / "poses.json").write_text(json.dumps({"crs": "EPSG:32635", "poses": poses}))
+
+
+def test_two_cameras_agree_on_the_ground_and_one_more_changes_what_it_shows(tmp_path: Path) -> None:
+    folder, out = tmp_path / "in", tmp_path / "out"
+    cameras = {"a-1": (8.0, -1.0, 2.5), "a-2": (12.5, 0.5, 3.0), "c-1": (9.0, FAR - 1, 2.5)}
+    posed(folder, cameras)
+    block_file = write_block(
+        folder,
+        buildings={name: BUILDINGS[name] for name in ("a", "c")},
+        streets={name: STREETS[name] for name in ("1", "3")},
+        imagery={"panoramas": {"path": "panoramas", "poses": "poses.json"}},
+        texture={"texels_per_metre": 4, "walls": "translate"},
+    )
+    texture(block_file, out, stop_before="1")
+    session = open_repository(out / "store").readonly_session("main")
+    group, plan = zarr.open_group(session.store, mode="r"), read_plan(session)
+    poses = {record["unit"]: record for record in read_posed(group) if record}
+    assert [record["unit"] for record in read_journal(group, "bundles") if record] == ["a-1.jpg"]
+    for name in ("a-1.jpg", "a-2.jpg"):
+        told = poses[name]
+        assert told["kept_alone"] == ""
+        assert told["shared"] == 2
+        assert told["apart_before_m"] > 0.2 > 0.05 > told["apart_m"]
+        assert told["pose"][2] == pytest.approx(HEIGHT_M, abs=0.1), "the ground tells whose height is wrong"
+        assert told["over_ground_m"] == told["pose"][2]
+    assert "shared" not in poses["c-1.jpg"], "it is alone there"
+
+    taken = [record for record in read_journal(group, "grounds") if record and len(record["cameras"]) > 1]
+    (ground,) = taken
+    assert {name for name, *_ in ground["cameras"]} == {"a-1.jpg", "a-2.jpg"}
+    chart = int(np.flatnonzero(plan.ids == int(ground["unit"].removeprefix("ground-"), 16))[0])
+    one = Rasters.of(plan.scene.placement, [chart])
+    seed, evidence = (read_rasters(group[f"atlas/{name}"], plan.scene.placement, one) for name in SEEDED)
+    shown = evidence == PHOTO
+    assert shown.mean() > 0.2
+    size = (int(plan.scene.placement.height[chart]), int(plan.scene.placement.width[chart]))
+    rows, columns = (at.ravel() for at in np.indices(size))
+    points = plan.scene.charts.points(chart, (columns + 0.5) / 4, (rows + 0.5) / 4)
+    column, row = ((points[:, axis] - origin + 10) * 4 for axis, origin in ((0, EAST), (1, NORTH)))
+    shown &= (column >= 4) & (column < 164) & (row >= 4) & (row < 84)
+    truth = PAVED[row[shown].astype(int), column[shown].astype(int)]
+    assert np.corrcoef(seed[shown, 0].astype(float), truth.astype(float))[0, 1] > 0.8
+
+    before = started(out)
+    posed(folder, cameras | {"a-3": (10.0, 0.0, 2.5)})
+    texture(block_file, out, stop_before="1")
+    again = redone(before, out)
+    assert {unit for stage, unit in again if stage == "poses"} == {"a-3.jpg"}
+    assert {unit for stage, unit in again if stage == "bundles"} == {"a-1.jpg"}
+    assert {unit.partition("-")[0] for stage, unit in again if stage == "facades"} == {"a"}
