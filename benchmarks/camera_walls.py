@@ -211,6 +211,7 @@ def _ssim(part: dict[str, np.ndarray], name: str, factor: np.ndarray) -> np.ndar
 def main() -> None:
     """Measure and print."""
     parser = argparse.ArgumentParser(description="Side walls and roofs from posed panoramas of a street that is known.")
+    parser.add_argument("--seed", type=int, default=3, help="of the street, its paint and its cameras")
     parser.add_argument("--buildings", type=int, default=8, help="houses on the street, an even number")
     parser.add_argument("--cameras", type=int, default=5)
     parser.add_argument("--width", type=int, default=2048, help="pixels of a panorama")
@@ -218,9 +219,7 @@ def main() -> None:
         "--pictures", type=Path, help="folder for pictures of charts: ours, plain projection, material, the truth"
     )
     options = parser.parse_args()
-    found = measure(
-        buildings=options.buildings, cameras=options.cameras, width=options.width, pictures=options.pictures
-    )
+    found = measure(**vars(options))
     print(json.dumps(found, indent=1))
 
 

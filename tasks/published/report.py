@@ -16,6 +16,9 @@ from tasks.published.rows import Rows, raised
 from tasks.published.stored import StoredBlock
 from tasks.run import Run
 
+# What a panorama has of others where it shares nothing with any.
+_ALONE = {"shared": 0, "apart_before_m": None, "apart_m": None, "kept_alone": ""}
+
 
 def write_block_report(
     folder: Path,
@@ -45,7 +48,7 @@ def write_block_report(
         streets=journals["streets"],
         viewpoints=journals["viewpoints"],
         poses=[
-            {**record, "raised_m": raised(record, stated)}
+            {**_ALONE, **record, "raised_m": raised(record, stated)}
             for record, stated in zip(block.posed, block.plan.poses, strict=True)
             if record and record["status"] == "done"
         ],

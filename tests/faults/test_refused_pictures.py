@@ -17,10 +17,10 @@ from catalogs.block import TextureSettings
 from facade_core.errors import FacadeError, ImageError
 from facade_core.types import SHIPPED_MODELS, Pose
 from tasks.stages.due import what_is_set_aside
-from tasks.units import evidence
 from tasks.units import facades as facade
 from tasks.units.imagery import Imagery
 from tasks.units.images import read_panorama, read_textures
+from tasks.units.shown import evidence
 from tasks.units.shown.evidence import Evidence, evidence_of
 
 POSE = Pose(0.0, 0.0, 2.5, 0.0)

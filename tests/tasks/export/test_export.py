@@ -214,7 +214,7 @@ def test_a_geopackage_has_every_column_in_the_frame_of_the_block(
     assert (ground.slope_deg < 45).all()
     assert (ground.high_z >= ground.low_z).all()
     facades = gpd.read_file(path, layer="facades")
-    assert set(facades.columns) == {column.name for column in COLUMNS}
+    assert set(facades.columns) == {"is_facade", *(column.name for column in COLUMNS)}
     assert facades.crs == "EPSG:32635"
     assert set(facades.building) == {building}
     walls = gpd.read_file(path, layer="walls").set_index("id")
