@@ -136,7 +136,8 @@ def test_a_stage_has_a_picture_figures_with_commands_and_limits(page: Path) -> N
     assert figures is not None
     table = (ROOT / "docs" / "figures.md").read_text(encoding="utf-8")
     known = [
-        what + figure for what, figure in re.findall(r"^\| (.+) \| (.+?) \| [^|]+ \| [^|]+ \|$", table, re.MULTILINE)
+        f"{what} {figure}"
+        for what, figure in re.findall(r"^\| (.+) \| (.+?) \| [^|]+ \| [^|]+ \|$", table, re.MULTILINE)
     ]
     rows = re.findall(r"^\| (.+?) \| (.+?) \| `(.+?)` \|$", figures[1], re.MULTILINE)
     assert len(rows) == len(figures[1].splitlines())
