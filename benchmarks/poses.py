@@ -1,18 +1,19 @@
 """Poses of panoramas, refined: `python -m benchmarks.poses [--data DIR]` prints one JSON object.
 
 painted: streets whose textures are known, six cameras each, poses off by 0.3 m and 1 degree: errors of the poses. amsterdam:
-with --data, real panoramas against known walls: the tilts of edges on rectified walls, degrees. Poses are as given, refined
-alone, refined together after that, as a run does, and true. left_out, of both: each panorama is
-left out in turn, and what it shows of each wall is foretold by the others, fused as a run does: PSNR in dB, a factor a channel
-aside, and SSIM over the texels that both show, means over walls and panoramas. registered: the same where what is foretold is
-first shifted on the wall, as a whole, to where it fits best; shift_m: by how many metres, median. What a shift brings is the
-poses' fault, or that of the wall's place in the model.
+with --data, real panoramas of both example blocks, which are as a run has them: the tilts of edges on rectified walls,
+degrees. Poses are as given, refined alone, refined together after that, as a run does, and true. left_out, of both: each
+panorama is left out in turn, and what it shows of each wall is foretold by the others, fused as a run does: PSNR in dB, a
+factor a channel aside, and SSIM over the texels that both show, means over walls and panoramas. registered: the same where
+what is foretold is first shifted on the wall, as a whole, to where it fits best; shift_m: by how many metres, median. What a
+shift brings is the poses' fault, or that of the wall's place in the model.
 """
 
 from __future__ import annotations
 
 import argparse
 import json
+import os
 import statistics
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -27,17 +28,20 @@ from benchmarks.imagery import (
     VIEWS,
     edge_tilt,
     pose_errors,
-    posed_walls,
     psnr,
     ssim,
     street_with_cameras,
 )
+from catalogs.block import read_block
+from catalogs.examples.sources import BLOCKS
 from facade_core.geometry.charts import GROUND, WALL
 from facade_core.rectify import Fused, View, fuse_views, rectify_view, refine_pose, sightings
 from facade_core.rectify.together import Alone, refine_together
 from facade_core.street.scene import Scene
 from facade_core.synth.street_truth import SyntheticStreet, hidden
 from facade_core.types import Pose
+from tasks.stages.planning import plan_of
+from tasks.units.images import read_panorama
 
 # What is foretold is shifted by so many metres at most.
 SHIFT_M = 2.5
@@ -121,7 +125,7 @@ def painted(streets: int) -> dict[str, Any]:
 
 def _refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> dict[str, Sequence[Pose]]:
     alone = [refine_pose(scene, image, pose) for image, pose in zip(images, given, strict=True)]
-    start = [Alone(one.pose, not any(why.startswith("place as given") for why in one.reasons)) for one in alone]
+    start = [Alone(one.pose, one.spread) for one in alone]
     surfaces = np.flatnonzero(np.isin(scene.charts.kind, (WALL, GROUND))).tolist()
     found = refine_together(scene, surfaces, images, start)
     return {"given": given, "refined": [one.pose for one in alone], "together": [one.pose for one in found]}
@@ -140,44 +144,64 @@ def _left_out_of(
     return left_out(street.scene, street.charts, images, taken, view, street.scene.spec.texels_per_metre)
 
 
-def amsterdam(folder: Path, texels_per_metre: float = 20.0) -> dict[str, Any]:
-    """Real panoramas, two of which show two walls both."""
-    stated, images, names, scene = posed_walls(folder, texels_per_metre)
-    placement, told, tilts = scene.placement, {}, {}
-    given = list(stated.values())
-    sizes = [image.shape[:2] for image in images]
-    for name, taken in _refined(scene, images, given).items():
+def amsterdam(data: Path) -> dict[str, Any]:
+    """Real panoramas of the example blocks, each with the block as a run has it; two show two walls both."""
+    tilts: dict[str, list[float]] = {}
+    told: dict[str, dict[str, Any]] = {}
+    placed, cameras = 0, 0
+    os.environ["STREETLOOM_DATA"] = str(data.resolve())  # which the packaged block files name
+    for name in ("amsterdam-dam", "amsterdam-ij"):
+        block = read_block(BLOCKS / f"{name}.yaml")
+        plan = plan_of(block)
+        scene, facades = plan.scene, plan.facades.chart.tolist()
+        images = [read_panorama(panorama.path) for panorama in block.panoramas]
+        sizes = [image.shape[:2] for image in images]
+        cameras += len(images)
+        for pose_of, taken in _refined(scene, images, plan.poses).items():
 
-        def view(chart: int, n: int, taken: Sequence[Pose] = taken) -> View:
-            size = (int(placement.height[chart]), int(placement.width[chart]))
-            return rectify_view(scene, chart, images[n], taken[n], size)
+            def view(
+                chart: int,
+                n: int,
+                *,
+                scene: Scene = scene,
+                images: Sequence[np.ndarray] = images,
+                taken: Sequence[Pose] = taken,
+            ) -> View:
+                size = (int(scene.placement.height[chart]), int(scene.placement.width[chart]))
+                return rectify_view(scene, chart, images[n], taken[n], size)
 
-        found = [
-            (chart, s.panorama)
-            for chart in range(len(names))
-            for s in [s for s in sightings(scene, chart, given, sizes) if s.seen >= LEAST_SEEN][:VIEWS]
-        ]
-        edges = [abs(v) for pair in found for v in edge_tilt(view(*pair)).values() if v is not None]
-        tilts[name] = {
+            for chart in facades:
+                shown = [s for s in sightings(scene, chart, plan.poses, sizes) if s.seen >= LEAST_SEEN][:VIEWS]
+                edges = [edge_tilt(view(chart, s.panorama)) for s in shown]
+                tilts.setdefault(pose_of, []).extend(abs(v) for e in edges for v in e.values() if v is not None)
+            if len(images) > 1:  # of the Dam one panorama has a pose
+                told[pose_of] = left_out(scene, facades, images, taken, view, scene.spec.texels_per_metre)
+            if pose_of == "refined":
+                placed += sum(one != given for one, given in zip(taken, plan.poses, strict=True))
+    summary = {
+        pose_of: {
             "median": round(float(np.median(edges)), 3),
             "largest": round(max(edges), 3),
             "within_half_a_degree": round(float(np.mean(np.array(edges) <= 0.5)), 3),
             "edges": len(edges),
         }
-        told[name] = left_out(scene, range(len(names)), images, taken, view, texels_per_metre)
-    return {"tilts": tilts, "left_out": told, "cameras": len(given)}
+        for pose_of, edges in tilts.items()
+    }
+    return {"tilts": summary, "left_out": told, "cameras": cameras, "refined_alone": placed}
 
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.split("\n\n")[0])
-    parser.add_argument("--data", type=Path, help="folder with city/amsterdam")
+    parser.add_argument(
+        "--data", type=Path, help="folder with city/amsterdam and facades/ecp, as the example blocks name them"
+    )
     parser.add_argument("--streets", type=int, default=3)
     options = parser.parse_args()
     result: dict[str, Any] = {"benchmark": "poses"}
     if options.streets:
         result["painted"] = painted(options.streets)
     if options.data:
-        result["amsterdam"] = amsterdam(options.data / "city" / "amsterdam")
+        result["amsterdam"] = amsterdam(options.data)
     print(json.dumps(result, indent=1))
 
 

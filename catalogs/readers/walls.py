@@ -15,16 +15,19 @@ from catalogs.features import Fault, Footprint, Footprints
 from catalogs.readers.faces import FARTHEST
 from catalogs.readers.json_text import load_json
 from facade_core.errors import InputError
+from facade_core.types import Roof
 
 # How far a body reaches behind a wall of which no more is known.
 DEPTH_M = 10.0
+# What is above walls nothing tells.
+FLAT = Roof("flat", 0.0, confidence=0.5)
 # Walls meet, and stand upright, within this.
 TOLERANCE_M = 0.1
 _SHAPE = '{"crs": "EPSG:n", "walls": {building: {wall: [[x, y, z], ...]}}}'
 
 
 def read_walls(path: Path, lod: str | None = None) -> Footprints:
-    """One footprint per building of {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}, as high as its walls.
+    """One footprint per building of {"crs": ..., "walls": {building: {wall: [[x, y, z], ...]}}}, as high as its walls and flat.
 
     Corners are metres in `crs` and go around their wall; seen from outside its first two run from left to right. Three walls
     or more that meet end to end are closed to a body; behind any other one a body of DEPTH_M stands. `lod` is not looked at:
@@ -59,7 +62,8 @@ def _building(name: str, stated: Any) -> Footprint:
     heights = np.concatenate([ring[:, 2] for ring in rings.values()])
     base = float(heights.min())
     assert isinstance(body, Polygon | MultiPolygon)
-    return Footprint(name, body, float(heights.max()) - base, None, None, base)
+    # walls are known as high as they are: a roof that is drawn in their height would end them below their top
+    return Footprint(name, body, float(heights.max()) - base, None, None, base, roof=FLAT)
 
 
 def _ring(wall: str, corners: Any) -> np.ndarray:

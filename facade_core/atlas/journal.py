@@ -42,6 +42,8 @@ class Record(TypedDict, total=False):
     given_deg: float | None
     residual_deg: float | None
     left: list[str]
+    # the covariance of place and heading, metres and degrees, as outlines of buildings tell them; None where they do not
+    spread: list[list[float]] | None
     # bundles: by panorama its pose refined alone, and what of its own record is another once it was refined with others
     together: Any
     # panoramas that were: on how many surfaces others agree, why they keep

@@ -9,7 +9,7 @@ and two panoramas agree where x_i = x_j on the wall. Minimised is, over all unkn
 
     rho(|x_i - x_j| / MATCH_M; MATCH_SCALE)            of matches,
     rho(slope / LINE_DEG; LINE_SCALE_DEG / LINE_DEG)   of lines, each times its length,
-    |(m_i, w_i) / expected_i|^2                        of panoramas
+    (m_i, w_i)' C_i^-1 (m_i, w_i)                      of panoramas, C_i the covariance of the pose as it was
 
 with Cauchy's rho(e; c) = c^2 log(1 + (e / c)^2): the lines of `wall_lines` are level or upright, and a pose stays where it was
 as closely as its own evidence told it. There are no points among the unknowns: the surfaces are the model's.
@@ -39,8 +39,8 @@ class Adjustment:
     """The equations of some panoramas, of their given poses (n), and their lines."""
 
     def __init__(self, scene: Scene, poses: Sequence[Pose], lines: Sequence[Lines], expected: np.ndarray) -> None:
-        """expected (n, 6): errors of the poses east, north and up, metres, and about these axes, degrees."""
-        self._scene, self._lines, self._expected = scene, lines, expected
+        """expected (n, 6, 6): covariances of the poses east, north and up, metres, and about these axes, degrees."""
+        self._scene, self._lines, self._held = scene, lines, np.linalg.inv(expected)
         self._place = np.array([position(pose) for pose in poses])
         self._to_world = np.array([camera_from_world(pose).T for pose in poses])
 
@@ -52,9 +52,9 @@ class Adjustment:
         n = len(self._place)
         for _ in range(STEPS):
             normal = np.zeros((n, 6, n, 6))
-            right = -change / self._expected**2
+            right = -np.einsum("nuv,nv->nu", self._held, change)
             at = np.arange(n)
-            normal[at, :, at, :] += np.eye(6) / self._expected[:, None] ** 2
+            normal[at, :, at, :] += self._held
             self._add_lines(change, normal, right)
             self._add_matches(found, change, normal, right)
             step = np.linalg.solve(normal.reshape(6 * n, 6 * n), right.ravel()).reshape(n, 6)

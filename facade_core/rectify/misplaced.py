@@ -11,8 +11,9 @@ from facade_core.rectify.outlines import COARSE, Gradients, Outline, find_place,
 from facade_core.street.scene import Scene
 from facade_core.types import Pose
 
-# The outlines fit somewhere else where they fit so well there, and better by this: by chance they fit up to .35 anywhere.
-LEAST_FIT, BETTER_FIT = 0.36, 0.12
+# The outlines fit somewhere else where they fit so well there, and better by this: by chance they fit up to .23 anywhere, and
+# where a picture was taken from .35 on.
+LEAST_FIT, BETTER_FIT = 0.3, 0.12
 # So many groups of outlines in sight tell one place from another.
 PLENTY = 40
 # Headings that are tried, degrees, but for those within the first of the given one.

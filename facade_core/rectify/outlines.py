@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,18 +23,23 @@ SAME_COS, SAME_M = np.cos(np.radians(10.0)), 0.25
 COARSE, FINE = (2048, 3.0), (4096, 2.0)
 # Grey levels of a step that counts in full: the sky behind an eaves, more than a moulding below it.
 FULL_STEP = 80.0
-# The search: metres to either side on the level, in height, steps.
-LEVEL_M, HEIGHT_M, STEP_M = 1.0, 0.5, 0.25
-# Cost of an offset of one metre east, north and up, squared with it: cornices below the eaves tempt to a wrong height.
-PULL = np.array([0.08, 0.08, 0.25])
+# What stands against the sky is seen; a corner between two walls of one brick, or of an embrasure, often is not, and counts so
+# much of it.
+INNER = 0.15
+# The search: metres to either side on the level and in height, which is stated worse, with their steps.
+LEVEL_M, STEP_M, HEIGHT_M, UP_STEP_M = 1.0, 0.25, 3.0, 0.5
+# Cost of an offset of one metre east, north and up, squared with it.
+PULL = np.array([0.08, 0.08, 0.04])
 # Cost of a turn by the expected error of the heading, squared with it.
 TURN_PULL = 0.02
+# Cost of a pose that is one standard error off; errors east, north and up, metres, and of the heading, degrees, at most.
+COST, EXPECTED = 0.01, np.array([0.5, 0.5, 1.5, 1.0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Outline:
     """Samples of mesh edges in sight, in groups of neighbours on one edge: point, along (k, 3) world place and direction; group
-    (k,) int64, ascending from 0; weight (groups,), angular length in radians."""
+    (k,) int64, ascending from 0; weight (groups,), angular length in radians, INNER of it where it is not against the sky."""
 
     point: np.ndarray
     along: np.ndarray
@@ -55,12 +61,14 @@ class Gradients:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """offset (3,) metres from a pose; turn_deg, clockwise from above, of its heading; the fit there, and that of the pose."""
+    """offset (3,) metres from a pose; turn_deg, clockwise from above, of its heading; the fit there, and that of the pose;
+    spread (4, 4), the covariance of offset and turn_deg."""
 
     offset: np.ndarray
     turn_deg: float
     fit: float
     given_fit: float
+    spread: np.ndarray
 
 
 def outline(scene: Scene, pose: Pose) -> Outline:
@@ -74,14 +82,14 @@ def outline(scene: Scene, pose: Pose) -> Outline:
     along = (ends[:, 1] - ends[:, 0]) / np.maximum(length, 1e-9)[:, None]
     point = ends[edge, 0] + ((number + 0.5) / count[edge] * length[edge])[:, None] * along[edge]
     along = along[edge]
-    kept = _stands_out(scene, place, point, along)
-    point, along, edge, number = point[kept], along[kept], edge[kept], number[kept]
+    kept, sky = _stands_out(scene, place, point, along)
+    point, along, edge, number, sky = point[kept], along[kept], edge[kept], number[kept], sky[kept]
     key, group = np.unique(np.column_stack([edge, number // GROUP]), axis=0, return_inverse=True)
     group = group.reshape(-1)
     rays = point - place
     distance = np.linalg.norm(rays, axis=1)
     sine = np.linalg.norm(np.cross(along, rays), axis=1) / distance
-    weight = np.bincount(group, SPACING_M * sine / distance, minlength=len(key))
+    weight = np.bincount(group, SPACING_M * sine / distance * np.where(sky, 1.0, INNER), minlength=len(key))
     weight[np.bincount(group, minlength=len(key)) < 3] = 0
     return Outline(point, along, group.astype(np.int64), weight)
 
@@ -102,8 +110,9 @@ def _edges(scene: Scene, place: np.ndarray) -> np.ndarray:
     return sides[own[np.sort(once)]]
 
 
-def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.ndarray) -> np.ndarray:
-    """Whether samples (k, 3) are in sight with different things to their sides, the ground aside: (k,) bool."""
+def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Whether samples (k, 3) are in sight with different things to their sides, the ground aside, and whether one of these is
+    the sky: (k,) bool each."""
     charts = scene.charts
     rays = point - place
     distance = np.linalg.norm(rays, axis=1)
@@ -126,7 +135,7 @@ def _stands_out(scene: Scene, place: np.ndarray, point: np.ndarray, along: np.nd
     )
     same = (one >= 0) & (other >= 0) & alike & (charts.building[one] == charts.building[other])
     ground = ((one >= 0) & (charts.kind[one] == GROUND)) | ((other >= 0) & (charts.kind[other] == GROUND))
-    return seen & ~same & ~ground & (distance < REACH_M) & (distance > 1.0)
+    return seen & ~same & ~ground & (distance < REACH_M) & (distance > 1.0), (one < 0) | (other < 0)
 
 
 def gradients(image: np.ndarray, pose: Pose, widest: int, blur: float) -> Gradients:
@@ -173,18 +182,38 @@ def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: 
 
     coarse, fine = (gradients(image, pose, *level) for level in (COARSE, FINE))
     level = np.arange(-LEVEL_M, LEVEL_M + 1e-9, STEP_M)
-    height = np.arange(-HEIGHT_M, HEIGHT_M + 1e-9, STEP_M)
+    height = np.arange(-HEIGHT_M, HEIGHT_M + 1e-9, UP_STEP_M)
     turns = np.arange(-2, 3) * heading_deg / 2 if heading_deg > 0.2 else np.zeros(1)
     grid = np.stack(np.meshgrid(level, level, height, turns, indexing="ij"), axis=-1).reshape(-1, 4)
     best = grid[int(np.argmin([cost(coarse, v) for v in grid]))]
     for picture, size in ((coarse, STEP_M / 2), (fine, STEP_M / 4)):
-        corners = best + np.vstack([np.zeros(4), np.diag([size, size, size, heading_deg / 2])])
+        corners = best + np.vstack([np.zeros(4), np.diag([size, size, size * UP_STEP_M / STEP_M, heading_deg / 2])])
         options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 200}
         best = minimize(lambda v, p=picture: cost(p, v), best, method="Nelder-Mead", options=options).x
     turn_deg = float(best[3])
     return Place(
-        best[:3], turn_deg, fit(outline, fine, pose, best[:3], turn_deg), fit(outline, fine, pose, np.zeros(3))
+        best[:3],
+        turn_deg,
+        fit(outline, fine, pose, best[:3], turn_deg),
+        fit(outline, fine, pose, np.zeros(3)),
+        _spread(lambda v: cost(coarse, v), best, np.array([STEP_M, STEP_M, STEP_M, heading_deg])),
     )
+
+
+def _spread(cost: Callable[[np.ndarray], float], best: np.ndarray, steps: np.ndarray) -> np.ndarray:
+    """The covariance (4, 4) of what costs least: the inverse of how the cost bends between steps (4,), times COST.
+
+    Along an edge the outline fits as well as before, and across a far one nearly: height and distance stand for each other.
+    """
+    off = np.diag(steps)
+    bend = np.empty((4, 4))
+    for i in range(4):
+        for j in range(i, 4):
+            at = [cost(best + a * off[i] + b * off[j]) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
+            bend[i, j] = bend[j, i] = (at[0] - at[1] - at[2] + at[3]) / (4 * steps[i] * steps[j])
+    values, axes = np.linalg.eigh(bend * np.outer(EXPECTED, EXPECTED))  # in units in which all are alike
+    scaled = axes / np.maximum(values, COST) @ axes.T  # no more than is expected of a pose that nothing told
+    return np.asarray(COST * scaled * np.outer(EXPECTED, EXPECTED))
 
 
 @njit(cache=True, nogil=True)

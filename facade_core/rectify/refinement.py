@@ -25,13 +25,15 @@ LEAST_FIT, BETTER_FIT = 0.3, 0.06
 HEADING_DEG, TOLD_DEG = 1.0, 0.1
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Refined:
     """A refined pose, or the given one with the reasons why not.
 
     given_degrees, residual_degrees: median angle between lines and axes on the rectified walls, before and after, NaN
     without lines; given_fit, fit: how well the mesh's outlines lie on edges of the picture, 0 to 1, before (the turn refined)
-    and after; moved_m, turned_deg: what was changed; lines, outlines: the evidence, counted; reasons: what was left as given.
+    and after; moved_m, turned_deg: what was changed; lines, outlines: the evidence, counted; reasons: what was left as given;
+    spread (4, 4): the covariance of the place, metres east, north and up, and of the heading, degrees, as outlines tell them;
+    None where they do not.
     """
 
     pose: Pose
@@ -44,6 +46,7 @@ class Refined:
     lines: int
     outlines: int
     reasons: tuple[str, ...]
+    spread: np.ndarray | None
 
 
 def refine_pose(scene: Scene, image: np.ndarray, pose: Pose) -> Refined:
@@ -66,7 +69,7 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose) -> Refined:
     upright = turned(pose, turn) if not why else pose
     edges = outline(scene, upright)
     groups = int((edges.weight > 0).sum())
-    found, before, after = upright, float("nan"), float("nan")
+    found, before, after, spread = upright, float("nan"), float("nan"), None
     if groups < LEAST_GROUPS or edges.weight.sum() < LEAST_OUTLINE:
         reasons.append(
             f"place as given: {groups} outlines of buildings are in sight, at least {LEAST_GROUPS} are needed"
@@ -81,7 +84,7 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose) -> Refined:
             about = _about_z(-place.turn_deg)
             x, y, z = position(pose) + place.offset
             found = replace(turned(upright, about), x=float(x), y=float(y), z=float(z))
-            turn = about @ turn
+            turn, spread = about @ turn, place.spread
     some = len(lines) > 0
     return Refined(
         pose=found,
@@ -94,6 +97,7 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose) -> Refined:
         lines=len(lines),
         outlines=groups,
         reasons=tuple(reasons),
+        spread=spread,
     )
 
 

@@ -18,22 +18,26 @@ from facade_core.types import Pose
 WIDEST = 4096
 # How far walls may lie off where poses have them, metres: first, and once poses agree.
 WALL_M, AGAIN_M, ROUNDS = 2.6, 0.8, 3
-# Expected errors of a pose that was refined alone: metres on the level and in height, degrees of tilt and heading; where
+# Expected errors of a pose that was refined alone: metres east, north and up, degrees of tilt and heading; at least, where
 # outlines of buildings told its place, and where not.
-TOLD, NOT_TOLD = (0.03, 0.03, 0.05, 0.05), (0.5, 1.5, 0.5, 1.0)
+TOLD, NOT_TOLD = np.array([0.03, 0.03, 0.03, 0.05, 0.05, 0.05]), np.array([0.5, 0.5, 1.5, 0.5, 0.5, 1.0])
+# Of the six, which outlines tell; they count a turn clockwise from above, and equations against that.
+PLACE, SENSE = np.array([0, 1, 2, 5]), np.array([1, 1, 1, -1])
 # Together is not better where lines fit worse by this share, walls agree less by this much, patches that were left out lie
 # apart farther by this much, metres, or a pose is moved on the level by more than the last.
 WORSE_LINES, WORSE_WALLS, WORSE_M, MOST_M = 0.1, 0.02, 0.01, 1.2
+# So many walls are left out one by one, of fewer a part of each.
+SOME_WALLS = 4
 # A pose is told in whole millimetres and thousandths of a degree: what changes less makes nobody due.
 DIGITS = 3
 
 
-@dataclass(frozen=True, slots=True)
+@dataclass(frozen=True, slots=True, eq=False)
 class Alone:
-    """A pose that was refined alone; told, whether outlines of buildings told its place."""
+    """A pose that was refined alone; spread (4, 4) as of `Refined`, None where outlines did not tell its place."""
 
     pose: Pose
-    told: bool
+    spread: np.ndarray | None
 
 
 @dataclass(frozen=True, slots=True)
@@ -66,8 +70,7 @@ def refine_together(
     for image, pose in zip(images, start, strict=True):
         lines.append(wall_lines(scene, image, pose))
         small.append(reduced(image, pose))
-    expected = np.array([_expected(one) for one in alone])
-    adjustment = Adjustment(scene, start, lines, expected)
+    adjustment = Adjustment(scene, start, lines, np.array([_expected(one) for one in alone]))
     before = shared(scene, surfaces, small, start, WALL_M)
     why = [""] * len(start)
     while True:
@@ -101,9 +104,13 @@ def reduced(image: np.ndarray, pose: Pose) -> np.ndarray:
     return cv2.resize(image, size, interpolation=cv2.INTER_AREA)
 
 
-def _expected(one: Alone) -> tuple[float, ...]:
-    level, up, tilt, heading = TOLD if one.told else NOT_TOLD
-    return (level, level, up, tilt, tilt, heading)
+def _expected(one: Alone) -> np.ndarray:
+    """The covariance (6, 6) of a pose that was refined alone: place, metres, and turns about the axes, degrees."""
+    if one.spread is None:
+        return np.diag(NOT_TOLD**2)
+    expected = np.diag(TOLD**2)
+    expected[np.ix_(PLACE, PLACE)] += one.spread * np.outer(SENSE, SENSE)
+    return expected
 
 
 def _adjusted(
@@ -166,12 +173,15 @@ def _worse(
 
 
 def _halves(found: Matches) -> np.ndarray:
-    """0 or 1 for each match (k,): of a pair's walls every other one, of a pair's only wall its upper and its lower part."""
+    """0 or 1 for each match (k,): of a pair's walls every other one, of fewer than SOME_WALLS the upper and the lower part of
+    each: half of them would not tell a pose."""
     half = np.zeros(len(found), np.int64)
     for pair in np.unique(found.panorama, axis=0):
         rows = np.flatnonzero((found.panorama == pair).all(axis=1))
         walls, at = np.unique(found.chart[rows], return_inverse=True)
-        half[rows] = at % 2 if len(walls) > 1 else np.arange(len(rows)) * 2 // len(rows)
+        for number in range(len(walls)):
+            of = rows[at == number]
+            half[of] = number % 2 if len(walls) >= SOME_WALLS else np.arange(len(of)) * 2 // len(of)
     return half
 
 

@@ -26,6 +26,7 @@ from tasks.run import Run
 from tasks.units.imagery import Imagery, Taken
 
 if TYPE_CHECKING:
+    from facade_core.rectify.together import Alone
     from tasks.units.bundles import Member
 
 # What of a block a panorama may be matched with, metres from where it was taken.
@@ -95,7 +96,7 @@ def bundle_key(run: Run, plan: Plan, members: Sequence[Member], surfaces: Sequen
         stage_code("bundles"),
         settings=run.texture.texels_per_metre,
         pose=[_pose(one.given) for one in members],
-        panoramas=[[one.path.name, file_digest(one.path), _pose(one.alone.pose), one.alone.told] for one in members],
+        panoramas=[[one.path.name, file_digest(one.path), *_alone(one.alone)] for one in members],
         geometry=[[f"{number:016x}" for number in plan.ids[list(surfaces)].tolist()], around],
     )
 
@@ -208,6 +209,10 @@ def facade_keys(
 
 def _pose(pose: Pose) -> list[Any]:
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
+
+
+def _alone(one: Alone) -> list[Any]:
+    return [_pose(one.pose), None if one.spread is None else one.spread.tolist()]
 
 
 def _between(plan: Plan, charts: Sequence[int], pose: Pose) -> list[str]:

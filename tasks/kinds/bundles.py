@@ -60,9 +60,9 @@ def names_of_bundles(plan: Plan, block: Block) -> list[str]:
 
 
 def _alone(record: Record, plan: Plan, panorama: int) -> Alone:
-    """A panorama as it was refined alone; its reasons tell whether its place was left as given."""
-    told = not any(reason.startswith("place") for reason in record["left"])
-    return Alone(refined(plan.poses[panorama], record), told)
+    """A panorama as it was refined alone."""
+    spread = record.get("spread")  # a journal from before it was kept has none
+    return Alone(refined(plan.poses[panorama], record), None if spread is None else np.array(spread))
 
 
 def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:

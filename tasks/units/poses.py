@@ -18,7 +18,7 @@ from tasks.units.context import plan_of_run, worker_name
 from tasks.units.images import read_panorama
 from tasks.units.unit import Piece
 
-# Where outlines of buildings fit so well, of 1, a pose is not doubted; on painted streets those that are right fit from .39 on.
+# Where outlines of buildings fit so well, of 1, a pose is not doubted; on painted streets those that are right fit from .57 on.
 PLACED = 0.5
 
 
@@ -52,6 +52,7 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "given_deg": _number(found.given_degrees),
         "residual_deg": _number(found.residual_degrees),
         "left": list(found.reasons),
+        "spread": None if found.spread is None else found.spread.round(6).tolist(),
         "over_ground_m": ground.height,
         "squares": ground.squares,
         "worker": worker_name(),

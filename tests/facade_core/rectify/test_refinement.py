@@ -44,7 +44,11 @@ def test_a_pose_that_is_off_comes_back(street: SyntheticStreet, shot: tuple[Pose
     assert refined.fit > refined.given_fit
     assert refined.turned_deg == pytest.approx(1.08, abs=0.3)
     assert refined.moved_m == pytest.approx(0.30, abs=0.1)
-    assert refine_pose(street.scene, image, given) == refined
+    assert refined.spread is not None
+    assert np.sqrt(np.diag(refined.spread)).max() < 0.15, "outlines all around tell place and heading"
+    again = refine_pose(street.scene, image, given)
+    assert again.pose == refined.pose
+    assert np.array_equal(again.spread, refined.spread)
 
 
 def test_an_exact_pose_stays_within_its_resolution(street: SyntheticStreet, shot: tuple[Pose, np.ndarray]) -> None:

@@ -15,6 +15,8 @@ from facade_core.synth.street_truth import SyntheticStreet, panorama, synthetic_
 from facade_core.types import Pose
 
 WIDTH = 2048
+# The covariance of a place that outlines of buildings told well.
+TOLD = np.diag([0.02, 0.02, 0.02, 0.05]) ** 2
 
 
 @pytest.fixture(scope="module")
@@ -46,7 +48,7 @@ def test_a_height_that_was_stated_wrong_is_found_by_what_neighbours_show(
     street: SyntheticStreet, shots: list[tuple[Pose, np.ndarray]]
 ) -> None:
     (first, *_), (wrong, *_), (third, *_) = shots
-    alone = [Alone(first, True), Alone(replace(wrong, z=4.1, x=wrong.x + 0.2), False), Alone(third, True)]
+    alone = [Alone(first, TOLD), Alone(replace(wrong, z=4.1, x=wrong.x + 0.2), None), Alone(third, TOLD)]
     found = refined(street, [image for _, image in shots], alone)
     assert [one.reason for one in found] == ["", "", ""]
     assert off(found[1].pose, wrong) < 0.15
@@ -59,7 +61,7 @@ def test_a_picture_of_something_else_pulls_nobody(
     street: SyntheticStreet, shots: list[tuple[Pose, np.ndarray]]
 ) -> None:
     noise = np.random.default_rng(0).integers(0, 256, (WIDTH // 2, WIDTH, 3), dtype=np.uint8)
-    alone = [Alone(pose, True) for pose, _ in shots]
+    alone = [Alone(pose, TOLD) for pose, _ in shots]
     found = refined(street, [shots[0][1], noise, shots[2][1]], alone)
     assert found[1].reason.startswith("alone: ")
     assert found[1].pose == alone[1].pose

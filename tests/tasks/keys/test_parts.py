@@ -53,6 +53,7 @@ RUN = Run(
 )
 TEXTURE = {field.name for field in fields(TextureSettings)}
 POSE = Pose(5.0, -3.0, 2.5, 30.0, 1.0, 2.0)
+TOLD = np.diag([0.1, 0.1, 0.2, 0.5])
 # Settings that no key of a facade, a pose or an exemplar knows of.
 ELSEWHERE = {"out": "/other", "block": "other", "key": "l", "crs": "EPSG:32635", "ingested": 2.0, "failed_limit": 0.5}
 
@@ -184,7 +185,7 @@ def pose_of(inputs: Inputs) -> tuple[str, ...]:
 
 
 def bundle_of(inputs: Inputs) -> tuple[str, ...]:
-    member = Member(inputs.path("panorama.jpg"), inputs.given, Alone(inputs.pose, told=inputs.rectified))
+    member = Member(inputs.path("panorama.jpg"), inputs.given, Alone(inputs.pose, TOLD if inputs.rectified else None))
     return (bundle_key(inputs.run, inputs.plan(), [member, member], [0]),)
 
 
