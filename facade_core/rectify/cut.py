@@ -14,6 +14,9 @@ from facade_core.types import Box
 LEAST = 0.25
 # Sides of the picture are told within one part of so many.
 PARTS = 192
+# A run from a wall's foot is street up to this share of its height, where this share of its columns has one: a bare wall is
+# taken for a neighbour's from top to bottom, and a plinth for street in places.
+MOST_FOOT, COLUMNS = 0.25, 0.3
 # What is hidden counts so little, for the box: it stays where it costs nothing.
 _NEITHER = 1e-4
 
@@ -44,6 +47,24 @@ def cut_to_facade(image: np.ndarray, hidden: np.ndarray, *, model: Path | None =
     x0, y0, x1, y1 = box
     part = np.s_[y0:y1, x0:x1]
     return Cut(image[part], hidden[part], _from_border(outside[part]), box)
+
+
+def below_foot(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = None) -> np.ndarray:
+    """Where a posed panorama shows, on a wall of the model, the street below the real wall's foot, (h, w) bool: heights of
+    models, of cameras and of the ground between are seldom right to the metre.
+
+    image (h, w, 3) uint8 is the wall; hidden (h, w) bool, what does not show it. Counted are runs of pixels from the raster's
+    last row up, by columns; what stands on the street interrupts none. Neighbours are not looked for: where a wall ends
+    sideways the model tells, and a bare one looks like a neighbour. Nor is the sky, which looks like plaster.
+    """
+    if hidden.all():
+        return np.zeros_like(hidden)
+    street = (seen_outside(image, hidden, model=model) & ~hidden)[::-1]
+    length = np.logical_and.accumulate(street | hidden[::-1], axis=0).sum(axis=0)
+    length[(length > MOST_FOOT * len(street)) | ~street.any(axis=0)] = 0
+    if (length > 0).sum() < COLUMNS * (~hidden.all(axis=0)).sum():
+        return np.zeros_like(hidden)
+    return np.asarray((np.arange(len(street))[::-1, None] < length) & ~hidden)
 
 
 def facade_box(outside: np.ndarray, hidden: np.ndarray) -> Box | None:

@@ -18,7 +18,7 @@ from facade_core.parse import parse
 from facade_core.plan import Plan
 from facade_core.rectify import Rectified, View, fuse_views, own_texture, rectify, rectify_view
 from facade_core.rectify.changes import compare
-from facade_core.rectify.cut import cut_to_facade
+from facade_core.rectify.cut import below_foot, cut_to_facade
 from facade_core.rectify.fusion import as_one
 from facade_core.rectify.no_data import no_data
 from facade_core.resizing import resized
@@ -184,6 +184,7 @@ def _of_panoramas(
         ", ".join(one.name for one in taken),
         masked,
         in_front,
+        outside=below_foot(fused.rgb, hidden, model=parser),
         captured=_last(newest),
         before=before,
     )

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from facade_core.rectify import cut
-from facade_core.rectify.cut import cut_to_facade, facade_box
+from facade_core.rectify.cut import below_foot, cut_to_facade, facade_box
 
 
 def test_the_box_is_the_best_of_all():
@@ -92,3 +92,23 @@ def test_a_picture_of_which_little_is_a_facade_stays_whole(monkeypatch: pytest.M
     assert not found.found
     assert not found.outside.any()
     assert cut_to_facade(image, ~nothing).box == (0, 0, 50, 60), "nothing of it is looked at"
+
+
+def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest.MonkeyPatch):
+    """Twelve rows of street, on which a car stands; a third of the wall is bare and taken for a neighbour's."""
+    outside, hidden = np.zeros((2, 100, 90), bool)
+    outside[88:] = True
+    outside[:, :30] = True
+    hidden[80:94, 60:75] = True
+    outside[80:94, 60:75] = False
+    outside[20:30, 40:50] = True  # a pane
+    monkeypatch.setattr(cut, "seen_outside", lambda image, hidden, model: outside)
+    image = np.zeros((100, 90, 3), np.uint8)
+    street = np.zeros_like(outside)
+    street[88:, 30:] = True
+    assert (below_foot(image, hidden) == (street & ~hidden)).all()
+    # a plinth that is taken for street here and there is none
+    outside[:] = False
+    outside[96:, 10:30] = True
+    assert not below_foot(image, hidden).any()
+    assert not below_foot(image, np.ones_like(hidden)).any()
