@@ -39,7 +39,8 @@ def test_walls_that_meet_are_closed_and_single_ones_get_a_body_behind_them(tmp_p
     assert one.outline.equals(box(100 - DEPTH_M, 0, 100, 30)), "going north, the inside is to the left: west"
     assert corner.outline.equals(box(200, 0, 220, DEPTH_M).union(box(220 - DEPTH_M, 0, 220, 30)))
     assert (three.height, three.base) == (20.0, 0.5)
-    assert three.roof is not None and (three.roof.shape, three.roof.height) == ("flat", 0.0), "walls end where stated"
+    assert three.roof is not None
+    assert (three.roof.shape, three.roof.height) == ("flat", 0.0), "walls end where stated"
 
 
 @pytest.mark.parametrize(
