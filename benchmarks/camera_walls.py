@@ -5,8 +5,8 @@ are painted. Over the texels of these that some camera shows, by walls and roofs
 and SSIM of brightness, of what a run finishes (`ours`), of each texel from the camera that shows it best (`plain`), of the
 material alone. Apart: `seen`, what a camera shows with nothing before it; `hidden`, behind cut-outs for every camera; `taken`
 from cameras; `example`, continued. through: the share of texels taken that show a cut-out, and beside, that show another
-surface or the sky, for a pose that is off; `plain` likewise. seconds: to mask, a camera; to take a chart, a camera; to finish
-a chart.
+surface or the sky, for a pose that is off; `plain` likewise. null: no camera shows a wall, or a roof. seconds: to mask, a
+camera; to take a chart, a camera; to finish a chart.
 """
 
 from __future__ import annotations
@@ -52,6 +52,8 @@ from facade_core.types import Pose, Street
 
 # Of the charts that are measured; the fronts stay as they are painted.
 DENSITY = 12.0
+# What is told apart, and whether it is a roof.
+KINDS = {"walls": False, "roofs": True}
 
 
 def measure(
@@ -151,8 +153,8 @@ def _recovered(
             picture = np.concatenate(row, axis=1).astype(np.uint8)
             pictures.mkdir(parents=True, exist_ok=True)
             cv2.imwrite(str(pictures / f"{chart}.png"), picture[..., ::-1])
-    told = {name: _told(parts, roof) for name, roof in (("walls", False), ("roofs", True))}
-    return {**told, "seconds": {name: round(statistics.mean(values), 3) for name, values in seconds.items()}}
+    told = {name: _told([part for part in parts if bool(part["roof"].flat[0]) == roof]) for name, roof in KINDS.items()}
+    return {**told, "seconds": {name: round(statistics.mean(values), 3) for name, values in seconds.items() if values}}
 
 
 def _before(street: SyntheticStreet, chart: int, points: np.ndarray, true: Pose, supposed: Pose) -> np.ndarray:
@@ -168,14 +170,15 @@ def _beside(street: SyntheticStreet, chart: int, points: np.ndarray, true: Pose,
     return surfaces[np.where(hit < 0, -1, hit)] != street.scene.charts.surface[chart]
 
 
-def _told(parts: Sequence[dict[str, np.ndarray]], roof: bool) -> dict[str, Any]:
-    """Of walls or of roofs."""
-    own = [part for part in parts if bool(part["roof"].flat[0]) == roof]
-    whole = {name: np.concatenate([part[name][part["somewhere"]] for part in own]) for name in own[0]}
+def _told(parts: Sequence[dict[str, np.ndarray]]) -> dict[str, Any] | None:
+    """Of walls, or of roofs; None where no camera shows one, as the roof of a house that is high for its street."""
+    if not parts:
+        return None
+    whole = {name: np.concatenate([part[name][part["somewhere"]] for part in parts]) for name in parts[0]}
     likeness = {}
     for name in ("ours", "plain", "material"):
         factor = (whole[name].astype(float) * whole["truth"]).sum(axis=0) / (whole[name].astype(float) ** 2).sum(axis=0)
-        likeness[name] = np.concatenate([_ssim(part, name, factor)[part["somewhere"]] for part in own])
+        likeness[name] = np.concatenate([_ssim(part, name, factor)[part["somewhere"]] for part in parts])
     regions = {
         "all": np.ones_like(whole["taken"]),
         "seen": ~whole["hidden"],

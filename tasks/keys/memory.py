@@ -103,12 +103,15 @@ def ground_memory(texels: int, pictures: Sequence[Path]) -> int:
     return LEAST + _looking() + texels * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL) + kept * CAMERA_PIXEL
 
 
-def wall_memory(texels: np.ndarray, pictures: Sequence[Path]) -> int:
-    """Of a building whose charts, of so many texels (k,), are taken from so many panoramas: what these show is kept, one chart
-    at a time is taken."""
-    kept = _pixels(pictures)
-    largest = int(texels.max()) * (GROUND_TEXEL + len(pictures) * VIEW_TEXEL)
-    return LEAST + _looking() + int(texels.sum()) * FINISHED_TEXEL + largest + kept * CAMERA_PIXEL
+def wall_memory(texels: np.ndarray, pictures: Sequence[Sequence[Path]]) -> int:
+    """Of a building whose charts, of so many texels (k,), are each taken from some panoramas: what these show is kept, one
+    chart at a time is taken, from its own panoramas."""
+    pixels = {path: _pixels([path]) for path in {path for of_chart in pictures for path in of_chart}}
+    taken = (
+        count * (GROUND_TEXEL + len(of_chart) * VIEW_TEXEL) + sum(pixels[path] for path in of_chart) * CAMERA_PIXEL
+        for count, of_chart in zip(texels.tolist(), pictures, strict=True)
+    )
+    return LEAST + _looking() + int(texels.sum()) * FINISHED_TEXEL + max(taken)
 
 
 def page_memory(texels: int) -> int:

@@ -119,28 +119,37 @@ def ground_key(run: Run, plan: Plan, chart: int, taken: Sequence[Taken]) -> str:
         stage_code("grounds"),
         settings=run.texture.texels_per_metre,
         geometry=f"{plan.ids[chart]:016x}",
-        **_from_cameras(plan, [chart], taken),
+        **_from_cameras(plan, {one: [chart] for one in taken}),
     )
 
 
-def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Taken]) -> str:
-    """Of walls and roofs of a building that some panoramas are near."""
+def wall_key(run: Run, plan: Plan, charts: Sequence[int], taken: Sequence[Sequence[Taken]]) -> str:
+    """Of walls and roofs of a building, and the panoramas that each is taken from."""
+    charts_of: dict[Taken, list[int]] = {}
+    for chart, of_chart in zip(charts, taken, strict=True):
+        for one in of_chart:
+            charts_of.setdefault(one, []).append(chart)
     return parts_key(
         stage_code("walls"),
         settings=run.texture.texels_per_metre,
-        geometry=[f"{plan.ids[chart]:016x}" for chart in charts],
-        **_from_cameras(plan, charts, taken),
+        geometry=_named(plan, charts),
+        **_from_cameras(plan, dict(sorted(charts_of.items(), key=lambda item: item[0].path))),
     )
 
 
-def _from_cameras(plan: Plan, charts: Sequence[int], taken: Sequence[Taken]) -> dict[str, Any]:
-    """What panoramas are, and what may stand between them and charts."""
+def _from_cameras(plan: Plan, charts_of: Mapping[Taken, Sequence[int]]) -> dict[str, Any]:
+    """What panoramas are, which charts are taken from each, and what may stand between."""
     return {
         "panoramas": [
-            [one.path.name, file_digest(one.path), _pose(one.pose), list(one.factor), one.squares] for one in taken
+            [one.path.name, file_digest(one.path), _pose(one.pose), list(one.factor), one.squares, _named(plan, charts)]
+            for one, charts in charts_of.items()
         ],
-        "between": [_between(plan, charts, one.pose) for one in taken],
+        "between": [_between(plan, charts, one.pose) for one, charts in charts_of.items()],
     }
+
+
+def _named(plan: Plan, charts: Sequence[int]) -> list[str]:
+    return [f"{plan.ids[chart]:016x}" for chart in charts]
 
 
 def facade_keys(

@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import numpy as np
-
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.geometry.charts import CORNERS
 from facade_core.plan import Plan
 from facade_core.rectify.camera import WALL_REACH_M
 from tasks.keys.memory import wall_memory
@@ -29,13 +26,12 @@ def wall_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Un
     texels = plan.texels()
     units = []
     for index, (building, charts) in enumerate(near.items()):
-        corners = plan.scene.charts.at_shares(np.array(charts), CORNERS)[..., :2].reshape(-1, 2)
-        taken = cameras.near(corners, WALL_REACH_M)
+        taken = cameras.of_building(plan.scene.charts, charts, WALL_REACH_M)
         key = wall_key(run, plan, charts, taken)
-        memory = wall_memory(texels[charts], [one.path for one in taken])
-        arguments = (tuple(charts), taken)
+        memory = wall_memory(texels[charts], [[one.path for one in of_chart] for of_chart in taken])
+        arguments = (tuple(charts), tuple(taken))
         units.append(Unit(index, plan.scene.names[building], (key,), arguments, memory, tuple(charts)))
-    return sorted(units, key=lambda unit: [str(one.path) for one in unit.arguments[1]])
+    return sorted(units, key=lambda unit: sorted({str(one.path) for of_chart in unit.arguments[1] for one in of_chart}))
 
 
 def names_of_walls(plan: Plan) -> list[str]:

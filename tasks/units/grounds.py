@@ -25,7 +25,7 @@ def ground_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     cameras, used = cameras_of(taken, in_the_way, refused)
     read = time.time()
     found = photographed(plan.scene, chart, cameras) if cameras else None
-    digests, told = write_shown(open_root(fork), plan, {} if found is None else {chart: found}, used)
+    digests, told = write_shown(open_root(fork), plan, {} if found is None else {chart: found}, {chart: used})
     record: Record = {
         "unit": unit.name,
         "key": unit.key,

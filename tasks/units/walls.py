@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import time
 from dataclasses import replace
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, cast
 
 import numpy as np
 
 from facade_core.atlas.journal import Record
 from facade_core.atlas.store import open_root
-from facade_core.cameras import before_buildings, beside_edges, photographed_wall
+from facade_core.cameras import Camera, before_buildings, beside_edges, photographed_wall
 from facade_core.types import Pose
 from tasks.outcome import refusal
 from tasks.run import Run
 from tasks.units.context import plan_of_run, worker_name
-from tasks.units.shown.cameras import KEPT, cameras_of, write_shown
+from tasks.units.imagery import Taken
+from tasks.units.shown.cameras import KEPT, camera_of, shown_in_turn, write_shown
 from tasks.units.unit import Piece
 
 
@@ -27,12 +28,19 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     charts, taken = unit.arguments
     plan = plan_of_run(run)
     refused: list[Exception] = []
-    cameras, used = cameras_of(taken, before_buildings, refused)
-    cameras = [replace(one, hidden=one.hidden | _beside_edges(run, one.pose, one.hidden.shape)) for one in cameras]
-    read = time.time()
-    found = {chart: photographed_wall(plan.scene, chart, cameras) for chart in charts} if cameras else {}
-    shown = {chart: one for chart, one in found.items() if one is not None}
+    reading: list[float] = []
+
+    def opened(one: Taken) -> Camera | None:
+        begun = time.time()
+        camera = camera_of(one, before_buildings, refused)
+        if camera is not None:
+            camera = replace(camera, hidden=camera.hidden | _beside_edges(run, one.pose, camera.hidden.shape))
+        reading.append(time.time() - begun)
+        return camera
+
+    shown, used = shown_in_turn(dict(zip(charts, taken, strict=True)), opened, partial(photographed_wall, plan.scene))
     digests, told = write_shown(open_root(fork), plan, shown, used)
+    read = sum(reading)
     record: Record = {
         "unit": unit.name,
         "key": unit.key,
@@ -41,7 +49,7 @@ def wall_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
         "cameras": told,
         "worker": worker_name(),
         "started": start,
-        "seconds": {"read": round(read - start, 4), "walls": round(time.time() - read, 4)},
+        "seconds": {"read": round(read, 4), "walls": round(time.time() - start - read, 4)},
     }
     record |= cast(Record, refusal(refused, "without it"))
     return fork, {unit.index: record}

@@ -31,27 +31,52 @@ Hides = Callable[[np.ndarray, Pose], np.ndarray]
 
 def cameras_of(taken: Sequence[Taken], hides: Hides, refused: list[Exception]) -> tuple[list[Camera], list[Taken]]:
     """The panoramas that can be opened, as cameras, and which these are; why others cannot is added to `refused`."""
-    cameras, used = [], []
-    for one in taken:
-        with refusing(refused):
-            image = read_panorama(one.path)
-            hidden = _hidden(one, image, hides)
-            cameras.append(Camera(image, one.pose, hidden, np.array(one.factor), usual_of(one.squares)))
-            used.append(one)
-    return cameras, used
+    opened = [(camera, one) for one in taken if (camera := camera_of(one, hides, refused)) is not None]
+    return [camera for camera, _ in opened], [one for _, one in opened]
+
+
+def camera_of(one: Taken, hides: Hides, refused: list[Exception]) -> Camera | None:
+    """A panorama as a camera; where it cannot be opened None, and why is added to `refused`."""
+    with refusing(refused):
+        image = read_panorama(one.path)
+        return Camera(image, one.pose, _hidden(one, image, hides), np.array(one.factor), usual_of(one.squares))
+    return None
+
+
+def shown_in_turn(
+    taken: Mapping[int, Sequence[Taken]],
+    opened: Callable[[Taken], Camera | None],
+    show: Callable[[int, Sequence[Camera]], Shown | None],
+) -> tuple[dict[int, Shown], dict[int, list[Taken]]]:
+    """What cameras show of charts, each taken from panoramas of its own, where that is enough; and of each chart those that
+    could be opened. At most the panoramas of one chart are open at a time: charts of the same follow each other."""
+    held: dict[Taken, Camera | None] = {}
+    found, used = {}, {}
+    for chart in sorted(taken, key=lambda chart: [str(one.path) for one in taken[chart]]):
+        # one that could not be opened is told once
+        held = {one: camera for one, camera in held.items() if camera is None or one in taken[chart]}
+        for one in taken[chart]:
+            if one not in held:
+                held[one] = opened(one)
+        used[chart] = [one for one in taken[chart] if held[one] is not None]
+        shown = show(chart, list(filter(None, map(held.get, used[chart])))) if used[chart] else None
+        if shown is not None:
+            found[chart] = shown
+    return found, used
 
 
 def write_shown(
-    group: StoreGroup, plan: Plan, found: Mapping[int, Shown], used: Sequence[Taken]
+    group: StoreGroup, plan: Plan, found: Mapping[int, Shown], used: Mapping[int, Sequence[Taken]]
 ) -> tuple[dict[str, str], list[list[Any]]]:
-    """Write what cameras show of charts, by chart; returns the charts' digests, and of each camera that shows some its name,
-    its share of all their texels and how far it was on the mean, metres."""
+    """Write what cameras show of charts, by chart, as are their panoramas; returns the charts' digests, and of each panorama
+    that shows some its name, its share of all their texels and how far it was on the mean, metres."""
     scene, placement = plan.scene, plan.scene.placement
     if not found:
         return {}, []
-    shown = [number for number in range(len(used)) if any((one.camera == number).any() for one in found.values())]
-    numbers = np.zeros(len(used) + 1, np.uint16)  # the first is none
-    numbers[np.array(shown) + 1] = np.arange(len(shown)) + 1
+    showing = {
+        used[chart][camera] for chart, one in found.items() for camera in np.unique(one.camera).tolist() if camera >= 0
+    }
+    numbers = {one: number for number, one in enumerate(sorted(showing, key=lambda one: one.path), 1)}
     rasters = Rasters.of(placement, sorted(found))
     seed, evidence = np.empty((rasters.total, 3), np.uint8), np.empty(rasters.total, np.uint8)
     camera, confidence = np.empty(rasters.total, np.uint16), np.empty(rasters.total, np.uint8)
@@ -59,7 +84,9 @@ def write_shown(
         texels = rasters.slice(placement, chart)
         seed[texels] = one.rgb.reshape(-1, 3)
         evidence[texels] = np.where(one.shown, PHOTO, UNSEEN).reshape(-1)
-        camera[texels] = numbers[one.camera.astype(np.int64) + 1].reshape(-1)
+        # the first is none
+        of_chart = np.array([0, *(numbers.get(panorama, 0) for panorama in used[chart])], np.uint16)
+        camera[texels] = of_chart[one.camera.astype(np.int64) + 1].reshape(-1)
         confidence[texels] = np.round(255 * one.confidence.clip(0, 1)).reshape(-1)
     arrays: dict[str, np.ndarray] = {
         "atlas/seed": seed,
@@ -69,14 +96,10 @@ def write_shown(
     }
     for name, flat in arrays.items():
         write_rasters(group[name], scene.spec, placement, rasters, flat)
-    told = [
-        [
-            used[number].path.name,
-            round(float((camera == numbers[number + 1]).mean()), 4),
-            _far(scene, {chart: one.camera == number for chart, one in found.items()}, used[number]),
-        ]
-        for number in shown
-    ]
+    told = []
+    for one, number in numbers.items():
+        own = {chart: shown.camera == used[chart].index(one) for chart, shown in found.items() if one in used[chart]}
+        told.append([one.path.name, round(float((camera == number).mean()), 4), _far(scene, own, one)])
     return chart_digests(seed, evidence, placement, rasters, plan.ids), told
 
 

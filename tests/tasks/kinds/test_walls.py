@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 from types import SimpleNamespace as Value
@@ -18,7 +19,9 @@ from facade_core.ingest import ingest, with_panoramas
 from facade_core.plan import Plan
 from facade_core.types import Building, Pose, Roof, Street
 from tasks.keys.units import changed_parts
+from tasks.kinds.cameras import CAMERAS, LONG_M
 from tasks.kinds.walls import WALLS, names_of_walls, wall_units
+from tasks.units.unit import Unit
 
 # Before the gap between the first two houses, and 200 m on before the third.
 POSES = (Pose(12.0, -6.0, 2.5, 0.0), Pose(206.0, -6.0, 2.5, 0.0))
@@ -65,33 +68,96 @@ def test_charts_are_walls_and_roofs_that_are_no_facades_before_a_camera() -> Non
     assert wall_units(Value(), Value(panoramas=()), planned(), zarr.create_group({})) == []  # type: ignore[arg-type]
 
 
-def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_part_in_none(tmp_path: Path) -> None:
-    plan, run = planned(*POSES), Value(texture=TextureSettings(texels_per_metre=4.0))
-    pictures = [tmp_path / name for name in ("0.jpg", "1.jpg")]
-    for path in pictures:
-        path.write_bytes(b"")
+@dataclass(frozen=True)
+class Posed:
+    """Panoramas of a plan, as files in a folder, and which of them could not be posed."""
 
-    def units(status: str = "done") -> dict[str, Any]:
+    plan: Plan
+    folder: Path
+
+    def path(self, number: int) -> Path:
+        return self.folder / f"{number:02}.jpg"
+
+    def units(self, *, failed: int | None = None) -> dict[str, Unit]:
+        """What is due of walls and roofs, by building."""
+        run: Any = Value(texture=TextureSettings(texels_per_metre=4.0))
+        poses = self.plan.poses
         group = zarr.create_group({})
-        group.create_array("journal/poses", shape=(2,), chunks=(1,), dtype=str)
-        for number, pose in enumerate(POSES):
-            known = {"unit": str(number), "key": "k", "status": status if number else "done", "squares": []}
+        group.create_array("journal/poses", shape=(len(poses),), chunks=(1,), dtype=str)
+        for number, pose in enumerate(poses):
+            known = {"unit": str(number), "key": "k", "status": "failed" if number == failed else "done", "squares": []}
             place = [pose.x, pose.y, pose.z, pose.heading, 0.0, 0.0]
             write_record(group, "poses", number, known | {"pose": place})  # type: ignore[arg-type]
-        block = Value(panoramas=[Value(path=path) for path in pictures])
-        return {unit.name: unit for unit in wall_units(run, block, plan, group)}  # type: ignore[arg-type]
+        block: Any = Value(panoramas=[Value(path=self.path(number)) for number in range(len(poses))])
+        return {unit.name: unit for unit in wall_units(run, block, self.plan, group)}
 
-    first = units()
-    assert {name: [one.path.name for one in unit.arguments[1]] for name, unit in first.items()} == {
-        "a": ["0.jpg"],
-        "b": ["0.jpg"],
-        "c": ["1.jpg"],
-        "shed": ["0.jpg"],
+
+def written(plan: Plan, folder: Path) -> Posed:
+    posed = Posed(plan, folder)
+    for number in range(len(plan.poses)):
+        posed.path(number).write_bytes(b"")
+    return posed
+
+
+def due(units: dict[str, Unit], first: dict[str, Unit]) -> dict[str, list[str]]:
+    return {name: changed_parts(unit.key, first[name].key) for name, unit in units.items()}
+
+
+def test_a_changed_picture_makes_due_what_it_is_near_and_a_failed_pose_takes_part_in_none(tmp_path: Path) -> None:
+    posed = written(planned(*POSES), tmp_path)
+    first = posed.units()
+    assert {name: {one.path.name for of in unit.arguments[1] for one in of} for name, unit in first.items()} == {
+        "a": {"00.jpg"},
+        "b": {"00.jpg"},
+        "c": {"01.jpg"},
+        "shed": {"00.jpg"},
     }
-    pictures[1].write_bytes(b"another")
-    told = {name: changed_parts(unit.key, first[name].key) for name, unit in units().items()}
-    assert told == {"a": [], "b": [], "c": ["panoramas"], "shed": []}
-    assert units(status="failed")["c"].arguments[1] == ()
+    posed.path(1).write_bytes(b"another")
+    assert due(posed.units(), first) == {"a": [], "b": [], "c": ["panoramas"], "shed": []}
+    assert not any(posed.units(failed=1)["c"].arguments[1])
+
+
+@cache
+def long_planned() -> Plan:
+    """A hall of 120 m on a street with a panorama each 6 m; the last stands before its end, beyond it."""
+    hall = Building("hall", shapely.box(0, 0, 120, 12), 8.0, "height", roof=Roof("gabled", 12.0))
+    plan = ingest(
+        [hall],
+        [Street("1", None, shapely.LineString([(-10, -8), (150, -8)]))],
+        texels_per_metre=4.0,
+        spacing=40.0,
+        height=2.5,
+        visibility_range=25.0,
+        panorama_width=128,
+        storey=3.2,
+        walls="exemplar",
+    )
+    poses = [Pose(float(x), -8.0, 2.5, 0.0) for x in range(0, 121, 6)]
+    return with_panoramas(plan, [*poses, Pose(135.0, -2.0, 2.5, 0.0)], [(512, 1024)] * (len(poses) + 1))
+
+
+def test_the_ends_of_a_long_building_are_taken_from_who_stands_before_them(tmp_path: Path) -> None:
+    plan = long_planned()
+    posed, charts, last = written(plan, tmp_path), plan.scene.charts, len(plan.poses) - 1
+    first = posed.units()
+    own, taken = first["hall"].arguments
+    of_chart = {chart: {int(one.path.stem) for one in of} for chart, of in zip(own, taken, strict=True)}
+    assert max(map(len, of_chart.values())) <= CAMERAS
+    (gable,) = (chart for chart in own if charts.normal()[chart, 0] > 0.9)
+    assert of_chart[gable] == {last}, "the others stand behind it"
+    roofs = [chart for chart in own if charts.kind[chart] == ROOF and charts.normal()[chart, 1] < -0.1]
+    shown = sorted(plan.poses[one].x for one in set().union(*(of_chart[roof] for roof in roofs)))
+    assert shown[0] < 20, "from one end"
+    assert shown[-1] > 100, "to the other"
+    assert max(np.diff(shown)) < LONG_M
+    posed.path(last).write_bytes(b"another")
+    assert due(posed.units(), first) == {"hall": ["panoramas"]}
+    again = posed.units()
+    unused = set(range(last)) - set().union(*of_chart.values())
+    for one in unused:
+        posed.path(one).write_bytes(b"another")
+    assert unused
+    assert due(posed.units(), again) == {"hall": []}, "of those that it is not taken from"
 
 
 def test_units_stay_where_their_charts_do_and_what_no_camera_shows_any_more_is_cleared() -> None:
