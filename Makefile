@@ -11,7 +11,7 @@ demo: setup  ## The embedded block, from nothing to a textured model and a repor
 	$(BIN)/streetloom demo $(DEMO_FLAGS)
 
 test: setup check clients  ## Everything: style, types and tests
-	$(BIN)/python -m pytest -n 2 --dist loadfile --no-loadscope-reorder  # files of whole runs first
+	$(BIN)/python -m pytest -n 3 --dist loadfile --no-loadscope-reorder  # files of whole runs first; one more than two cores, as tests wait
 
 check: setup
 	$(BIN)/ruff check .

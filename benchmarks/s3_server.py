@@ -7,10 +7,18 @@ import sys
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
 
-# It ends when nobody holds its input any more.
+# It ends when nobody holds its input any more. Requests are answered one by one: moto asks whether a condition holds and writes
+# in two steps, between which a busy machine lets another write.
 _SERVE = """
-import logging, sys
+import logging, sys, threading
+from moto.moto_server import threaded_moto_server
 from moto.server import ThreadedMotoServer
+turn = threading.Lock()
+class InTurn(threaded_moto_server.DomainDispatcherApplication):
+    def __call__(self, *request):
+        with turn:
+            return super().__call__(*request)
+threaded_moto_server.DomainDispatcherApplication = InTurn
 logging.getLogger("werkzeug").setLevel(logging.ERROR)
 server = ThreadedMotoServer("127.0.0.1", 0, verbose=False)
 server.start()

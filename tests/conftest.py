@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-import fcntl
 import json
 import os
+import shutil
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,11 +13,13 @@ from typing import Any
 import pytest
 from hypothesis import settings
 
+from tasks.compute.compiling import compile_together
 from tasks.compute.workers import limit_threads
 from tasks.published.opened import Published, published
 from tests.chromium import browser as browser  # one for all: Playwright is started once in a process
 from tests.pipeline import stages
 from tests.pipeline.runs import TYPED, run, write_block
+from tests.sharing import alone
 
 # The same examples each time, however long one takes.
 settings.register_profile("suite", derandomize=True, deadline=None)
@@ -86,18 +88,24 @@ def _threads() -> None:
     limit_threads()
 
 
+@pytest.fixture(scope="session", autouse=True)
+def _compiled(request: pytest.FixtureRequest, _threads: None) -> None:
+    """The suite's processes share what is compiled on first use: else each that comes to it, and each run that one of them
+    starts meanwhile, would compile it for itself. A process alone compiles what its tests need and no more."""
+    if hasattr(request.config, "workerinput"):
+        compile_together()
+
+
 @pytest.fixture(scope="session")
 def block(common: Path) -> Path:
-    with (common / "block.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with alone(common, "block"):
         return write_block(common / "block")  # what is there stays
 
 
 @pytest.fixture(scope="session")
 def smallest(common: Path) -> Path:
     """A block of five boxes and three streets, for whole runs of which only their course matters."""
-    with (common / "smallest.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with alone(common, "smallest"):
         file = common / "smallest" / "block.yaml"
         return file if file.is_file() else stages.write_block(file.parent)
 
@@ -106,12 +114,29 @@ def smallest(common: Path) -> Path:
 def undisturbed(block: Path, common: Path) -> tuple[Path, dict[str, Any]]:
     """One whole run with two workers that nothing disturbs: made by whichever process of the suite asks first."""
     out, told = common / "undisturbed" / "out", common / "undisturbed.json"
-    with (common / "undisturbed.lock").open("w") as lock:
-        fcntl.flock(lock, fcntl.LOCK_EX)
+    with alone(common, "undisturbed"):
         if not told.is_file():
             out.parent.mkdir()
             told.write_text(json.dumps(run(block, out, workers=2, program=TYPED)))
     return out, json.loads(told.read_text())
+
+
+@pytest.fixture(scope="session")
+def left_to_streets(common: Path) -> Path:
+    """A folder with the smallest block, its walls left to the streets, as `in`, and its stages done, not published, as `out`:
+    made by whichever process of the suite asks first, read by all."""
+    folder, told = common / "left_to_streets", common / "left_to_streets.done"
+    with alone(common, "left_to_streets"):
+        if not told.is_file():
+            stages.texture(stages.write_block(folder / "in", texture={"walls": "translate"}), folder / "out")
+            told.touch()
+    return folder
+
+
+@pytest.fixture
+def left_to_streets_copy(left_to_streets: Path, tmp_path: Path) -> Path:
+    """The same, for a test to change."""
+    return Path(shutil.copytree(left_to_streets, tmp_path / "copy"))
 
 
 @pytest.fixture(scope="module")

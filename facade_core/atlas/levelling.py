@@ -23,10 +23,29 @@ def spread(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     whoever averages squares in turn, as mipmaps do, meets nothing but known colours. Zeros where nothing is known.
     """
     weight = known.astype(np.float32)
-    levels = [(values.astype(np.float32) * weight[..., None], weight)]
+    return _means(values.astype(np.float32) * weight[..., None], weight)
+
+
+def filled(colour: np.ndarray, known: np.ndarray) -> np.ndarray:
+    """colour (h, w, c) uint8 with those that are not `known` (h, w) bool as `spread` has them, rounded.
+
+    The finest size, of four times as many texels as all others together, is gone through without floats.
+    """
+    height, width = known.shape
+    total, weight = (
+        _halved(array, dtype).astype(np.float32)
+        for array, dtype in ((colour * known[..., None], np.uint16), (known, np.uint8))
+    )
+    near = np.round(_means(total, weight)).astype(np.uint8)
+    return np.where(known[..., None], colour, near.repeat(2, axis=0).repeat(2, axis=1)[:height, :width])
+
+
+def _means(total: np.ndarray, weight: np.ndarray) -> np.ndarray:
+    """Of sums (h, w, c) of so many known values (h, w), both float32."""
+    levels = [(total, weight)]
     while max(levels[-1][1].shape) > 1:
         levels.append(tuple(_halved(array) for array in levels[-1]))  # type: ignore[arg-type]
-    result = np.zeros((1, 1, values.shape[2]), np.float32)
+    result = np.zeros((1, 1, total.shape[2]), np.float32)
     for total, weight in reversed(levels):
         coarse = (
             result.repeat(2, axis=0).repeat(2, axis=1)[: weight.shape[0], : weight.shape[1]]
@@ -92,8 +111,11 @@ def _membrane(values: np.ndarray, known: np.ndarray) -> np.ndarray:
     return sheet
 
 
-def _halved(array: np.ndarray) -> np.ndarray:
-    """Sums of squares of 2 x 2; an odd last row or column stands alone."""
+def _halved(array: np.ndarray, dtype: type | None = None) -> np.ndarray:
+    """Sums of squares of 2 x 2, as their own type or one that holds more; an odd last row or column stands alone."""
     rows, columns = array.shape[0] % 2, array.shape[1] % 2
-    padded = np.pad(array, [(0, rows), (0, columns)] + [(0, 0)] * (array.ndim - 2))
-    return padded[::2, ::2] + padded[1::2, ::2] + padded[::2, 1::2] + padded[1::2, 1::2]
+    padded = np.pad(array, [(0, rows), (0, columns)] + [(0, 0)] * (array.ndim - 2)) if rows or columns else array
+    total = np.add(padded[::2, ::2], padded[1::2, ::2], dtype=dtype)
+    total += padded[::2, 1::2]
+    total += padded[1::2, 1::2]
+    return total

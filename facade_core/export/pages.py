@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.levelling import spread
+from facade_core.atlas.levelling import filled
 from facade_core.street.scene import Scene
 
 # Around every piece its border is repeated for this many texels, and pieces start on multiples of it: down to the mip
@@ -114,8 +114,7 @@ def between_charts(scene: Scene, page: int, colour: np.ndarray) -> np.ndarray:
         height, width = (int(side[chart]) + 2 * gutter for side in (placement.height, placement.width))
         owned[y : y + height, x : x + width] = True
     if owned.any() and not owned.all():
-        between = np.round(spread(colour, owned)).astype(np.uint8)
-        colour = np.where(owned[..., None], colour, between)
+        colour = filled(colour, owned)
     return colour
 
 

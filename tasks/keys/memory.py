@@ -53,7 +53,7 @@ GROUND_TEXEL, VIEW_TEXEL, CAMERA_PIXEL = 60, 30, 8
 
 # A page that is coloured between its charts: means of ever larger squares of it, as floats. A picture of a tile: the rasters of
 # its charts, the picture, and what of it is free; and the tile's encoded bytes, as pictures and as a model.
-PAGE_TEXEL, PICTURE_TEXEL, TILE_TEXEL = 90, 16, 1
+PAGE_TEXEL, PICTURE_TEXEL, TILE_TEXEL = 40, 16, 1
 # A ray of a view: depth, place, and what it shows (measured: 30 to 40, where two in five meet the block). A texel of a facade
 # whose stages are drawn, one after the other (measured: 66 to 80).
 VIEW_RAY, DRAWN_TEXEL = 60, 90

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import pickle
 import shutil
 from dataclasses import replace
 from pathlib import Path
@@ -11,21 +12,25 @@ import pytest
 from tasks.run import Run
 from tasks.stages.publish import publish_block
 from tests.pipeline.stages import BUILDINGS, STREETS, texture, write_block
+from tests.sharing import alone
 
 # An id longer than any file's name may be.
 LONG = "long-" * 60
 
 
 @pytest.fixture(scope="session")
-def textured(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Run]:
-    """The block's file, and the run that published it."""
-    folder = tmp_path_factory.mktemp("small")
+def textured(common: Path) -> tuple[Path, Run]:
+    """The block's file, and the run that published it: made by whichever process of the suite asks first, read by all."""
+    folder, told = common / "small", common / "small.pickle"
     buildings = {(LONG if name == "e" else name): box for name, box in BUILDINGS.items()}
     streets = {(LONG if name == "3" else name): line for name, line in STREETS.items()}
-    block = write_block(folder / "block", buildings=buildings, streets=streets)
-    run = texture(block, folder / "out").run
-    publish_block.fn(run, block)
-    return block, run
+    with alone(common, "small"):
+        if not told.is_file():
+            block = write_block(folder / "block", buildings=buildings, streets=streets)
+            made = texture(block, folder / "out").run
+            publish_block.fn(made, block)
+            told.write_bytes(pickle.dumps(made))
+    return folder / "block" / "block.yaml", pickle.loads(told.read_bytes())
 
 
 @pytest.fixture

@@ -14,7 +14,7 @@ import pytest
 from flows.server import starting as server_module
 from flows.server.starting import ServerDown, server
 from tests.pipeline.runs import PATIENCE_S, ROOT, command, environment
-from tests.pipeline.stages import digests_of, texture, write_block
+from tests.pipeline.stages import digests_of
 from tests.pipeline.test_cluster import wait_until
 
 FULL = "print('x'); raise OSError('database or disk is full')"
@@ -58,10 +58,9 @@ def test_a_server_of_the_users_that_does_not_answer_is_named(monkeypatch: pytest
         record.require()
 
 
-def test_the_server_killed_while_a_street_is_done_again(tmp_path: Path) -> None:
+def test_the_server_killed_while_a_street_is_done_again(left_to_streets_copy: Path, tmp_path: Path) -> None:
     """The real command: what is asked before the server is there, its loss, and what the run then says, publishes and logs."""
-    block, out = write_block(tmp_path / "block", texture={"walls": "translate"}), tmp_path / "out"
-    texture(block, out)
+    block, out = left_to_streets_copy / "in" / "block.yaml", left_to_streets_copy / "out"
     digest = digests_of(out)[0]
     with (tmp_path / "said").open("w+") as said:
         process = subprocess.Popen(

@@ -46,14 +46,6 @@ LEFT: dict[str, Any] = {"texture": {"walls": "translate"}}
 
 
 @pytest.fixture(scope="module")
-def translated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """The block with its walls left to the streets."""
-    folder = tmp_path_factory.mktemp("translated")
-    texture(write_block(folder / "in", **LEFT), folder / "out")
-    return folder
-
-
-@pytest.fixture(scope="module")
 def seeded(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The block with exemplars, and a photo of one facade."""
     folder = tmp_path_factory.mktemp("seeded")
@@ -91,15 +83,15 @@ def assert_as_fresh(folder: Path, made: Textured) -> None:
     assert digests_of(folder / "out") == digests_of(folder / "fresh")
 
 
-def test_with_nothing_changed_nothing_is_done(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_with_nothing_changed_nothing_is_done(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     done, made = again(folder)
     assert done == set()
     assert made.said == "nothing is due but what is published"
 
 
-def test_a_building_raised(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_a_building_raised(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     write_block(folder / "in", buildings=BUILDINGS | {"c": (*BUILDINGS["c"][:4], 9.0)}, **LEFT)
     done, made = again(folder)
     assert done == {"c-0", "s3"}
@@ -108,8 +100,8 @@ def test_a_building_raised(translated: Path, tmp_path: Path) -> None:
     assert_as_fresh(folder, made)
 
 
-def test_a_building_removed_and_another_added(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_a_building_removed_and_another_added(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     fewer = {name: box for name, box in BUILDINGS.items() if name != "d"}
     write_block(folder / "in", buildings=fewer, **LEFT)
     done, _ = again(folder)
@@ -125,8 +117,8 @@ def test_a_building_removed_and_another_added(translated: Path, tmp_path: Path) 
     assert_as_fresh(folder, made)
 
 
-def test_settings_reach_what_reads_them(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_settings_reach_what_reads_them(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     write_block(folder / "in", **LEFT, storey=3.4, geoid_separation=17.0)
     assert again(folder)[0] == set()
     before = started(folder / "out")
@@ -139,8 +131,8 @@ def test_settings_reach_what_reads_them(translated: Path, tmp_path: Path) -> Non
     assert (made.said or "").startswith("due are 3 of 3 streets (what is in sight changed), ")
 
 
-def test_a_surface_that_fails_leaves_nothing_of_before(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_a_surface_that_fails_leaves_nothing_of_before(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     block, made = read_block(folder / "in" / "block.yaml"), texture(folder / "in" / "block.yaml", folder / "out")
     plan, before = plan_of_run(made.run), charts_of(made.run)
     group = open_root(open_repository(made.run.store).readonly_session(BRANCH))
@@ -163,16 +155,16 @@ def test_a_surface_that_fails_leaves_nothing_of_before(translated: Path, tmp_pat
     assert_as_fresh(folder, made)
 
 
-def test_a_street_that_goes_takes_its_texels_along(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_a_street_that_goes_takes_its_texels_along(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     write_block(folder / "in", streets={name: line for name, line in STREETS.items() if name != "2"}, **LEFT)
     done, made = again(folder)
     assert "s3" not in done
     assert_as_fresh(folder, made)
 
 
-def test_a_run_that_stops_halfway_goes_on(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_a_run_that_stops_halfway_goes_on(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     block = write_block(folder / "in", buildings=BUILDINGS | {"e": (*BUILDINGS["e"][:4], 9.0)}, **LEFT)
     waves = {r["unit"]: r["wave"] for r in journal(folder / "out" / "store", "streets") if r}
     last = max("s1", "s2", key=lambda unit: waves[unit])
@@ -248,16 +240,16 @@ def test_a_photo_that_comes_or_is_refused_changes_its_own_wall_alone(seeded: Pat
     assert set(made.refused) == told, "again, as long as it is so"
 
 
-def test_another_seed_is_told_as_one(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_another_seed_is_told_as_one(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     write_block(folder / "in", **LEFT, seed=4)
     assert (again(folder)[1].said or "").startswith(
         "due are 6 of 6 facades (block's settings changed), 3 of 3 streets ("
     )
 
 
-def test_the_density_reaches_everything(translated: Path, tmp_path: Path) -> None:
-    folder = copied(translated, tmp_path)
+def test_the_density_reaches_everything(left_to_streets: Path, tmp_path: Path) -> None:
+    folder = copied(left_to_streets, tmp_path)
     before = set(started(folder / "out"))
     write_block(folder / "in", texture=LEFT["texture"] | {"texels_per_metre": 4})
     held = started(folder / "out")
@@ -266,8 +258,10 @@ def test_the_density_reaches_everything(translated: Path, tmp_path: Path) -> Non
     assert made.said == "all is due: texture.texels_per_metre was 3 and is 4"
 
 
-def test_units_done_by_other_code_are_due(translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    folder = copied(translated, tmp_path)
+def test_units_done_by_other_code_are_due(
+    left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copied(left_to_streets, tmp_path)
     for reader in ("keys.units", "keys.streets"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("facades"))
     done, made = again(folder)
@@ -277,14 +271,14 @@ def test_units_done_by_other_code_are_due(translated: Path, tmp_path: Path, monk
 
 
 def test_other_code_that_ingests_takes_over_what_is_the_same(
-    translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = copied(translated, tmp_path)
+    folder = copied(left_to_streets, tmp_path)
     for reader in ("keys.runs", "stages.ingest"):
         monkeypatch.setattr(f"tasks.{reader}.stage_code", _other_code("ingest"))
     done, made = again(folder)
     assert done == set()
-    assert made.run.key != _key_of(translated)
+    assert made.run.key != _key_of(left_to_streets)
     assert made.said == "nothing is due but what is published"
 
 
@@ -304,9 +298,9 @@ def test_a_store_from_before_a_stage_was_there_goes_on(seeded: Path, tmp_path: P
 
 
 def test_other_code_that_publishes_does_nothing_else(
-    translated: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    left_to_streets: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    folder = copied(translated, tmp_path)
+    folder = copied(left_to_streets, tmp_path)
     run = run_of(read_block(folder / "in" / "block.yaml"), folder / "out")
     first = publish_block.fn(run)
     done = nothing_due(run)

@@ -18,16 +18,18 @@ from tasks.store.commits import journal
 from tasks.store.digests import differing
 from tasks.store.redo import find_redo, redo_street, street_chunks
 from tasks.units.context import plan_of_run
-from tests.pipeline.stages import digests_of, redone, started, texture, write_block
+from tests.pipeline.stages import digests_of, redone, started, texture
 
 
 def states(out: Path) -> dict[str, str]:
     return {r["unit"]: r["status"] for r in journal(out / "store", "streets") if r}
 
 
-def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(tmp_path: Path) -> None:
+def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(
+    left_to_streets_copy: Path,
+) -> None:
     """Of the small block's streets two cross, and the second of these reads what the first writes."""
-    block, out = write_block(tmp_path / "in", texture={"walls": "translate"}), tmp_path / "out"
+    block, out = left_to_streets_copy / "in" / "block.yaml", left_to_streets_copy / "out"
     made = texture(block, out)
     digest, before = digests_of(out), started(out)
     first, *others = sorted((r for r in journal(out / "store", "streets") if r), key=lambda r: r["wave"])
@@ -49,10 +51,10 @@ def test_a_street_done_again_alone_leaves_the_others_stale_until_the_next_run(tm
 
 
 def test_a_street_that_fails_when_it_is_done_again_leaves_nothing_of_before(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    left_to_streets_copy: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What it had written over an earlier street's texels is no longer taken for theirs."""
-    block, out = write_block(tmp_path / "in", texture={"walls": "translate"}), tmp_path / "out"
+    block, out = left_to_streets_copy / "in" / "block.yaml", left_to_streets_copy / "out"
     run = texture(block, out).run
     digest, plan = digests_of(out), plan_of_run(run)
     unit = max((r for r in journal(out / "store", "streets") if r), key=lambda r: r["wave"])["unit"]

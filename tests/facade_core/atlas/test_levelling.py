@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 
-from facade_core.atlas.levelling import level, spread
+from facade_core.atlas.levelling import filled, level, spread
 
 
 def halves(left: int, right: int) -> tuple[np.ndarray, np.ndarray]:
@@ -70,3 +71,13 @@ def test_means_of_squares_hold_only_known_colours() -> None:
     two = known & (rng.random(known.shape) < 0.5)
     assert np.isfinite(spread(values, two)).all()
     assert spread(values, np.zeros_like(known)).max() == 0
+
+
+@pytest.mark.parametrize("size", [(1, 1), (1, 7), (33, 64), (130, 75)])
+@pytest.mark.parametrize("share", [0.0, 0.02, 0.6])
+def test_what_is_not_known_is_filled_as_it_is_spread(size: tuple[int, int], share: float) -> None:
+    draw = np.random.default_rng(size[1])
+    colour, known = draw.integers(0, 256, (*size, 3), np.uint8), draw.random(size) < share
+    known[: size[0] // 2] = False  # far from all that is known
+    expected = np.where(known[..., None], colour, np.round(spread(colour, known)).astype(np.uint8))
+    np.testing.assert_array_equal(filled(colour, known), expected)
