@@ -12,11 +12,12 @@ from facade_core.atlas.zarr_types import StoreGroup, group_at
 from facade_core.errors import StoreError
 
 # Folders of encoded files, made by ingest: units that run side by side must not create the same group.
-# hierarchies: the variations of each facade; pages: every page of the atlas as JPEG; tiles: models of the cells of a
-# quadtree as GLB; coarse: the rasters of a tile's charts made smaller, one after the other; pictures: those of the report,
-# views as JPEG, of a facade its WebP files one after the other.
-HIERARCHIES, PAGES, TILES, COARSE, PICTURES = "hierarchies", "pages", "tiles", "coarse", "pictures"
-FOLDERS = (HIERARCHIES, PAGES, TILES, COARSE, PICTURES)
+# hierarchies: the variations of each facade; earlier: how each that changed was at the capture before, a small WebP, grey where
+# that shows something in front or nothing; pages: every page of the atlas as JPEG; tiles: models of the cells of a quadtree as
+# GLB; coarse: the rasters of a tile's charts made smaller, one after the other; pictures: those of the report, views as JPEG,
+# of a facade its WebP files one after the other.
+HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES = "hierarchies", "earlier", "pages", "tiles", "coarse", "pictures"
+FOLDERS = (HIERARCHIES, EARLIER, PAGES, TILES, COARSE, PICTURES)
 # The stages whose units write them.
 ENCODING = ("facades", "pages", "tiles", "pictures")
 
@@ -24,6 +25,11 @@ ENCODING = ("facades", "pages", "tiles", "pictures")
 def hierarchy_path(chart: int) -> str:
     """Where a store has the variations of the facade on the chart of an id."""
     return f"{HIERARCHIES}/{chart:016x}"
+
+
+def earlier_path(chart: int) -> str:
+    """Where a store has how the facade on the chart of an id was before."""
+    return f"{EARLIER}/{chart:016x}"
 
 
 def page_path(page: int) -> str:
@@ -46,7 +52,8 @@ def encoded_of(stage: str, unit: int, record: Record | None) -> dict[str, str]:
     if record is None or record["status"] != "done":
         return {}
     if stage == "facades":
-        return {record["variation_file"]: record["variation_digest"]} if "variation_file" in record else {}
+        variations = {record["variation_file"]: record["variation_digest"]} if "variation_file" in record else {}
+        return variations | ({record["before_file"]: record["before_digest"]} if "before_file" in record else {})
     if stage == "pages":
         return {page_path(unit): record["digest"]}
     if stage == "tiles":

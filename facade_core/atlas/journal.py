@@ -75,10 +75,11 @@ class Record(TypedDict, total=False):
     changed: float | None
     compared: float
     capture_date_before: str | None
-    # where it changed, `facade_core.rectify.changes.Compared.by_cell`; and how it was, a small WebP in base64, grey where the
-    # earlier capture shows something in front or nothing
+    # where it changed, `facade_core.rectify.changes.Compared.by_cell`; where the store has a picture of how it was, and its
+    # digest
     change_map: list[str]
-    picture_before: str
+    before_file: str
+    before_digest: str
     floors: int
     columns: int
     elements: list[list[Any]]

@@ -24,7 +24,7 @@ from flows.viewer.editing import Editor, edit_routes
 from flows.viewer.guard import Guard, guard, in_address
 from flows.viewer.matching import match_routes
 from flows.viewer.model import model, model_file
-from tasks.viewing import Reader, picture, stages
+from tasks.viewing import Reader, picture, picture_before, stages
 from tasks.viewing.growth import Growth
 from tasks.viewing.pictures import encode
 
@@ -96,7 +96,7 @@ def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
             {
                 "stages": [{"stage": stage.name, "title": stage.title} for stage in stages(view, index)],
                 "elements": record.get("elements", []),
-                "change": {"map": record.get("change_map", []), "before": record.get("picture_before")},
+                "change": {"map": record.get("change_map", []), "before": "before_file" in record},
                 "seconds": record.get("seconds", {}),
                 "reason": record.get("reason"),
                 "snapshot": view.snapshot,
@@ -107,6 +107,12 @@ def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         view = reader.view()
         image = picture(view, view.number(request.query_params["id"]), request.query_params["stage"])
         return Response(encode(image), media_type="image/webp", headers=FOR_EVER)
+
+    def earlier(request: Request) -> Response:
+        view = reader.view()
+        return Response(
+            picture_before(view, view.number(request.query_params["id"])), media_type="image/webp", headers=FOR_EVER
+        )
 
     def panorama(request: Request) -> Response:
         view = reader.view()
@@ -138,6 +144,7 @@ def _of_run(out: Folder, editor: Editor | None) -> list[BaseRoute]:
         Route("/api/model", answer(in_3d)),
         Route("/model", answer(tile)),
         Route("/picture/facade", answer(stage)),
+        Route("/picture/before", answer(earlier)),
         Route("/picture/panorama", answer(panorama)),
         Route("/picture/grown", answer(grown)),
         Mount("/page", StaticFiles(directory=PAGE)),

@@ -10,7 +10,7 @@ import shapely
 from catalogs.block import Block
 from catalogs.block.part import ENTRANCE_M, Part
 from catalogs.readers.pictures.poses import day_of
-from facade_core.atlas.encoded import HIERARCHIES, forget_encoded
+from facade_core.atlas.encoded import EARLIER, HIERARCHIES, encoded_of, forget_encoded
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.posed import read_posed
 from facade_core.atlas.zarr_types import StoreGroup
@@ -217,8 +217,11 @@ def _moved(change: Change, again: Mapping[int, int], records: Records) -> Record
         if records[index] is None and name in keys:
             records[index] = Record(unit=name, key=keys[name], status="stale", reason="its geometry changed")
     # files stay where they are; those that no record tells of do not: of facades that are gone, or have no variations now
-    told = {record["variation_file"].rpartition("/")[2] for record in records if record and "variation_file" in record}
-    forget_encoded(change.group, HIERARCHIES, told)
+    told = {path for index, record in enumerate(records) for path in encoded_of("facades", index, record)}
+    for folder in (HIERARCHIES, EARLIER):
+        forget_encoded(
+            change.group, folder, {path.rpartition("/")[2] for path in told if path.startswith(f"{folder}/")}
+        )
     return records
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from base64 import b64decode
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cache, partial
@@ -64,7 +63,7 @@ def write_images(snapshot: Snapshot[Path], block: StoredBlock, made: Made, aside
         sheets,
         frozenset(r["unit"] for r in _done(journal[first:]) if len(r["pictures"]) == 1),
         _exemplars(folder, block, made, aside),
-        dict(_before(folder, block, made)),
+        dict(_before(folder, block, made, aside)),
     )
 
 
@@ -87,13 +86,14 @@ def _sheets(folder: str, block: StoredBlock, record: Record, made: Made) -> Iter
         yield file, title
 
 
-def _before(folder: str, block: StoredBlock, made: Made) -> Iterator[Titled]:
+def _before(folder: str, block: StoredBlock, made: Made, aside: Aside) -> Iterator[Titled]:
     """One WebP for each facade that changed since an earlier capture, as that shows it: the facade's id, and the file."""
     for record in _done(block.records):
-        if picture := record.get("picture_before"):
-            file = f"{file_stem(record['unit'])}-before.webp"
-            made.put(f"{folder}/{file}", unit_key(picture), partial(b64decode, picture))
-            yield record["unit"], file
+        if "before_file" in record:
+            file, digest = f"{file_stem(record['unit'])}-before.webp", record["before_digest"]
+            with aside.trying(f"picture of facade {record['unit']} before"):
+                made.put(f"{folder}/{file}", digest, partial(read_encoded, block.group, record["before_file"], digest))
+                yield record["unit"], file
 
 
 def _cut(whole: Callable[[], bytes], offset: int, length: int) -> bytes:

@@ -15,6 +15,7 @@ import numpy as np
 
 from catalogs.block import Block
 from facade_core.atlas.arrays import FORMAT, OF_STAGE, clear_rasters, resize_arrays
+from facade_core.atlas.encoded import FOLDERS
 from facade_core.atlas.journal import Record, forget_record, latest_digests, read_records
 from facade_core.atlas.plan_tables import read_plan
 from facade_core.atlas.rasters import Rasters, chart_digests, read_rasters
@@ -117,8 +118,8 @@ def counts(block: Block, plan: Plan) -> dict[str, int]:
 
 
 def has_all_stages(group: StoreGroup) -> bool:
-    """Whether a store has a journal for every stage; one from before a stage was there has none for it."""
-    return all(f"journal/{stage}" in group for stage in STAGES)
+    """Whether a store has a journal for every stage, and every folder of files; one from before these were there lacks it."""
+    return all(f"journal/{stage}" in group for stage in STAGES) and all(folder in group for folder in FOLDERS)
 
 
 def forget_units(run: Run, plan: Plan, stage: str, units: Mapping[int, Sequence[int]]) -> None:

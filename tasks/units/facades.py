@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import time
-from base64 import b64encode
 from collections.abc import Sequence
 from dataclasses import replace
 from io import BytesIO
@@ -12,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
-from facade_core.atlas.encoded import encoded_digest, hierarchy_path, write_encoded
+from facade_core.atlas.encoded import earlier_path, encoded_digest, hierarchy_path, write_encoded
 from facade_core.atlas.journal import Record
 from facade_core.atlas.provenance import PHOTO, PROVENANCE
 from facade_core.atlas.rasters import Rasters, chart_digests, write_rasters
@@ -110,7 +109,7 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
             if imagery.sources()[made.depth] in ("photo", "panoramas"):
                 about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
             if made.before is not None:
-                about |= _change(made.before)
+                about |= _change(group, plan, facade, made.before)
             if made.fit is not None:
                 kept, found, stretched = made.fit
                 about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
@@ -120,8 +119,8 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     return fork, records
 
 
-def _change(before: Before) -> dict[str, Any]:
-    """What is kept of a change."""
+def _change(group: StoreGroup, plan: Plan, facade: int, before: Before) -> dict[str, Any]:
+    """What the record keeps of a change; how the facade was is written beside its variations."""
     from PIL import Image
 
     told: dict[str, Any] = {"changed": before.changed, "compared": before.compared, "capture_date_before": before.day}
@@ -130,7 +129,9 @@ def _change(before: Before) -> dict[str, Any]:
     if before.picture is not None:
         file = BytesIO()
         Image.fromarray(before.picture).save(file, "WEBP", quality=72, method=2)
-        told["picture_before"] = b64encode(file.getvalue()).decode()
+        path = earlier_path(int(plan.ids[plan.facades.chart[facade]]))
+        write_encoded(group, path, file.getvalue(), f"{plan.facades.id[facade]} as it was before")
+        told |= {"before_file": path, "before_digest": encoded_digest(file.getvalue())}
     return told
 
 

@@ -1,6 +1,6 @@
 """What the viewer shows of a run's folder, whether the run has ended or is still going."""
 
-from tasks.viewing.pictures import picture, stages
+from tasks.viewing.pictures import picture, picture_before, stages
 from tasks.viewing.reading import Reader, View
 
-__all__ = ["Reader", "View", "picture", "stages"]
+__all__ = ["Reader", "View", "picture", "picture_before", "stages"]

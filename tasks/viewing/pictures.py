@@ -6,6 +6,7 @@ import io
 
 import numpy as np
 
+from facade_core.atlas.encoded import read_encoded
 from facade_core.errors import InputError
 from facade_core.export.facade_stages import Shown, stages_of
 from tasks.viewing.reading import View
@@ -22,6 +23,14 @@ def picture(view: View, index: int, name: str) -> np.ndarray:
         if stage.viewer is not None and stage.viewer.name == name:
             return stage.draw()
     raise InputError(f"{view.tables.facades.id[index]}: no picture of stage {name}")
+
+
+def picture_before(view: View, index: int) -> bytes:
+    """How facade number `index` was at the capture before, a WebP file. Raises InputError where that is not kept."""
+    record = view.records[index]
+    if record is None or "before_file" not in record:
+        raise InputError(f"{view.tables.facades.id[index]}: no picture of how it was before")
+    return read_encoded(view.group, record["before_file"], record["before_digest"])
 
 
 def encode(image: np.ndarray, kind: str = "WEBP", quality: int = 85) -> bytes:

@@ -6,7 +6,6 @@ import io
 import json
 import shutil
 import time
-from base64 import b64encode
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
@@ -15,6 +14,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from facade_core.atlas.encoded import earlier_path, encoded_digest, write_encoded
 from facade_core.atlas.journal import read_journal, write_record
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from flows.lock import locked
@@ -176,8 +176,10 @@ def test_a_run_that_goes_on_is_followed_and_a_failure_says_why(
         picture = io.BytesIO()
         Image.new("RGB", (8, 6), (200, 60, 30)).save(picture, "WEBP")
         change = {"changed": 0.4, "compared": 0.9, "capture_date": "2024-05-17", "capture_date_before": "2021-03-01"}
-        change |= {"change_map": ["-95", "000"], "picture_before": b64encode(picture.getvalue()).decode()}
+        change |= {"change_map": ["-95", "000"], "before_file": earlier_path(7)}
+        change |= {"before_digest": encoded_digest(picture.getvalue())}
         session = open_repository(out / "store").writable_session(BRANCH)
+        write_encoded(open_root(session), earlier_path(7), picture.getvalue(), "as it was before")
         write_record(open_root(session), "facades", 1, {**other, **change})  # type: ignore[typeddict-item]
         commit(session, "a facade that changed")
         page.wait_for_selector("text=1 failed")

@@ -3,16 +3,23 @@
 from __future__ import annotations
 
 import json
+from base64 import b64encode
 from pathlib import Path
 
 import numpy as np
+import pytest
 from PIL import Image
 
 from catalogs.published.snapshot import current
 from catalogs.query import query
+from facade_core.atlas.encoded import read_encoded
+from facade_core.atlas.store import BRANCH, open_repository, open_root
+from facade_core.errors import InputError
 from facade_core.synth import facade as paint
 from tasks.stages.publish import publish_block
 from tasks.store.commits import journal
+from tasks.store.wounds import find_wounds
+from tasks.viewing import Reader, picture_before
 from tests.pipeline.stages import BUILDINGS, EAST, NORTH, STREETS, redone, started, texture, write_block
 
 WIDTH, HEIGHT_M, FAR = 1024, 2.5, 600.0
@@ -84,12 +91,22 @@ def test_what_changed_between_two_captures_is_in_the_catalogue(tmp_path: Path) -
     upper, lower = ("".join(part).replace("-", "") for part in (cells[:6], cells[-4:]))
     assert np.mean([cell > "4" for cell in upper]) > 0.6
     assert set(lower) == {"0"}
-    assert "picture_before" not in records[told.id["c"]]
+    assert "before_file" not in records[told.id["c"]]
+    session, changed = open_repository(out / "store").writable_session(BRANCH), records[told.id["a"]]
+    data = read_encoded(open_root(session), changed["before_file"], changed["before_digest"])
+    assert b64encode(data).decode() not in json.dumps(changed), "a record says only where it is"
+    view = Reader(out).view()
+    assert picture_before(view, view.number(told.id["a"])) == data
+    with pytest.raises(InputError, match="no picture of how it was before"):
+        picture_before(view, view.number(told.id["c"]))
+    del open_root(session)[changed["before_file"]]
+    assert find_wounds(session) == {"facades": [view.number(told.id["a"])]}
     report = current(out).report
     text = (report / "index.html").read_text()
     assert "1 of 2 facades that two captures show changed" in text
     (before,) = (report / "images").glob("*-before.webp")
     assert f'src="images/{before.name}"' in text
+    assert before.read_bytes() == data
     with Image.open(before) as image:
         assert image.width == 72
 

@@ -1,6 +1,6 @@
 // What changed of a facade between two captures: how much, when, where, and both pictures.
 
-import { element, legend, picture } from "./elements.js";
+import { element, legend, picture, pictureBefore } from "./elements.js";
 
 // From as it was to changed, and what one of both does not show; readable with any colour vision.
 const ALIKE = "#d9dee2";
@@ -22,7 +22,7 @@ export function changeMap(facade, details, from) {
     element("p", {}, `${facade.capture_date_before ?? "before"} to ${facade.capture_date ?? "now"}; both show ${percent(facade.compared)} of the facade. What stands in front in either is left out.`),
     rows
       ? element("div", { class: "stages" },
-          before ? shown(`data:image/webp;base64,${before}`, `Facade ${facade.id} before`, `${facade.capture_date_before ?? "Before"}, grey where it is hidden`) : null,
+          before ? shown(pictureBefore(facade.id, details.snapshot), `Facade ${facade.id} before`, `${facade.capture_date_before ?? "Before"}, grey where it is hidden`) : null,
           now ? shown(picture(facade.id, now.stage, details.snapshot), `Facade ${facade.id} now`, facade.capture_date ?? "Now") : null,
           element("figure", {}, svg, element("figcaption", {}, "Where it changed")))
       : element("p", {}, "Where it changed was not kept yet: the next run does."),

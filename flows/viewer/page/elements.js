@@ -31,6 +31,7 @@ export async function ask(path) {
 
 export const picture = (facade, stage, snapshot) =>
   `picture/facade?id=${encodeURIComponent(facade)}&stage=${encodeURIComponent(stage)}&of=${snapshot}`;
+export const pictureBefore = (facade, snapshot) => `picture/before?id=${encodeURIComponent(facade)}&of=${snapshot}`;
 export const facadeAddress = (id) => `#/facade/${encodeURIComponent(id)}`;
 
 export function said(value, unit = "") {
