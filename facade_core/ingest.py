@@ -22,8 +22,14 @@ from facade_core.identity import Each, chart_ids, here, look_around, things_of
 from facade_core.ownership import Own, own_facades, own_streets, owned_charts, watching
 from facade_core.plan import Plan, Sightings
 from facade_core.rectify import panoramas_near, sightings
+from facade_core.rectify.camera import WALL_REACH_M
+from facade_core.rectify.panorama import REACH_M
 from facade_core.street.scene import Scene
 from facade_core.types import Building, Elevation, Ground, Pose, Street
+
+# A facade off the streets is taken from panoramas as near as those of other walls, that show at least this share of it: less
+# would not be enough to texture it.
+OFF_STREET_SEEN = 0.3
 
 
 def ingest(
@@ -169,12 +175,14 @@ def with_panoramas(plan: Plan, poses: Sequence[Pose], sizes: Sequence[tuple[int,
 
 
 def _sightings(scene: Scene, facades: Facades, poses: Sequence[Pose], sizes: Sequence[tuple[int, int]]) -> Sightings:
-    rows = np.flatnonzero(facades.role == STREET)
     found = []
-    for index, near in zip(rows.tolist(), panoramas_near(scene, facades.chart[rows], poses), strict=True):
+    for index, near in enumerate(panoramas_near(scene, facades.chart, poses)):
         chart, of = int(facades.chart[index]), near.tolist()
-        for sighting in sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of]):
-            found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
+        on_street = facades.role[index] == STREET
+        reach, least = (REACH_M, 0.0) if on_street else (WALL_REACH_M, OFF_STREET_SEEN)
+        for sighting in sightings(scene, chart, [poses[i] for i in of], [sizes[i] for i in of], reach=reach):
+            if sighting.seen >= least:
+                found.append((index, of[sighting.panorama], sighting.seen, sighting.pixels_per_metre))
     columns = list(zip(*found, strict=True)) or [(), (), (), ()]
     return Sightings(
         np.array(columns[0], np.int32),

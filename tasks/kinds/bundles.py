@@ -13,7 +13,8 @@ from catalogs.readers.pictures.poses import day_of
 from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.geometry.charts import CORNERS
-from facade_core.plan import Plan
+from facade_core.geometry.walls import STREET
+from facade_core.plan import Plan, Sightings
 from facade_core.rectify.bundles import LEAST_SEEN, bundles_of
 from facade_core.rectify.camera import GROUND_REACH_M
 from facade_core.rectify.together import Alone
@@ -46,7 +47,8 @@ def bundles(plan: Plan, block: Block) -> list[tuple[int, ...]]:
     """The panoramas that are refined together, by the block and the poses that are given."""
     days = [_number(day_of(panorama.captured)) for panorama in block.panoramas]
     places = np.array([(pose.x, pose.y) for pose in plan.poses]).reshape(-1, 2)
-    return bundles_of(plan.sightings.facade, plan.sightings.panorama, plan.sightings.seen, places, days)
+    seen = _on_streets(plan)
+    return bundles_of(seen.facade, seen.panorama, seen.seen, places, days)
 
 
 def members_of(plan: Plan, block: Block, some: Sequence[int]) -> set[int]:
@@ -59,6 +61,13 @@ def names_of_bundles(plan: Plan, block: Block) -> list[str]:
     return [block.panoramas[bundle[0]].path.name for bundle in bundles(plan, block)]
 
 
+def _on_streets(plan: Plan) -> Sightings:
+    """Of facades on streets, by which poses were measured."""
+    seen = plan.sightings
+    kept = plan.facades.role[seen.facade] == STREET
+    return Sightings(seen.facade[kept], seen.panorama[kept], seen.seen[kept], seen.pixels_per_metre[kept])
+
+
 def _alone(record: Record, plan: Plan, panorama: int) -> Alone:
     """A panorama as it was refined alone."""
     spread = record.get("spread")  # a journal from before it was kept has none
@@ -67,7 +76,7 @@ def _alone(record: Record, plan: Plan, panorama: int) -> Alone:
 
 def _surfaces(plan: Plan, bundle: Sequence[int]) -> tuple[int, ...]:
     """The charts of facades that two panoramas of a bundle show, and of ground that two are near, ascending."""
-    seen = plan.sightings
+    seen = _on_streets(plan)
     shown = seen.facade[np.isin(seen.panorama, bundle) & (seen.seen >= LEAST_SEEN)]
     facade, count = np.unique(shown, return_counts=True)
     ground = plan.ground_near_cameras()

@@ -1,0 +1,31 @@
+"""A facade off the streets that a panorama shows is taken from it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from facade_core.atlas.plan_tables import read_plan
+from facade_core.atlas.store import BRANCH, open_repository
+from facade_core.geometry.walls import BACK
+from tasks.store.commits import journal
+from tests.pipeline.stages import texture, write_block
+from tests.pipeline.test_changes import WALL, captured
+
+
+def test_a_wall_on_a_yard_is_taken_from_who_stands_there(tmp_path: Path) -> None:
+    folder, out = tmp_path / "in", tmp_path / "out"
+    captured(folder, {"yard": (0.0, WALL, 1.0, "2024-05-17"), "far": (-60.0, WALL, 0.8, "2024-05-17")})
+    block_file = write_block(
+        folder,
+        buildings={"a": (4, 5, 12, 12, 7.0)},
+        streets={"1": [(0, 30), (45, 30)]},
+        imagery={"panoramas": {"path": "panoramas", "poses": "poses.json"}, "exemplars": {"path": "exemplars"}},
+        texture={"texels_per_metre": 6},
+    )
+    texture(block_file, out)
+    plan = read_plan(open_repository(out / "store").readonly_session(BRANCH))
+    south = plan.scene.charts.normal()[plan.facades.chart][:, 1] < -0.9
+    assert plan.facades.role[south].tolist() == [BACK]
+    source = {r["unit"]: r["source"] for r in journal(out / "store", "facades") if r}
+    taken = {name for name, wall in zip(plan.facades.id, south.tolist(), strict=True) if wall}
+    assert {name for name, said in source.items() if said == "yard.jpg"} == taken, "and not from afar"
