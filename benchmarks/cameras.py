@@ -5,7 +5,7 @@ different exposure whose poses are off by 0.3 m and 1 degree and then refined, a
 some camera shows, PSNR in dB with a factor per channel aside: of what a run finishes (`ours`), of each texel from the camera
 that shows it best, as it is (`plain`), of the material alone, as without cameras (`material`). Apart: `seen`, what a camera
 shows with nothing before it; `hidden`, behind cut-outs for every camera; `taken` from cameras; continued by `example`; the
-`rest`, of material. through: the share of texels taken that show a cut-out instead of the ground, `plain` likewise. exposure:
+`rest`, of material. through: of 10,000 texels taken those that show a cut-out instead of the ground, `plain` likewise. exposure:
 what is left of the cameras' differences, as a ratio (1 is none). seconds: to look down, to mask and to take a piece, a camera;
 to finish a piece.
 """
@@ -25,12 +25,12 @@ import cv2
 import numpy as np
 import shapely
 
+from benchmarks.poses import refined_poses
 from facade_core.atlas.provenance import INPAINTED, PHOTO, UNSEEN
 from facade_core.atlas.surroundings import Reader
 from facade_core.cameras import Camera, Shown, factors, in_the_way, look_down, photographed, usual_of
 from facade_core.geometry.charts import GROUND
 from facade_core.geometry.packing import pack
-from facade_core.rectify import refine_pose
 from facade_core.rectify.camera import GROUND_REACH_M
 from facade_core.rectify.panorama import rectify_view
 from facade_core.street.field import Materials
@@ -100,7 +100,7 @@ def photographed_street(
 
 
 def refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> list[Pose]:
-    return [refine_pose(scene, image, pose).pose for image, pose in zip(images, given, strict=True)]
+    return list(refined_poses(scene, images, given)["together"])
 
 
 def _finer(scene: Scene) -> Scene:
@@ -188,9 +188,9 @@ def _recovered(
     }
     return {
         **{name: _compared(whole, region) for name, region in regions.items()},
-        "through": {
-            "ours": round(float(whole["ours through"][taken].mean()), 5) if taken.any() else None,
-            "plain": round(float(whole["plain through"].mean()), 5),
+        "through of 10,000": {
+            "ours": round(1e4 * float(whole["ours through"][taken].mean()), 1) if taken.any() else None,
+            "plain": round(1e4 * float(whole["plain through"].mean()), 1),
         },
         "exposure": {
             "before": round(max(gains) / min(gains), 3),

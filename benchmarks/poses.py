@@ -115,12 +115,12 @@ def painted(streets: int) -> dict[str, Any]:
     told: dict[str, list[dict[str, Any]]] = {}
     for seed in range(3, 3 + streets):
         street, true, given, images = street_with_cameras(seed, BUILDINGS, CAMERAS, WIDTH)
-        for name, taken in {**_refined(street.scene, images, given), "true": true}.items():
+        for name, taken in {**refined_poses(street.scene, images, given), "true": true}.items():
             poses.setdefault(name, []).extend(taken)
             told.setdefault(name, []).append(_left_out_of(street, images, true, taken))
         off = np.random.default_rng(seed).uniform(-RAISED_M, RAISED_M, len(given))
         high = [replace(pose, z=float(pose.z or 0.0) + up) for pose, up in zip(given, off.tolist(), strict=True)]
-        for name, taken in _refined(street.scene, images, high).items():
+        for name, taken in refined_poses(street.scene, images, high).items():
             raised.setdefault(name, []).extend(taken)
     means = {
         name: {key: round(statistics.mean(one[key] for one in each), 3) for key in each[0]}
@@ -135,7 +135,8 @@ def painted(streets: int) -> dict[str, Any]:
     }
 
 
-def _refined(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> dict[str, Sequence[Pose]]:
+def refined_poses(scene: Scene, images: Sequence[np.ndarray], given: Sequence[Pose]) -> dict[str, Sequence[Pose]]:
+    """The poses given, those refined alone, and those refined together after that, as a run has them in the end."""
     alone = [refine_pose(scene, image, pose) for image, pose in zip(images, given, strict=True)]
     start = [Alone(one.pose, one.spread) for one in alone]
     surfaces = np.flatnonzero(np.isin(scene.charts.kind, (WALL, GROUND))).tolist()
@@ -169,7 +170,7 @@ def amsterdam(data: Path) -> dict[str, Any]:
         images = [read_panorama(panorama.path) for panorama in block.panoramas]
         sizes = [image.shape[:2] for image in images]
         cameras += len(images)
-        for pose_of, taken in _refined(scene, images, plan.poses).items():
+        for pose_of, taken in refined_poses(scene, images, plan.poses).items():
 
             def view(
                 chart: int,

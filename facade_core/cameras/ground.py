@@ -28,6 +28,8 @@ VOUCHED, VOUCHED_SHARE = 24, 0.5
 # What one camera alone shows is ground where it is no farther off the usual colour around that camera than this, or than so
 # many times what half of the ground is off.
 ODD, OFTEN = 0.35, 3.0
+# So far around a square that is not believed, metres, no square is: what stands there reaches over its border.
+BESIDE_M = 0.3
 
 
 def photographed(scene: Scene, chart: int, cameras: Sequence[Camera]) -> Shown | None:
@@ -54,7 +56,9 @@ def believed(
 
     away (h, w): metres from the camera; usual: as of `usual_of`, in the views' exposure; density in texels per metre.
     """
-    squares, kept = compared(views, density), []
+    import cv2
+
+    squares, kept, rim = compared(views, density), [], round(BESIDE_M * density)
     for i, view in enumerate(views):
         supported, opposed, alone = squares.supported[i], squares.opposed[i], squares.alone(i)
         like = usual[i]
@@ -64,8 +68,10 @@ def believed(
         else:
             middle, half = like
             alone &= (np.abs(squares.logs[i] - middle) <= np.maximum(ODD, OFTEN * half)).all(axis=2)
-        whole = [on_texels(square, squares.side, view.seen.shape) for square in (supported, alone)]
-        kept.append(view.clear & (whole[0] | (whole[1] & (away[i] >= ALONE_M))))
+        doubted = squares.there[i] & ~supported & ~alone
+        whole = [on_texels(square, squares.side, view.seen.shape) for square in (supported, alone, doubted)]
+        beside = cv2.dilate(whole[2].astype(np.uint8), np.ones((2 * rim + 1,) * 2, np.uint8)) > 0
+        kept.append(view.clear & (whole[0] | (whole[1] & (away[i] >= ALONE_M))) & ~beside)
     return [one & ~odd for one, odd in zip(kept, thin(views, density), strict=True)]
 
 

@@ -41,8 +41,8 @@ def away(metres: float) -> np.ndarray:
 
 def test_what_cameras_contradict_each_other_in_is_not_believed() -> None:
     kept = believed([view(100), view(104, car=30.0)], [away(4), away(9)], [USUAL, USUAL], 10.0)
-    # a square beside the edge of the car is still within what a pose may be off
-    assert all(one[:, :30].all() and not one[:, 36:].any() for one in kept)
+    # a square beside the edge of the car is still within what a pose may be off, but for the rim of the one after it
+    assert all(one[:, :27].all() and not one[:, 32:].any() for one in kept)
 
 
 def test_two_that_agree_outvote_a_third() -> None:
@@ -66,7 +66,7 @@ def test_one_camera_alone_is_believed_far_enough_away_and_where_all_is_as_usual(
 ) -> None:
     """To the right of what another camera shows too."""
     kept, _ = believed([view(100, other=colour), left_of(20)], [away(metres)] * 2, [usual] * 2, 10.0)
-    assert kept[:, :20].all()
+    assert kept[:, :17].all()
     assert kept[:, 30:].all() if taken else not kept[:, 30:].any()
 
 
@@ -164,4 +164,4 @@ def test_what_is_thin_and_shown_by_one_camera_is_not_believed() -> None:
     for one, trunk in zip(kept, (20, 44), strict=True):
         assert not one[34:70, trunk : trunk + 3].any()
         assert one[:, 60:63].all()
-        assert one.mean() > 0.8
+        assert one.mean() > 0.7
