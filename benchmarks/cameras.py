@@ -5,8 +5,8 @@ different exposure whose poses are off by 0.3 m and 1 degree and then refined, a
 some camera shows, PSNR in dB with a factor per channel aside: of what a run finishes (`ours`), of each texel from the camera
 that shows it best, as it is (`plain`), of the material alone, as without cameras (`material`). Apart: `seen`, what a camera
 shows with nothing before it; `hidden`, behind cut-outs for every camera; `taken` from cameras; continued by `example`; the
-`rest`, of material. through: of 10,000 texels taken those that show a cut-out instead of the ground, `plain` likewise. exposure:
-what is left of the cameras' differences, as a ratio (1 is none). seconds: to look down, to mask and to take a piece, a camera;
+`rest`, of material. through: of 10,000 texels taken those that show a cut-out instead of the ground, `plain` likewise.
+exposure: what is left of the cameras' differences, as a ratio (1 is none). seconds: to look down, to mask and to take a piece, a camera;
 to finish a piece.
 """
 
