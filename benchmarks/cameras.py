@@ -6,8 +6,8 @@ some camera shows, PSNR in dB with a factor per channel aside: of what a run fin
 that shows it best, as it is (`plain`), of the material alone, as without cameras (`material`). Apart: `seen`, what a camera
 shows with nothing before it; `hidden`, behind cut-outs for every camera; `taken` from cameras; continued by `example`; the
 `rest`, of material. through: of 10,000 texels taken those that show a cut-out instead of the ground, `plain` likewise.
-exposure: what is left of the cameras' differences, as a ratio (1 is none). seconds: to look down, to mask and to take a piece, a camera;
-to finish a piece.
+exposure: what is left of the cameras' differences, as a ratio (1 is none). seconds: to look down, to mask and to take a
+piece, a camera; to finish a piece.
 """
 
 from __future__ import annotations
