@@ -26,10 +26,10 @@ FULL_STEP = 80.0
 # What stands against the sky is seen; a corner between two walls of one brick, or of an embrasure, often is not, and counts so
 # much of it.
 INNER = 0.15
-# The search: metres to either side on the level and in height, which is stated worse, with their steps.
-LEVEL_M, STEP_M, HEIGHT_M, UP_STEP_M = 1.0, 0.25, 3.0, 0.5
-# Cost of an offset of one metre east, north and up, squared with it.
-PULL = np.array([0.08, 0.08, 0.04])
+# The search on the level: metres to either side, steps; cost of an offset of one metre, squared with it.
+LEVEL_M, STEP_M, LEVEL_PULL = 1.0, 0.25, 0.08
+# The same in height where that is stated, and where nothing is better than what was taken for it (`carried`).
+STATED, CARRIED = (3.0, 0.5, 0.04), (0.5, 0.25, 0.25)
 # Cost of a turn by the expected error of the heading, squared with it.
 TURN_PULL = 0.02
 # Cost of a pose that is one standard error off; errors east, north and up, metres, and of the heading, degrees, at most.
@@ -169,25 +169,30 @@ def fit(outline: Outline, picture: Gradients, pose: Pose, offset: np.ndarray, tu
     return float((outline.weight * np.minimum(step / FULL_STEP, 1)).sum() / outline.weight.sum())
 
 
-def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: float) -> Place:
+def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: float, carried: bool = False) -> Place:
     """Where the outline fits best near a pose: a grid on blurred gradients, then simplexes, at last on sharp ones.
 
-    heading_deg is the expected error of the pose's heading. What lies farther from the pose must fit better.
+    heading_deg is the expected error of the pose's heading. carried: whether the pose's height is that at which cameras are
+    carried over the ground, or the roofs around are as high as was guessed: neither is to be mended by the other's error. What
+    lies farther from the pose must fit better.
     """
     from scipy.optimize import minimize
 
+    reach, up, up_pull = CARRIED if carried else STATED
+    pulls = np.array([LEVEL_PULL, LEVEL_PULL, up_pull])
+
     def cost(picture: Gradients, v: np.ndarray) -> float:
-        pull = float(PULL @ v[:3] ** 2) + TURN_PULL * float(v[3] / heading_deg) ** 2
+        pull = float(pulls @ v[:3] ** 2) + TURN_PULL * float(v[3] / heading_deg) ** 2
         return pull - fit(outline, picture, pose, v[:3], float(v[3]))
 
     coarse, fine = (gradients(image, pose, *level) for level in (COARSE, FINE))
     level = np.arange(-LEVEL_M, LEVEL_M + 1e-9, STEP_M)
-    height = np.arange(-HEIGHT_M, HEIGHT_M + 1e-9, UP_STEP_M)
+    height = np.arange(-reach, reach + 1e-9, up)
     turns = np.arange(-2, 3) * heading_deg / 2 if heading_deg > 0.2 else np.zeros(1)
     grid = np.stack(np.meshgrid(level, level, height, turns, indexing="ij"), axis=-1).reshape(-1, 4)
     best = grid[int(np.argmin([cost(coarse, v) for v in grid]))]
     for picture, size in ((coarse, STEP_M / 2), (fine, STEP_M / 4)):
-        corners = best + np.vstack([np.zeros(4), np.diag([size, size, size * UP_STEP_M / STEP_M, heading_deg / 2])])
+        corners = best + np.vstack([np.zeros(4), np.diag([size, size, size * up / STEP_M, heading_deg / 2])])
         options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 200}
         best = minimize(lambda v, p=picture: cost(p, v), best, method="Nelder-Mead", options=options).x
     turn_deg = float(best[3])

@@ -8,7 +8,7 @@ import numpy as np
 
 from facade_core.errors import ImageError
 from facade_core.rectify.camera import position, turned
-from facade_core.rectify.outlines import find_place, outline
+from facade_core.rectify.outlines import Place, find_place, outline
 from facade_core.rectify.wall_lines import Lines, median_slope, misfit, solve_turn, wall_lines
 from facade_core.street.scene import Scene
 from facade_core.types import Pose
@@ -23,6 +23,8 @@ LEAST_GROUPS, LEAST_OUTLINE = 10, 0.5
 LEAST_FIT, BETTER_FIT = 0.3, 0.06
 # Expected errors of the heading in degrees, before and after lines have told it.
 HEADING_DEG, TOLD_DEG = 1.0, 0.1
+# A place that is found so far above or below, metres, is looked for again with what is in sight there, so often at most.
+RAISED_M, AGAIN = 0.15, 3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,8 +51,9 @@ class Refined:
     spread: np.ndarray | None
 
 
-def refine_pose(scene: Scene, image: np.ndarray, pose: Pose) -> Refined:
-    """The pose of a panorama, corrected by up to about a metre and a few degrees, where the picture says so clearly.
+def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = False) -> Refined:
+    """The pose of a panorama, corrected by up to about a metre and a few degrees, where the picture says so clearly; by up to
+    three metres in height, but for half a metre where that is `carried`, as of `find_place`.
 
     First the turn: lines on walls must be level or upright there, whatever the place. Then the place, and the last tenth of a
     degree of the heading: corners, eaves and silhouettes of the mesh must lie on edges of the picture; it is drawn to the
@@ -75,16 +78,21 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose) -> Refined:
             f"place as given: {groups} outlines of buildings are in sight, at least {LEAST_GROUPS} are needed"
         )
     else:
-        place = find_place(edges, image, upright, heading_deg=HEADING_DEG if why else TOLD_DEG)
+        heading_deg = HEADING_DEG if why else TOLD_DEG
+        place = find_place(edges, image, upright, heading_deg=heading_deg, carried=carried)
         before, after = place.given_fit, place.fit
         if after < LEAST_FIT or after - before < BETTER_FIT:
             reasons.append(f"place as given: the outlines fit {before:.2f} there and at best {after:.2f}")
             after = before
         else:
-            about = _about_z(-place.turn_deg)
-            x, y, z = position(pose) + place.offset
-            found = replace(turned(upright, about), x=float(x), y=float(y), z=float(z))
-            turn, spread = about @ turn, place.spread
+            found, turn = _at(upright, place), _about_z(-place.turn_deg) @ turn
+            for _ in range(AGAIN):
+                if abs(place.offset[2]) <= RAISED_M:
+                    break
+                # from another height other eaves stand against the sky
+                place = find_place(outline(scene, found), image, found, heading_deg=heading_deg, carried=carried)
+                found, turn = _at(found, place), _about_z(-place.turn_deg) @ turn
+            after, spread = place.fit, place.spread
     some = len(lines) > 0
     return Refined(
         pose=found,
@@ -99,6 +107,12 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose) -> Refined:
         reasons=tuple(reasons),
         spread=spread,
     )
+
+
+def _at(pose: Pose, place: Place) -> Pose:
+    """A pose moved and turned to a place that was found from it."""
+    x, y, z = position(pose) + place.offset
+    return replace(turned(pose, _about_z(-place.turn_deg)), x=float(x), y=float(y), z=float(z))
 
 
 def _turn(lines: Lines) -> tuple[np.ndarray, str]:

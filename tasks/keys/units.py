@@ -72,14 +72,14 @@ def _own_models(models: Models) -> dict[str, Any]:
     return {"models": model_digests(models)} if models.files else {}
 
 
-def pose_key(run: Run, plan: Plan, panorama: int, path: Path) -> str:
+def pose_key(run: Run, plan: Plan, panorama: int, path: Path, carried: bool) -> str:
     pose = plan.poses[panorama]
     place = np.array([pose.x, pose.y, pose.z])
     return parts_key(
         stage_code("poses"),
         settings=run.texture.texels_per_metre,
         picture=[path.name, file_digest(path)],
-        pose=_pose(pose),
+        pose=[*_pose(pose), carried],
         geometry=plan.things.within(place - AROUND_POSE_M, place + AROUND_POSE_M),
     )
 

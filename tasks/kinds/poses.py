@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import numpy as np
+import shapely
+
 from catalogs.block import Block
 from facade_core.atlas.journal import Record
 from facade_core.atlas.zarr_types import StoreGroup
 from facade_core.plan import Plan
+from facade_core.rectify.outlines import REACH_M
 from facade_core.types import Pose
 from tasks.keys.memory import pose_memory
 from tasks.keys.units import pose_key
@@ -16,10 +20,22 @@ from tasks.units.unit import Unit
 
 
 def pose_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Unit]:
-    paths = [panorama.path for panorama in block.panoramas]
-    return [
-        Unit(i, path.name, (pose_key(run, plan, i, path),), (path,), pose_memory(path)) for i, path in enumerate(paths)
-    ]
+    units = []
+    for i, (panorama, carried) in enumerate(zip(block.panoramas, heights_carried(block), strict=True)):
+        key = pose_key(run, plan, i, panorama.path, carried)
+        units.append(Unit(i, panorama.path.name, (key,), (panorama.path, carried), pose_memory(panorama.path)))
+    return units
+
+
+def heights_carried(block: Block) -> list[bool]:
+    """Of each panorama, whether its height over the ground says more than the roofs around it: where no height is stated, or a
+    roof in reach is as high as was guessed."""
+    guessed = [building.footprint for building in block.buildings if building.height_source not in ("height", "model")]
+    near = shapely.STRtree(guessed)
+    poses = [panorama.pose for panorama in block.panoramas]
+    places = shapely.points(np.array([(pose.x, pose.y) for pose in poses]).reshape(-1, 2))
+    beside = set(near.query(places, predicate="dwithin", distance=REACH_M)[0].tolist())
+    return [pose.z is None or i in beside for i, pose in enumerate(poses)]
 
 
 def refined(pose: Pose, record: Record | None) -> Pose:

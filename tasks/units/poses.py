@@ -29,12 +29,12 @@ def pose_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]
     """
     start = time.time()
     (unit,) = units
-    (path,) = unit.arguments
+    path, carried = unit.arguments
     plan = plan_of_run(run)
     picture, given = read_panorama(path), plan.poses[unit.index]
     if given.view == (0.0, 0.0, 1.0, 1.0):
         check_full(picture)
-    found = refine_pose(plan.scene, picture, given)
+    found = refine_pose(plan.scene, picture, given, carried=carried)
     pose = found.pose
     if not found.fit >= PLACED:  # nor where nothing tells
         fitting = found.fit if math.isfinite(found.fit) else 0.0

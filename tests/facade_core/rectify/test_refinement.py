@@ -67,6 +67,17 @@ def test_a_picture_of_something_else_changes_nothing(street: SyntheticStreet, sh
     assert refined.moved_m == refined.turned_deg == 0
 
 
+def test_a_height_is_mended_where_it_is_stated_and_held_where_it_is_carried(
+    street: SyntheticStreet, shot: tuple[Pose, np.ndarray]
+) -> None:
+    pose, image = shot
+    given = replace(pose, z=4.4)
+    found = refine_pose(street.scene, image, given)
+    assert np.linalg.norm(position(found.pose) - position(pose)) < 0.1
+    held = refine_pose(street.scene, image, given, carried=True)
+    assert position(held.pose)[2] > 3.5, "half a metre, and a little by the simplex"
+
+
 def test_far_from_all_buildings_there_is_no_evidence(street: SyntheticStreet, shot: tuple[Pose, np.ndarray]) -> None:
     pose, image = shot
     away = replace(pose, x=pose.x + 900.0)

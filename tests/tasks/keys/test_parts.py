@@ -181,7 +181,7 @@ def facade_of(inputs: Inputs) -> tuple[str, ...]:
 
 def pose_of(inputs: Inputs) -> tuple[str, ...]:
     plan = replace(inputs.plan(), poses=(inputs.pose,))
-    return (pose_key(inputs.run, plan, 0, inputs.path("panorama.jpg")),)
+    return (pose_key(inputs.run, plan, 0, inputs.path("panorama.jpg"), not inputs.rectified),)
 
 
 def bundle_of(inputs: Inputs) -> tuple[str, ...]:
