@@ -60,8 +60,9 @@ def below_foot(image: np.ndarray, hidden: np.ndarray, *, model: Path | None = No
     if hidden.all():
         return np.zeros_like(hidden)
     street = (seen_outside(image, hidden, model=model) & ~hidden)[::-1]
-    length = np.logical_and.accumulate(street | hidden[::-1], axis=0).sum(axis=0)
-    length[(length > MOST_FOOT * len(street)) | ~street.any(axis=0)] = 0
+    run = np.logical_and.accumulate(street | hidden[::-1], axis=0)
+    length = run.sum(axis=0)
+    length[(length > MOST_FOOT * len(street)) | ~(run & street).any(axis=0)] = 0
     if (length > 0).sum() < COLUMNS * (~hidden.all(axis=0)).sum():
         return np.zeros_like(hidden)
     return np.asarray((np.arange(len(street))[::-1, None] < length) & ~hidden)

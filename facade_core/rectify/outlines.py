@@ -26,14 +26,14 @@ FULL_STEP = 80.0
 # What stands against the sky is seen; a corner between two walls of one brick, or of an embrasure, often is not, and counts so
 # much of it.
 INNER = 0.15
-# The search on the level: metres to either side, steps; cost of an offset of one metre, squared with it.
-LEVEL_M, STEP_M, LEVEL_PULL = 1.0, 0.25, 0.08
-# The same in height where that is stated, and where nothing is better than what was taken for it (`carried`).
-STATED, CARRIED = (3.0, 0.5, 0.04), (0.5, 0.25, 0.25)
+# The search: metres to either side on the level and in height, steps.
+LEVEL_M, STEP_M, HEIGHT_M, UP_STEP_M = 1.0, 0.25, 1.0, 0.5
+# Cost of an offset of one metre, squared with it: on the level; in height where that is stated, and where it is `carried`.
+LEVEL_PULL, STATED_PULL, CARRIED_PULL = 0.08, 0.02, 0.25
 # Cost of a turn by the expected error of the heading, squared with it.
 TURN_PULL = 0.02
 # Cost of a pose that is one standard error off; errors east, north and up, metres, and of the heading, degrees, at most.
-COST, EXPECTED = 0.01, np.array([0.5, 0.5, 1.5, 1.0])
+COST, EXPECTED, CARRIED_UP = 0.01, np.array([0.25, 0.25, 1.0, 0.5]), 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -178,8 +178,7 @@ def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: 
     """
     from scipy.optimize import minimize
 
-    reach, up, up_pull = CARRIED if carried else STATED
-    pulls = np.array([LEVEL_PULL, LEVEL_PULL, up_pull])
+    pulls = np.array([LEVEL_PULL, LEVEL_PULL, CARRIED_PULL if carried else STATED_PULL])
 
     def cost(picture: Gradients, v: np.ndarray) -> float:
         pull = float(pulls @ v[:3] ** 2) + TURN_PULL * float(v[3] / heading_deg) ** 2
@@ -187,12 +186,12 @@ def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: 
 
     coarse, fine = (gradients(image, pose, *level) for level in (COARSE, FINE))
     level = np.arange(-LEVEL_M, LEVEL_M + 1e-9, STEP_M)
-    height = np.arange(-reach, reach + 1e-9, up)
+    height = np.arange(-HEIGHT_M, HEIGHT_M + 1e-9, UP_STEP_M)
     turns = np.arange(-2, 3) * heading_deg / 2 if heading_deg > 0.2 else np.zeros(1)
     grid = np.stack(np.meshgrid(level, level, height, turns, indexing="ij"), axis=-1).reshape(-1, 4)
     best = grid[int(np.argmin([cost(coarse, v) for v in grid]))]
     for picture, size in ((coarse, STEP_M / 2), (fine, STEP_M / 4)):
-        corners = best + np.vstack([np.zeros(4), np.diag([size, size, size * up / STEP_M, heading_deg / 2])])
+        corners = best + np.vstack([np.zeros(4), np.diag([size, size, size * UP_STEP_M / STEP_M, heading_deg / 2])])
         options = {"initial_simplex": corners, "xatol": 1e-3, "fatol": 1e-5, "maxiter": 200}
         best = minimize(lambda v, p=picture: cost(p, v), best, method="Nelder-Mead", options=options).x
     turn_deg = float(best[3])
@@ -201,12 +200,20 @@ def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: 
         turn_deg,
         fit(outline, fine, pose, best[:3], turn_deg),
         fit(outline, fine, pose, np.zeros(3)),
-        _spread(lambda v: cost(coarse, v), best, np.array([STEP_M, STEP_M, STEP_M, heading_deg])),
+        _spread(
+            lambda v: -fit(outline, coarse, pose, v[:3], float(v[3])),
+            best,
+            np.array([STEP_M, STEP_M, STEP_M, heading_deg]),
+            np.where([False, False, carried, False], CARRIED_UP, EXPECTED),
+        ),
     )
 
 
-def _spread(cost: Callable[[np.ndarray], float], best: np.ndarray, steps: np.ndarray) -> np.ndarray:
-    """The covariance (4, 4) of what costs least: the inverse of how the cost bends between steps (4,), times COST.
+def _spread(
+    cost: Callable[[np.ndarray], float], best: np.ndarray, steps: np.ndarray, expected: np.ndarray
+) -> np.ndarray:
+    """The covariance (4, 4) of what costs least: the inverse of how the cost bends between steps (4,), times COST; errors of
+    `expected` (4,) at most, as of a pose that nothing told.
 
     Along an edge the outline fits as well as before, and across a far one nearly: height and distance stand for each other.
     """
@@ -216,9 +223,9 @@ def _spread(cost: Callable[[np.ndarray], float], best: np.ndarray, steps: np.nda
         for j in range(i, 4):
             at = [cost(best + a * off[i] + b * off[j]) for a, b in ((1, 1), (1, -1), (-1, 1), (-1, -1))]
             bend[i, j] = bend[j, i] = (at[0] - at[1] - at[2] + at[3]) / (4 * steps[i] * steps[j])
-    values, axes = np.linalg.eigh(bend * np.outer(EXPECTED, EXPECTED))  # in units in which all are alike
-    scaled = axes / np.maximum(values, COST) @ axes.T  # no more than is expected of a pose that nothing told
-    return np.asarray(COST * scaled * np.outer(EXPECTED, EXPECTED))
+    values, axes = np.linalg.eigh(bend * np.outer(expected, expected))  # in units in which all are alike
+    scaled = axes / np.maximum(values, COST) @ axes.T
+    return np.asarray(COST * scaled * np.outer(expected, expected))
 
 
 @njit(cache=True, nogil=True)

@@ -8,7 +8,17 @@ import numpy as np
 
 from facade_core.errors import ImageError
 from facade_core.rectify.camera import position, turned
-from facade_core.rectify.outlines import Place, find_place, outline
+from facade_core.rectify.outlines import (
+    FINE,
+    LEVEL_PULL,
+    STATED_PULL,
+    Outline,
+    Place,
+    find_place,
+    fit,
+    gradients,
+    outline,
+)
 from facade_core.rectify.wall_lines import Lines, median_slope, misfit, solve_turn, wall_lines
 from facade_core.street.scene import Scene
 from facade_core.types import Pose
@@ -23,8 +33,13 @@ LEAST_GROUPS, LEAST_OUTLINE = 10, 0.5
 LEAST_FIT, BETTER_FIT = 0.3, 0.06
 # Expected errors of the heading in degrees, before and after lines have told it.
 HEADING_DEG, TOLD_DEG = 1.0, 0.1
-# A place that is found so far above or below, metres, is looked for again with what is in sight there, so often at most.
-RAISED_M, AGAIN = 0.15, 3
+# Heights above the given one, metres, from which a place is looked for too: other eaves stand against the sky there.
+STARTS_M = (-2.0, 2.0)
+# A place found so far above or below where it was looked for from is looked for again from there, so often at most; one that is
+# farther from the given one than the last, metres on the level and in height, is none.
+RAISED_M, AGAIN, FARTHEST_M = 0.15, 2, (1.5, 3.0)
+# A height that was mended may be the model's error: the share of it that is expected to be wrong.
+OF_RAISED = 0.3
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -53,7 +68,7 @@ class Refined:
 
 def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = False) -> Refined:
     """The pose of a panorama, corrected by up to about a metre and a few degrees, where the picture says so clearly; by up to
-    three metres in height, but for half a metre where that is `carried`, as of `find_place`.
+    three metres in height, but where that is `carried`, as of `find_place`.
 
     First the turn: lines on walls must be level or upright there, whatever the place. Then the place, and the last tenth of a
     degree of the heading: corners, eaves and silhouettes of the mesh must lie on edges of the picture; it is drawn to the
@@ -73,26 +88,25 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = 
     edges = outline(scene, upright)
     groups = int((edges.weight > 0).sum())
     found, before, after, spread = upright, float("nan"), float("nan"), None
-    if groups < LEAST_GROUPS or edges.weight.sum() < LEAST_OUTLINE:
+    if not _enough(edges):
         reasons.append(
             f"place as given: {groups} outlines of buildings are in sight, at least {LEAST_GROUPS} are needed"
         )
     else:
-        heading_deg = HEADING_DEG if why else TOLD_DEG
-        place = find_place(edges, image, upright, heading_deg=heading_deg, carried=carried)
-        before, after = place.given_fit, place.fit
-        if after < LEAST_FIT or after - before < BETTER_FIT:
+        search = _Search(scene, image, upright, HEADING_DEG if why else TOLD_DEG, carried)
+        places = [search.from_height(up) for up in ((0.0,) if carried else (0.0, *STARTS_M))]
+        best = search.settled(max((one for one in places if one is not None), key=search.worth))
+        picture = gradients(image, upright, *FINE)
+        before, after = fit(edges, picture, upright, np.zeros(3)), best.fit
+        spread = best.spread if after >= LEAST_FIT and search.worth(best) > 0 else None
+        if spread is None or after - before < BETTER_FIT:
             reasons.append(f"place as given: the outlines fit {before:.2f} there and at best {after:.2f}")
             after = before
+            if spread is not None:  # they tell it: it is off by so much at most
+                spread = spread + np.diag(np.append(best.offset, best.turn_deg) ** 2)
         else:
-            found, turn = _at(upright, place), _about_z(-place.turn_deg) @ turn
-            for _ in range(AGAIN):
-                if abs(place.offset[2]) <= RAISED_M:
-                    break
-                # from another height other eaves stand against the sky
-                place = find_place(outline(scene, found), image, found, heading_deg=heading_deg, carried=carried)
-                found, turn = _at(found, place), _about_z(-place.turn_deg) @ turn
-            after, spread = place.fit, place.spread
+            found, turn = search.at(best.offset, best.turn_deg), _about_z(-best.turn_deg) @ turn
+            spread = best.spread + np.diag([0.0, 0.0, (OF_RAISED * best.offset[2]) ** 2, 0.0])
     some = len(lines) > 0
     return Refined(
         pose=found,
@@ -109,10 +123,56 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = 
     )
 
 
-def _at(pose: Pose, place: Place) -> Pose:
-    """A pose moved and turned to a place that was found from it."""
-    x, y, z = position(pose) + place.offset
-    return replace(turned(pose, _about_z(-place.turn_deg)), x=float(x), y=float(y), z=float(z))
+@dataclass(frozen=True, slots=True, eq=False)
+class _Search:
+    """The search for the place of a panorama by outlines; places are offsets from its pose, wherever they were looked for."""
+
+    scene: Scene
+    image: np.ndarray
+    pose: Pose
+    heading_deg: float
+    carried: bool
+
+    def from_height(self, up: float) -> Place | None:
+        """The place that is found from so far above, metres, None where too little is in sight from there."""
+        return self._from(np.array([0.0, 0.0, up]), 0.0)
+
+    def settled(self, place: Place) -> Place:
+        """A place, or the one that is found from there, where it fits as well."""
+        start = 0.0 if self.carried else min((0.0, *STARTS_M), key=lambda up: abs(place.offset[2] - up))
+        for _ in range(AGAIN):
+            if abs(place.offset[2] - start) <= RAISED_M:
+                break
+            start, again = float(place.offset[2]), self._from(place.offset, place.turn_deg)
+            if again is None or self.worth(again) < max(LEAST_FIT, self.worth(place)) - BETTER_FIT:
+                break
+            place = again
+        return place
+
+    def worth(self, place: Place) -> float:
+        """The fit, less for what is farther from the pose; least of all what is too far."""
+        level, up = float(np.hypot(*place.offset[:2])), abs(float(place.offset[2]))
+        if level > FARTHEST_M[0] or up > FARTHEST_M[1]:
+            return -1.0
+        return place.fit - LEVEL_PULL * level**2 - STATED_PULL * up**2
+
+    def at(self, offset: np.ndarray, turn_deg: float) -> Pose:
+        """The pose moved by metres (3,) and turned clockwise from above."""
+        x, y, z = position(self.pose) + offset
+        return replace(turned(self.pose, _about_z(-turn_deg)), x=float(x), y=float(y), z=float(z))
+
+    def _from(self, offset: np.ndarray, turn_deg: float) -> Place | None:
+        pose = self.at(offset, turn_deg)
+        edges = outline(self.scene, pose)
+        if not _enough(edges):
+            return None
+        found = find_place(edges, self.image, pose, heading_deg=self.heading_deg, carried=self.carried)
+        return replace(found, offset=offset + found.offset, turn_deg=turn_deg + found.turn_deg)
+
+
+def _enough(edges: Outline) -> bool:
+    """Whether outlines may tell a place."""
+    return int((edges.weight > 0).sum()) >= LEAST_GROUPS and float(edges.weight.sum()) >= LEAST_OUTLINE
 
 
 def _turn(lines: Lines) -> tuple[np.ndarray, str]:

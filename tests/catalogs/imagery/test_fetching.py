@@ -157,7 +157,9 @@ def test_a_service_that_goes_away_ends_the_fetching(
         served.faults[picture_path(f"p{i}")] = lambda *_: (503, {}, b"")
     with pytest.raises(Away, match="answers 503"):
         fetched(served, tmp_path / "p")
-    assert sum(served.asked[picture_path(f"p{i}")] for i in range(5, 60)) < 2 * LOST
+    assert sum(served.asked[picture_path(f"p{i}")] for i in range(5, 60)) < 3 * LOST, (
+        "those under way when it was lost are ended too"
+    )
     assert len(pictures(tmp_path / "p")) == 5, "what came stays"
 
 

@@ -111,4 +111,7 @@ def test_a_street_below_the_foot_is_told_and_bare_walls_stay(monkeypatch: pytest
     outside[:] = False
     outside[96:, 10:30] = True
     assert not below_foot(image, hidden).any()
+    outside[:5] = True  # sky; a car before every other column is no street
+    hidden[90:, 30:80] = True
+    assert not below_foot(image, hidden).any()
     assert not below_foot(image, np.ones_like(hidden)).any()
