@@ -7,7 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from facade_core.rectify.camera import position
-from facade_core.rectify.outlines import COARSE, Gradients, Outline, find_place, fit, gradients, outline
+from facade_core.rectify.outlines import COARSE, Gradients, Outline, find_place, fit, gradients, outline, to_search
 from facade_core.street.scene import Scene
 from facade_core.types import Pose
 
@@ -34,7 +34,8 @@ def misplaced(scene: Scene, image: np.ndarray, pose: Pose, edges: Outline, fitti
     least = max(LEAST_FIT, fitting + BETTER_FIT)
     if int((edges.weight > 0).sum()) < PLENTY or least > 1:
         return ""
-    picture = gradients(image, pose, *COARSE)
+    pictures = to_search(image, pose)
+    picture = pictures[0]
     if pose.view == (0.0, 0.0, 1.0, 1.0):
         mirrored = gradients(np.ascontiguousarray(image[:, ::-1]), pose, *COARSE)
         if (found := _beside(edges, mirrored, pose)) >= least:
@@ -45,14 +46,17 @@ def misplaced(scene: Scene, image: np.ndarray, pose: Pose, edges: Outline, fitti
     turns = np.arange(TURNED_DEG, 360 - TURNED_DEG + 1e-9, EACH_DEG)
     turn = float(turns[int(np.argmax([fit(edges, picture, pose, np.zeros(3), one) for one in turns]))])
     turned = replace(pose, heading=(pose.heading + turn) % 360)
-    if (found := find_place(edges, image, turned, heading_deg=1.0).fit) >= least:
+    if (found := find_place(edges, pictures, turned, heading_deg=1.0).fit) >= least:
         off = (turned.heading - pose.heading + 180) % 360 - 180
         return (
             f"is turned: outlines of buildings fit {found:.2f} at a heading {off:+.0f} degrees off and {fitting:.2f} at its "
             "own; mend its heading, or remove it"
         )
     moved = _moved(edges, gradients(image, pose, *SMALL), pose)
-    if moved is not None and (found := find_place(outline(scene, moved), image, moved, heading_deg=1.0).fit) >= least:
+    if (
+        moved is not None
+        and (found := find_place(outline(scene, moved), pictures, moved, heading_deg=1.0).fit) >= least
+    ):
         east, north = (position(moved) - position(pose))[:2]
         return (
             f"was taken elsewhere: outlines of buildings fit {found:.2f} about {east:+.1f} m east and {north:+.1f} m north of "

@@ -61,13 +61,12 @@ class Gradients:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Place:
-    """offset (3,) metres from a pose; turn_deg, clockwise from above, of its heading; the fit there, and that of the pose;
-    spread (4, 4), the covariance of offset and turn_deg."""
+    """offset (3,) metres from a pose; turn_deg, clockwise from above, of its heading; the fit there; spread (4, 4),
+    the covariance of offset and turn_deg."""
 
     offset: np.ndarray
     turn_deg: float
     fit: float
-    given_fit: float
     spread: np.ndarray
 
 
@@ -169,12 +168,24 @@ def fit(outline: Outline, picture: Gradients, pose: Pose, offset: np.ndarray, tu
     return float((outline.weight * np.minimum(step / FULL_STEP, 1)).sum() / outline.weight.sum())
 
 
-def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: float, carried: bool = False) -> Place:
+def to_search(image: np.ndarray, pose: Pose) -> tuple[Gradients, Gradients]:
+    """The gradients of a panorama to find its place on, and to fix it on."""
+    return gradients(image, pose, *COARSE), gradients(image, pose, *FINE)
+
+
+def find_place(
+    outline: Outline,
+    pictures: tuple[Gradients, Gradients],
+    pose: Pose,
+    *,
+    heading_deg: float,
+    carried: bool = False,
+) -> Place:
     """Where the outline fits best near a pose: a grid on blurred gradients, then simplexes, at last on sharp ones.
 
-    heading_deg is the expected error of the pose's heading. carried: whether the pose's height is that at which cameras are
-    carried over the ground, or the roofs around are as high as was guessed: neither is to be mended by the other's error. What
-    lies farther from the pose must fit better.
+    pictures: as of `to_search`. heading_deg is the expected error of the pose's heading. carried: whether the pose's height is
+    that at which cameras are carried over the ground, or the roofs around are as high as was guessed: neither is to be mended
+    by the other's error. What lies farther from the pose must fit better.
     """
     from scipy.optimize import minimize
 
@@ -184,7 +195,7 @@ def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: 
         pull = float(pulls @ v[:3] ** 2) + TURN_PULL * float(v[3] / heading_deg) ** 2
         return pull - fit(outline, picture, pose, v[:3], float(v[3]))
 
-    coarse, fine = (gradients(image, pose, *level) for level in (COARSE, FINE))
+    coarse, fine = pictures
     level = np.arange(-LEVEL_M, LEVEL_M + 1e-9, STEP_M)
     height = np.arange(-HEIGHT_M, HEIGHT_M + 1e-9, UP_STEP_M)
     turns = np.arange(-2, 3) * heading_deg / 2 if heading_deg > 0.2 else np.zeros(1)
@@ -199,7 +210,6 @@ def find_place(outline: Outline, image: np.ndarray, pose: Pose, *, heading_deg: 
         best[:3],
         turn_deg,
         fit(outline, fine, pose, best[:3], turn_deg),
-        fit(outline, fine, pose, np.zeros(3)),
         _spread(
             lambda v: -fit(outline, coarse, pose, v[:3], float(v[3])),
             best,

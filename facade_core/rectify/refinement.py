@@ -9,15 +9,15 @@ import numpy as np
 from facade_core.errors import ImageError
 from facade_core.rectify.camera import position, turned
 from facade_core.rectify.outlines import (
-    FINE,
     LEVEL_PULL,
     STATED_PULL,
+    Gradients,
     Outline,
     Place,
     find_place,
     fit,
-    gradients,
     outline,
+    to_search,
 )
 from facade_core.rectify.wall_lines import Lines, median_slope, misfit, solve_turn, wall_lines
 from facade_core.street.scene import Scene
@@ -93,11 +93,10 @@ def refine_pose(scene: Scene, image: np.ndarray, pose: Pose, *, carried: bool = 
             f"place as given: {groups} outlines of buildings are in sight, at least {LEAST_GROUPS} are needed"
         )
     else:
-        search = _Search(scene, image, upright, HEADING_DEG if why else TOLD_DEG, carried)
+        search = _Search(scene, to_search(image, upright), upright, HEADING_DEG if why else TOLD_DEG, carried)
         places = [search.from_height(up) for up in ((0.0,) if carried else (0.0, *STARTS_M))]
         best = search.settled(max((one for one in places if one is not None), key=search.worth))
-        picture = gradients(image, upright, *FINE)
-        before, after = fit(edges, picture, upright, np.zeros(3)), best.fit
+        before, after = fit(edges, search.pictures[1], upright, np.zeros(3)), best.fit
         spread = best.spread if after >= LEAST_FIT and search.worth(best) > 0 else None
         if spread is None or after - before < BETTER_FIT:
             reasons.append(f"place as given: the outlines fit {before:.2f} there and at best {after:.2f}")
@@ -128,7 +127,7 @@ class _Search:
     """The search for the place of a panorama by outlines; places are offsets from its pose, wherever they were looked for."""
 
     scene: Scene
-    image: np.ndarray
+    pictures: tuple[Gradients, Gradients]
     pose: Pose
     heading_deg: float
     carried: bool
@@ -166,7 +165,7 @@ class _Search:
         edges = outline(self.scene, pose)
         if not _enough(edges):
             return None
-        found = find_place(edges, self.image, pose, heading_deg=self.heading_deg, carried=self.carried)
+        found = find_place(edges, self.pictures, pose, heading_deg=self.heading_deg, carried=self.carried)
         return replace(found, offset=offset + found.offset, turn_deg=turn_deg + found.turn_deg)
 
 
