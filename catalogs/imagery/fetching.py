@@ -47,8 +47,8 @@ def fetch_offers(
     lost: list[Away] = []
 
     def one(offer: Offer) -> Fault | None:
-        if len(lost) >= LOST:
-            raise lost[-1]
+        if len(failed := lost[:]) >= LOST:  # a copy: another thread may clear it meanwhile
+            raise failed[-1]
         found = account.holds(source, offer.id)
         problem = found.refused if found else None
         if found is None:
