@@ -14,6 +14,7 @@ import shapely
 from facade_core.atlas.provenance import INPAINTED, PHOTO, SYNTHESISED, UNSEEN
 from facade_core.errors import ImageError
 from facade_core.in_front import THING_RIM, grown, no_spill, things_in_front
+from facade_core.labels import WALL
 from facade_core.layout import complete
 from facade_core.layout import model as layouts
 from facade_core.layout.visible import reached, visible_boxes
@@ -22,6 +23,7 @@ from facade_core.parse.certainty import Told, certainty, share_of, with_probabil
 from facade_core.rectify.cut import cut_to_facade
 from facade_core.rectify.shadow import shaded_share
 from facade_core.resizing import resized, resized_with_labels
+from facade_core.street.own_walls import lit_colour
 from facade_core.texture import Style, Wall, exemplar_scale, inpaint, on_wall, tinted
 from facade_core.texture.structure import storeys
 from facade_core.types import SHIPPED_MODELS, Box, Completion, Element, Lattice, Models
@@ -39,6 +41,8 @@ VARIED = 0.75
 # A wall on no street is drawn in pixels so much finer than its texels where the exemplar has them: in its texels it would be
 # softer.
 FINER = 2
+# How many times lighter or darker a wall may be painted in any band: farther off, grain would be what is seen.
+PAINTED = 4.0
 # A wall goes on so far, metres, behind what stands against it, and beyond its edges.
 EDGE_M = 0.25
 
@@ -288,11 +292,13 @@ def from_exemplar(
     like: Style | None = None,
     metres_per_pixel: float,
     house: int = 0,
+    colour: np.ndarray | None = None,
     seed: int = 0,
 ) -> Facade:
     """A wall without imagery in the style of an exemplar, which has `metres_per_pixel`: finer than the raster of size = (h, w)
     that is filled, or coarser; its storeys are as high as in the style `like`, if given. part: from where to where of the wall,
-    metres, of one that goes round a bend; house is the seed of its paint's shade.
+    metres, of one that goes round a bend; house is the seed of its paint's shade; colour (3,), 0..255, that of the building's
+    walls where pictures of others of them show it.
 
     What is no wall on a street has no hierarchy, and of what stands against a neighbour nothing is known.
     """
@@ -318,7 +324,7 @@ def from_exemplar(
         if wall.street:
             # Walls that share an exemplar, and bays that the retargeting repeated, show the states of its windows elsewhere.
             texture, varied = exchange_in_photo(texture, variations(texture, layout), VARIED, seed)
-        texture = tinted(texture, labels, house=house, seed=seed)
+        texture = tinted(texture, labels, house=house, seed=seed, paint=_paint(texture, labels, colour))
     with _timed(seconds, "lattice"):
         split = lattice(labels)
     if varied is not None:
@@ -341,6 +347,14 @@ def from_exemplar(
         floors=storeys(labels),
         seconds=seconds,
     )
+
+
+def _paint(texture: np.ndarray, labels: np.ndarray, colour: np.ndarray | None) -> np.ndarray | None:
+    """Factors (3,) that give the wall of a texture (h, w, 3) a colour (3,); None without either."""
+    on = labels == WALL
+    if colour is None or not on.any():
+        return None
+    return np.asarray(np.clip(colour / np.maximum(lit_colour(texture[on]), 1), 1 / PAINTED, PAINTED))
 
 
 def _free(wall: Wall, part: tuple[float, float], size: tuple[int, int]) -> np.ndarray:

@@ -47,6 +47,8 @@ from facade_core.types import Finish, Ground, Street
 TILED = 0.966
 # One that leans less, by 3 degrees, is seldom of sheet metal: these shares of such roofs are of felt and under gravel.
 LEVEL, FELTED, BALLASTED = 0.9986, 0.6, 0.3
+# One that leans so much is a wall, by 6 degrees, whatever its source calls it.
+STEEP = 0.1
 # What roofs are of by OpenStreetMap's roof:material; others are as where nothing is stated.
 ROOFING = {
     SHEET: ("metal", "metal_sheet", "sheet_metal", "copper", "zinc", "tin", "steel", "aluminium", "iron", "lead"),
@@ -207,6 +209,10 @@ def _surfaces(scene: Scene, seed: int, *, laid: bool) -> Surfaces:
     normal = charts.normal()
     made = np.array([PLASTER, TILE, SOIL, PANE, BOARDS, UNDERSIDE, FITTING], np.uint8)[charts.kind]
     roof = charts.kind == ROOF
+    # models that were measured from above have steps of roofs as steep roofs; no tile lies on one
+    steep = roof & (np.abs(normal[:, 2]) < STEEP)
+    made[steep] = PLASTER
+    roof &= ~steep
     number = scene.building_numbers[charts.building]
     made[roof & (normal[:, 2] > TILED)] = SHEET
     level, lot = roof & (normal[:, 2] > LEVEL), kernels.drawn(number, seed + 83)

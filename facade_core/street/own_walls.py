@@ -29,12 +29,14 @@ def wall_material(image: np.ndarray, labels: np.ndarray, texels_per_metre: float
     on = labels == WALL
     if on.sum() < LEAST_M2 * texels_per_metre**2:
         return None
-    pixels = image[on].astype(np.float64)
-    light = pixels.mean(axis=1)
+    return WallMaterial(lit_colour(image[on]), _courses(image, on, texels_per_metre))
+
+
+def lit_colour(pixels: np.ndarray) -> np.ndarray:
+    """The colour (3,) of wall's texels (n, 3) that lie neither in shadow nor shine."""
+    light = pixels.mean(axis=1, dtype=np.float64)
     low, high = np.quantile(light, LIT)
-    return WallMaterial(
-        np.median(pixels[(light >= low) & (light <= high)], axis=0), _courses(image, on, texels_per_metre)
-    )
+    return np.asarray(np.median(pixels[(light >= low) & (light <= high)].astype(np.float64), axis=0))
 
 
 def _courses(image: np.ndarray, on: np.ndarray, density: float) -> bool:

@@ -15,14 +15,16 @@ _FRAME = 205
 _WARM = np.array([1.08, 1.02, 0.91], np.float32)
 
 
-def tinted(image: np.ndarray, labels: np.ndarray, *, house: int, seed: int) -> np.ndarray:
+def tinted(
+    image: np.ndarray, labels: np.ndarray, *, house: int, seed: int, paint: np.ndarray | None = None
+) -> np.ndarray:
     """A facade (H, W, 3) uint8 with labels (H, W) in its own shade; house is the seed of the walls' shade, which all facades of
-    a house share, seed that of its panes."""
+    a house share, seed that of its panes. paint: factors (3,) of its walls' colour where that is known, instead of a shade."""
     shade = np.random.default_rng(house)
     gain = np.exp(_LIGHT * np.clip(shade.standard_normal(), -2, 2) + _HUE * np.clip(shade.standard_normal(3), -2, 2))
-    walled = np.isin(labels, (WALL, BALCONY, ROOF)).astype(np.float32)
+    walled = np.isin(labels, (WALL, BALCONY, ROOF) if paint is None else (WALL, BALCONY)).astype(np.float32)
     share = cv2.GaussianBlur(walled, (0, 0), 1.0, borderType=cv2.BORDER_REPLICATE)[..., None]
-    light = 1 + share * (gain.astype(np.float32) - 1)
+    light = 1 + share * ((gain if paint is None else paint).astype(np.float32) - 1)
     rng = np.random.default_rng(seed)
     count, _, boxes, _ = cv2.connectedComponentsWithStats((labels == WINDOW).astype(np.uint8), connectivity=4)
     for x, y, width, height, _ in boxes[1:count].tolist():

@@ -216,6 +216,12 @@ def facade_keys(
     return tuple(keys)
 
 
+def with_house(key: str, pictured: Sequence[str]) -> str:
+    """The key of a facade without a picture, which takes its wall's colour from others of its building that have pictures, by
+    the keys of these."""
+    return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key
+
+
 def _pose(pose: Pose) -> list[Any]:
     return [pose.x, pose.y, pose.z, pose.heading, pose.pitch, pose.roll, list(pose.view)]
 

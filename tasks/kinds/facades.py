@@ -21,7 +21,7 @@ from facade_core.plan import Plan
 from facade_core.style import Library, Walls, choose_exemplars
 from facade_core.types import Street
 from tasks.keys.memory import facade_memory
-from tasks.keys.units import facade_keys
+from tasks.keys.units import facade_keys, with_house
 from tasks.kinds.captures import Captures, captures_of
 from tasks.kinds.corrected import corrected_of
 from tasks.kinds.kind import Change, Kind, Records
@@ -42,17 +42,38 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     imagery = facade_imagery(run, block, plan, group)
     exemplars = {i: r["key"] for i, r in enumerate(read_journal(group, "exemplars")) if r and r["status"] == "done"}
     charts, texels = plan.facades.chart.tolist(), plan.texels()
-    return [
-        Unit(
-            index,
-            plan.facades.id[index],
-            facade_keys(run, plan, index, pictures, exemplars, block.textures),
-            (pictures, block.textures),
-            facade_memory(int(texels[charts[index]]), pictures),
-            (charts[index],),
-            together=int(plan.facades.building[index]),
+    keys = [
+        facade_keys(run, plan, index, pictures, exemplars, block.textures) for index, pictures in enumerate(imagery)
+    ]
+    units = []
+    for index, (pictures, beside) in enumerate(zip(imagery, _pictured_beside(plan, imagery), strict=True)):
+        *first, last = keys[index]
+        if pictures.exemplar is not None:
+            last = with_house(last, [keys[other][0] for other in beside])
+        units.append(
+            Unit(
+                index,
+                plan.facades.id[index],
+                (*first, last),
+                (pictures, block.textures, beside),
+                facade_memory(int(texels[charts[index]]), pictures),
+                (charts[index],),
+                together=int(plan.facades.building[index]),
+            )
         )
-        for index, pictures in enumerate(imagery)
+    return units
+
+
+def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, ...]]:
+    """The other facades of each one's building that there are pictures of."""
+    pictured: dict[int, list[int]] = {}
+    buildings = plan.facades.building.tolist()
+    for facade, (building, pictures) in enumerate(zip(buildings, imagery, strict=True)):
+        if pictures.sources()[0] in ("photo", "panoramas"):
+            pictured.setdefault(building, []).append(facade)
+    return [
+        tuple(other for other in pictured.get(building, ()) if other != facade)
+        for facade, building in enumerate(buildings)
     ]
 
 
@@ -164,7 +185,8 @@ def walls_of(plan: Plan, block: Block, shops: np.ndarray) -> Walls:
 def exemplars_of(plan: Plan, records: Records, walls: Walls, *, seed: int) -> dict[int, tuple[int, str]]:
     """An exemplar, (index, name), for every facade, by its building among the walls; none where no exemplar could be prepared.
 
-    Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade alone.
+    Whatever pictures there are, of it or of others: a photo that comes, goes or is refused changes its own facade, and the
+    colour of those of its building that have none, but nobody's exemplar.
     """
     # one that an older version prepared lacks its look and shops, and is due
     usable = [(i, r) for i, r in enumerate(records) if r and r["status"] == "done" and "shop_width" in r]

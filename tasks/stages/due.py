@@ -38,6 +38,7 @@ REASONS = {
     "panoramas": "panoramas or their poses changed",
     "pose": "pose changed",
     "exemplar": "exemplar changed",
+    "house": "pictures of its building changed",
     "models": "block's models changed",
     "own": "own texture changed",
     "aerial": "picture from above changed",

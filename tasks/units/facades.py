@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from io import BytesIO
-from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
@@ -35,7 +35,8 @@ from tasks.run import Run
 from tasks.units.context import plan_of_run, unit_seed, worker_name
 from tasks.units.exemplars import read_exemplar
 from tasks.units.shown.evidence import Before, Evidence, Fit, evidence_of
-from tasks.units.unit import Piece
+from tasks.units.shown.house_colour import colour_of_pictured
+from tasks.units.unit import Piece, Unit
 
 if TYPE_CHECKING:
     from tasks.units.imagery import Imagery
@@ -65,8 +66,8 @@ class _Made(NamedTuple):
 
 
 def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
-    """All facades of one building that are due, which may share chunks. Arguments: the pictures of the facade, and the textures
-    that the block brings.
+    """All facades of one building that are due, which may share chunks. Arguments: the pictures of the facade, the textures
+    that the block brings, and the other facades of the building that there are pictures of.
 
     Where a picture is refused the next source is taken, and the record says why. A facade that cannot be made at all is set
     aside with its reason; the others of the building are written.
@@ -76,47 +77,77 @@ def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Recor
     group = open_root(fork)
     prepared = time.time()
     records: dict[int, Record] = {}
+    left: list[tuple[Unit, list[Exception]]] = []
     styles: Styles = {}
-    for unit in units:
-        facade, (imagery, textures) = unit.index, unit.arguments
+
+    def done(unit: Unit, make: Callable[[], _Made | None], refused: list[Exception]) -> bool:
+        """Make a facade and keep its record; False where `make` has none."""
+        nonlocal start, prepared
         about: dict[str, Any] = {"worker": worker_name(), "started": start}
-        refused: list[Exception] = []
         try:
-            made = _make(run, plan, group, facade, imagery, textures, refused, styles)
+            made = make()
         except Exception as error:
             if machine_fault(error):
                 raise
-            records[facade] = failure(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
-            start = prepared = time.time()
-            continue
-        result = made.facade
-        about |= {"source": made.source, "capture_date": made.captured}
-        if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
-            about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
-        about |= refusal(refused, _told(imagery, made.depth, made.source))
-        stages = result.seconds if result is not None else {}
-        seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
-        if result is not None:
-            begun = time.time()
-            density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
-            evidence = shielded(result.evidence, result.occluded, run.privacy, density)
-            digests = _write(group, plan, facade, result, evidence, made.confidence)
-            seconds["write"] = time.time() - begun
-            about |= _summary(result) | {"digests": digests}
-            if result.hierarchy is not None:
-                about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
-                about["variation_digest"] = encoded_digest(result.hierarchy.to_bytes())
-            if imagery.sources()[made.depth] in ("photo", "panoramas"):
-                about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
-            if made.before is not None:
-                about |= _change(group, plan, facade, made.before)
-            if made.fit is not None:
-                kept, found, stretched = made.fit
-                about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
-        about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
-        records[facade] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
+            records[unit.index] = failure(unit.name, unit.key, _all_of([*refused, error])) | about  # type: ignore[assignment]
+        else:
+            if made is None:
+                start = prepared = time.time()
+                return False
+            about |= _written(run, plan, group, unit, made, refused, start, prepared)
+            records[unit.index] = Record(unit=unit.name, key=unit.keys[made.depth], status="done", **about)  # type: ignore[typeddict-item]
         start = prepared = time.time()
+        return True
+
+    for unit in units:
+        refused: list[Exception] = []
+        if not done(unit, partial(_pictured, run, plan, unit, refused), refused):
+            left.append((unit, refused))
+    for unit, refused in left:  # once those with pictures are there: these take their walls' colour
+        beside = [
+            facade for facade in unit.arguments[2] if facade not in records or records[facade]["status"] == "done"
+        ]
+        done(unit, partial(_unpictured, run, plan, group, unit, beside, styles), refused)
     return fork, records
+
+
+def _written(
+    run: Run,
+    plan: Plan,
+    group: StoreGroup,
+    unit: Unit,
+    made: _Made,
+    refused: Sequence[Exception],
+    start: float,
+    prepared: float,
+) -> dict[str, Any]:
+    """Write a facade that was made; what its record says of it."""
+    facade, imagery, result = unit.index, unit.arguments[0], made.facade
+    about: dict[str, Any] = {"source": made.source, "capture_date": made.captured}
+    if imagery.corrected != AS_FOUND and (result is not None or not imagery.corrected.facade):
+        about |= {"corrected": True} | ({} if imagery.corrected.facade else {"facade": False})
+    about |= refusal(refused, _told(imagery, made.depth, made.source))
+    stages = result.seconds if result is not None else {}
+    seconds = {"prepare": prepared - start, "read": time.time() - prepared - sum(stages.values()), **stages}
+    if result is not None:
+        begun = time.time()
+        density = float(plan.scene.placement.texels_per_metre[plan.facades.chart[facade]])
+        evidence = shielded(result.evidence, result.occluded, run.privacy, density)
+        digests = _write(group, plan, facade, result, evidence, made.confidence)
+        seconds["write"] = time.time() - begun
+        about |= _summary(result) | {"digests": digests}
+        if result.hierarchy is not None:
+            about["variation_file"] = hierarchy_path(int(plan.ids[plan.facades.chart[facade]]))
+            about["variation_digest"] = encoded_digest(result.hierarchy.to_bytes())
+        if imagery.sources()[made.depth] in ("photo", "panoramas"):
+            about |= {"privacy": run.privacy, "looked": looked_for(), "shop_names": made.shop_names}
+        if made.before is not None:
+            about |= _change(group, plan, facade, made.before)
+        if made.fit is not None:
+            kept, found, stretched = made.fit
+            about |= {"cut_kept": round(kept, 4), "cut_found": found, "stretched": round(stretched, 3)}
+    about["seconds"] = {stage: round(s, 4) for stage, s in seconds.items()}
+    return about
 
 
 def _change(group: StoreGroup, plan: Plan, facade: int, before: Before) -> dict[str, Any]:
@@ -151,26 +182,15 @@ def _all_of(errors: Sequence[Exception]) -> Exception:
     return joined
 
 
-def _make(
-    run: Run,
-    plan: Plan,
-    group: StoreGroup,
-    facade: int,
-    imagery: Imagery,
-    textures: Sequence[Path],
-    refused: list[Exception],
-    styles: Styles,
-) -> _Made:
-    """The facade from the best source there is of it. Why pictures were refused is added to `refused`, exemplars that are taken
-    apart to `styles`, with their metres per pixel."""
+def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Made | None:
+    """The facade from the best picture there is of it; None where none shows enough. Why pictures were refused is added to
+    `refused`."""
+    facade, (imagery, textures, _) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement
     chart = int(facades.chart[facade])
-    size, density = (
-        (int(placement.height[chart]), int(placement.width[chart])),
-        float(placement.texels_per_metre[chart]),
-    )
+    size = (int(placement.height[chart]), int(placement.width[chart]))
+    density = float(placement.texels_per_metre[chart])
     along, width = float(facades.along[facade]), float(facades.width[facade])
-    seed = unit_seed(run, facades.id[facade], "facade")
     said = imagery.corrected
     *pictures, _ = imagery.sources()
     for depth, source in enumerate(pictures):
@@ -190,7 +210,7 @@ def _make(
                         ],
                         front=int(facades.role[facade]) == STREET,
                         models=run.models,
-                        seed=seed,
+                        seed=unit_seed(run, facades.id[facade], "facade"),
                     )
                 except ImageError as error:
                     raise ImageError(f"{evidence.source}: {error}") from error
@@ -205,8 +225,19 @@ def _make(
                 return _Made(
                     depth, result, evidence.source, confidence, evidence.captured, names, evidence.fit, evidence.before
                 )
-    depth, nothing = len(pictures), np.zeros(size, np.uint8)
-    if run.texture.walls == "translate" or not said.facade:
+    return None
+
+
+def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _Made:
+    """The facade in the style of its exemplar, in the colour of the walls beside of its building that have pictures; or left to
+    the street stage. Exemplars that are taken apart are added to `styles`, with their metres per pixel."""
+    facade, (imagery, *_) = unit.index, unit.arguments
+    facades, placement = plan.facades, plan.scene.placement
+    chart = int(facades.chart[facade])
+    size = (int(placement.height[chart]), int(placement.width[chart]))
+    along, width = float(facades.along[facade]), float(facades.width[facade])
+    depth, nothing = len(imagery.sources()) - 1, np.zeros(size, np.uint8)
+    if run.texture.walls == "translate" or not imagery.corrected.facade:
         return _Made(depth, None, "translator", nothing)
     if imagery.exemplar is None:
         raise FacadeError(
@@ -224,6 +255,7 @@ def _make(
         metres_per_pixel=metres_per_texel,
         like=given[0],
         house=unit_seed(run, str(facades.house[facade]), "house"),
+        colour=colour_of_pictured(group, plan, beside),
         seed=unit_seed(run, first, "facade"),
     )
     return _Made(depth, _corrected(result, imagery), name, nothing)

@@ -15,6 +15,7 @@ from facade_core.errors import ImageError
 from facade_core.facade import count_columns, from_exemplar, from_photo, prepare_exemplar
 from facade_core.in_front import no_spill
 from facade_core.labels import SKY, WALL, WINDOW
+from facade_core.street.own_walls import lit_colour
 from facade_core.synth import facade as paint
 from facade_core.texture import Wall, on_wall, style_of
 from facade_core.types import Element, Parsing
@@ -115,6 +116,20 @@ def test_a_wall_takes_an_exemplar_at_its_own_size() -> None:
     assert sum(e.label == "window" for e in made.elements) >= 15
     assert made.floors == 5
     assert made.told is None, "no picture tells"
+
+
+@pytest.mark.parametrize("colour", [(150.0, 70.0, 60.0), (60.0, 60.0, 64.0), (225.0, 215.0, 190.0)])
+def test_a_wall_is_painted_in_the_colour_of_its_building(colour: tuple[float, ...]) -> None:
+    clean = paint((13.0, 14.0), floors=4, columns=4, style="jugend", metres_per_pixel=0.06, seed=2)
+    style, wall = style_of(clean.image, clean.labels), Wall.alone(16.2, 20.0, floors=5)
+    usual = from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, seed=3)
+    painted = from_exemplar(style, wall, (270, 334), metres_per_pixel=0.06, colour=np.array(colour), seed=3)
+    on = usual.labels == WALL
+    np.testing.assert_array_equal(painted.labels, usual.labels)
+    np.testing.assert_allclose(lit_colour(painted.image[on]), colour, atol=6)
+    inside = cv2.erode((usual.labels == WINDOW).astype(np.uint8), np.ones((9, 9), np.uint8)) > 0
+    assert inside.any()
+    np.testing.assert_array_equal(painted.image[inside], usual.image[inside])
 
 
 def test_a_back_is_drawn_at_twice_its_density_where_the_exemplar_is_finer(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -14,7 +14,7 @@ import zarr
 from PIL import Image, ImageOps
 
 from catalogs.block import read_block
-from facade_core.atlas.journal import read_journal
+from facade_core.atlas.journal import Record, read_journal
 from facade_core.atlas.store import BRANCH, commit, open_repository, open_root
 from tasks.compute.connect import Serial
 from tasks.keys.runs import run_of
@@ -177,6 +177,15 @@ def test_a_run_that_stops_halfway_goes_on(left_to_streets: Path, tmp_path: Path)
     assert_as_fresh(folder, made)
 
 
+def walls_of(house: str) -> set[str]:
+    """The facades of one of the block's houses: one at a street, three on none."""
+    return {f"{house}-{wall}" for wall in range(4)}
+
+
+def records_of(folder: Path) -> dict[str, Record]:
+    return {r["unit"]: r for r in journal(folder / "out" / "store", "facades") if r}
+
+
 def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
     write_photo(folder / "in", "a-0", 2)
@@ -184,12 +193,13 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     before = {unit: at for (stage, unit), at in all_before.items() if stage == "viewpoints"}
     done, made = again(folder)
     assert surfaces_since(all_before, folder) == {"a"}
-    see = _viewpoints_that_see(made, "a-0")
+    see = set().union(*(_viewpoints_that_see(made, wall) for wall in walls_of("a")))
     assert 1 <= len(see) < len(before)
-    assert done == {"a-0"}, "what streets made of their own texels stands"
+    assert done == walls_of("a"), "what streets made of their own texels stands"
     assert made.said is not None
+    facades = r"4 of \d+ facades \(3: pictures of its building changed, 1: photo changed\)"
     viewpoints = rf"{len(see)} of {len(before)} viewpoints \(what they see is done"
-    assert re.match(rf"due are 1 of \d+ facades \(photo changed\), {viewpoints}", made.said)
+    assert re.match(rf"due are {facades}, {viewpoints}", made.said)
     after = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}
     assert {unit for unit in before if after[unit] != before[unit]} == see
     assert_as_fresh(folder, made)
@@ -214,18 +224,20 @@ def test_an_exemplar_changed(seeded: Path, tmp_path: Path) -> None:
         assert made.said.startswith("due are 1 of 2 exemplars (picture changed)")
 
 
-def test_a_photo_that_comes_or_is_refused_changes_its_own_wall_alone(seeded: Path, tmp_path: Path) -> None:
+def test_a_photo_that_comes_or_is_refused_changes_its_own_building_alone(seeded: Path, tmp_path: Path) -> None:
     folder = copied(seeded, tmp_path)
+    kept = records_of(folder)["b-0"]["source"]
     write_photo(folder / "in", "b-2", 2)
     before = started(folder / "out")
     done, made = again(folder)
     assert surfaces_since(before, folder) == {"b"}
-    assert done - ALL_STREETS == {"b-2"}, "other walls of the building keep their exemplar"
+    assert done - ALL_STREETS == walls_of("b"), "its other walls take its colour"
+    assert records_of(folder)["b-0"]["source"] == kept, "and keep their exemplar"
     (folder / "in" / "photos" / "b-2.png").write_bytes(b"no picture")
     (folder / "in" / "photos" / "a-0.png").write_bytes((folder / "in" / "photos" / "a-0.png").read_bytes()[:2000])
     done, made = again(folder)
-    assert done - ALL_STREETS == {"a-0", "b-2"}
-    records = {r["unit"]: r for r in journal(folder / "out" / "store", "facades") if r}
+    assert done - ALL_STREETS == walls_of("a") | walls_of("b")
+    records = records_of(folder)
     assert {r["status"] for r in records.values()} == {"done"}
     assert records["b-2"]["source"] == records["b-0"]["source"], "that of its building"
     assert records["b-2"]["reason"].startswith("b-2.png")

@@ -49,6 +49,16 @@ def test_points_texels_and_rasters_are_one_field(scene: Scene, kind: int) -> Non
     np.testing.assert_array_equal(coloured, whole[rows, columns])
 
 
+def test_a_roof_as_steep_as_a_wall_is_of_what_its_walls_are(scene: Scene) -> None:
+    chart = of_kind(scene, WALL)
+    kinds = scene.charts.kind.copy()
+    kinds[chart] = ROOF
+    called_roof = replace(scene, charts=replace(scene.charts, kind=kinds))
+    of_wall, of_roof = (Materials(one, [STREET], seed=1).field.charts for one in (scene, called_roof))
+    assert of_roof.made[chart] == of_wall.made[chart] != of_wall.made[of_kind(scene, ROOF)]
+    np.testing.assert_array_equal(of_roof.tint[chart], of_wall.tint[chart])
+
+
 def test_texels_that_lie_otherwise_in_memory_are_painted_by_the_same_kernel(scene: Scene) -> None:
     chart, materials = of_kind(scene, WALL), Materials(scene, [STREET], seed=1)
     whole = materials.raster(chart)

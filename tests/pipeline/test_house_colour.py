@@ -1,0 +1,84 @@
+"""A wall without a picture wears the colour that pictures show of its building's other walls."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from PIL import Image
+
+from facade_core.atlas.provenance import PHOTO
+from facade_core.atlas.store import open_repository, open_root
+from facade_core.labels import WALL
+from facade_core.street.own_walls import lit_colour
+from facade_core.synth import exemplars
+from tasks.units.context import plan_of_run
+from tests.pipeline import stages
+
+# A house at a corner, a street before two of its walls; and one with a wall on a street besides.
+BUILDINGS = {"corner": (4, 5, 12, 10, 8.0), "a": (24, -8, 12, 2.8, 9.0)}
+STREETS = {"1": [(0, 0), (45, 0)], "2": [(0, -15), (0, 25)]}
+RED = np.array([1.0, 0.65, 0.55])
+
+
+def write(folder: Path) -> Path:
+    return stages.write_block(folder, buildings=BUILDINGS, streets=STREETS)
+
+
+def walls(run) -> dict[str, tuple[np.ndarray, float]]:
+    """The colour of the wall of each facade, and the share of it that is a photo's."""
+    group, plan, found = open_root(open_repository(run.store).readonly_session("main")), plan_of_run(run), {}
+    placement = plan.scene.placement
+    for name, chart in zip(plan.facades.id, plan.facades.chart.tolist(), strict=True):
+        y, x = int(placement.y[chart]), int(placement.x[chart])
+        part = (
+            int(placement.page[chart]),
+            slice(y, y + int(placement.height[chart])),
+            slice(x, x + int(placement.width[chart])),
+        )
+        image, labels, evidence = (
+            np.asarray(group[array][part]) for array in ("atlas/seed", "facade_maps/labels", "atlas/seed_evidence")
+        )
+        if (labels == WALL).any():
+            found[name] = lit_colour(image[labels == WALL]), float((evidence == PHOTO).mean())
+    return found
+
+
+def hue(colour: np.ndarray) -> float:
+    return float(colour[0] / colour[1:].mean())
+
+
+def test_a_corner_house_is_of_one_colour_as_its_photo_is(tmp_path: Path) -> None:
+    block, out = write(tmp_path / "in"), tmp_path / "out"
+    run = stages.texture(block, out).run
+    before, digest = walls(run), stages.digests_of(out)[0]
+    of_corner = sorted(name for name in before if name.startswith("corner"))
+    assert len(of_corner) >= 2
+    pictured, *others = of_corner
+    painted = exemplars(2, seed=9, metres_per_pixel=0.2)[1]
+    (tmp_path / "in" / "photos").mkdir()
+    photo = tmp_path / "in" / "photos" / f"{pictured}.png"
+    Image.fromarray((painted.image * RED).astype(np.uint8)).save(photo)
+    started = stages.started(out)
+    done = stages.texture(write(tmp_path / "in"), out)
+    assert "pictures of its building changed" in str(done.said)
+    after = walls(done.run)
+    assert after[pictured][1] > 0.3
+    for name in others:
+        assert after[name][1] == 0
+        assert hue(after[name][0]) == pytest.approx(hue(after[pictured][0]), rel=0.1)
+        assert hue(before[name][0]) < 0.8 * hue(after[name][0])
+    redone = {unit for stage, unit in stages.redone(started, out) if stage == "facades"}
+    assert redone == set(of_corner), "no facade of another building"
+
+    photo.write_bytes(photo.read_bytes()[:200])  # refused: as if there were none
+    refused = stages.texture(write(tmp_path / "in"), out)
+    assert refused.refused
+    assert {name: colour.tolist() for name, (colour, _) in walls(refused.run).items()} == {
+        name: colour.tolist() for name, (colour, _) in before.items()
+    }
+    photo.unlink()
+    photo.parent.rmdir()
+    stages.texture(write(tmp_path / "in"), out)
+    assert stages.digests_of(out)[0] == digest
