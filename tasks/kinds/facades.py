@@ -65,11 +65,11 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
 
 
 def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, ...]]:
-    """The other facades of each one's building that there are pictures of."""
+    """The other facades of each one's building that there are pictures, or textures of the model's own, of."""
     pictured: dict[int, list[int]] = {}
     buildings = plan.facades.building.tolist()
     for facade, (building, pictures) in enumerate(zip(buildings, imagery, strict=True)):
-        if pictures.sources()[0] in ("photo", "panoramas"):
+        if pictures.sources()[0] != "none":
             pictured.setdefault(building, []).append(facade)
     return [
         tuple(other for other in pictured.get(building, ()) if other != facade)

@@ -8,9 +8,12 @@ import numpy as np
 
 from facade_core.atlas.provenance import PHOTO
 from facade_core.atlas.zarr_types import StoreGroup
-from facade_core.labels import UNKNOWN, WALL
+from facade_core.labels import WALL
 from facade_core.plan import Plan
-from facade_core.street.own_walls import wall_material
+from facade_core.street.own_walls import LEAST_M2, lit_colour
+
+# Texels of a facade that are looked at, evenly over it: a colour needs no more, and units declare no memory for neighbours.
+LOOKED_AT = 1 << 17
 
 
 def colour_of_pictured(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> np.ndarray | None:
@@ -18,16 +21,16 @@ def colour_of_pictured(group: StoreGroup, plan: Plan, facades: Sequence[int]) ->
 
     facades: those of a building that are written, which may turn out to have been made without their pictures.
     """
-    placement, shown = plan.scene.placement, []
+    placement, largest, found = plan.scene.placement, LEAST_M2, None
     for facade in facades:
         chart = int(plan.facades.chart[facade])
         y, x = int(placement.y[chart]), int(placement.x[chart])
-        rows, columns = slice(y, y + int(placement.height[chart])), slice(x, x + int(placement.width[chart]))
-        part = (int(placement.page[chart]), rows, columns)
-        labels = np.asarray(group["facade_maps/labels"][part])
-        seen = np.where(np.asarray(group["atlas/seed_evidence"][part]) == PHOTO, labels, UNKNOWN)
-        density = float(placement.texels_per_metre[chart])
-        material = wall_material(np.asarray(group["atlas/seed"][part]), seen, density)
-        if material is not None:
-            shown.append((float((seen == WALL).sum()) / density**2, -facade, material.colour))
-    return max(shown, key=lambda one: one[:2])[2] if shown else None
+        height, width = int(placement.height[chart]), int(placement.width[chart])
+        step = max(1, round((height * width / LOOKED_AT) ** 0.5))
+        part = (int(placement.page[chart]), slice(y, y + height, step), slice(x, x + width, step))
+        labels, evidence = (np.asarray(group[name][part]) for name in ("facade_maps/labels", "atlas/seed_evidence"))
+        on = (labels == WALL) & (evidence == PHOTO)
+        shown = float(on.sum()) * (step / float(placement.texels_per_metre[chart])) ** 2
+        if shown > largest:
+            largest, found = shown, lit_colour(np.asarray(group["atlas/seed"][part])[on])
+    return found
