@@ -6,7 +6,8 @@ the run with all), in views of 90 degrees, and compared with the picture where i
 parser tells: PSNR in dB, a factor a channel and panorama aside, SSIM of brightness, and GMSD, the deviation of the likeness of
 gradients (Xue et al. 2014; 0 is the same). Means over views, of walls with a facade, other walls and roofs, and ground; `shown`
 by another panorama, and `not`. ours: the run without it; without: the run without any; plain: each pixel from the nearest other
-panorama that sees its place, else as `without`, poses as the run has them. seconds: of each run. --views keeps the views.
+panorama that shows its place, else as `without`, poses as the run without it has them; posed: the same at the poses of the run
+with all, which the picture helped to find. seconds: of each run. --views keeps the views.
 """
 
 from __future__ import annotations
@@ -43,8 +44,9 @@ from tasks.units.images import read_panorama
 HEADINGS, FIELD_OF_VIEW, SIDE, SAMPLES = 6, 90.0, 480, 2
 # What is farther is not compared, metres; nor a view that shows less than this share of a kind.
 FARTHEST_M, LEAST = 100.0, 0.01
-# What is compared: a run without the panorama; the nearest other panorama; a run without any.
-MADE = ("ours", "plain", "without")
+# What is compared: a run without the panorama; the nearest other panorama, at the pose of that run, and of the run with all; a
+# run without any.
+MADE = ("ours", "plain", "posed", "without")
 # Of the constant that keeps GMSD's quotient finite, for brightness of 0 to 255.
 _GMSD = 170.0
 
@@ -60,11 +62,27 @@ class Taken:
 
 @dataclass(frozen=True)
 class Seen:
-    """A view of a published block: rgb (h, w, 3) uint8; chart (h, w), MISS for sky; points (h, w, 3), world metres."""
+    """A view of a published block by SAMPLES rays along each side of a pixel: dense_rgb (h, w, 3) uint8; dense_chart (h, w),
+    MISS for sky; dense_points (h, w, 3), world metres."""
 
-    rgb: np.ndarray
-    chart: np.ndarray
-    points: np.ndarray
+    dense_rgb: np.ndarray
+    dense_chart: np.ndarray
+    dense_points: np.ndarray
+
+    @property
+    def rgb(self) -> np.ndarray:
+        """Means over pixels."""
+        return averaged(self.dense_rgb, SAMPLES)
+
+    @property
+    def chart(self) -> np.ndarray:
+        """Of the middle of each pixel."""
+        return self.dense_chart[SAMPLES // 2 :: SAMPLES, SAMPLES // 2 :: SAMPLES]
+
+    @property
+    def points(self) -> np.ndarray:
+        """Likewise."""
+        return self.dense_points[SAMPLES // 2 :: SAMPLES, SAMPLES // 2 :: SAMPLES]
 
 
 @dataclass(frozen=True)
@@ -117,7 +135,7 @@ def measure(file: Path, out: Path, workers: int, pictures: Path | None) -> dict[
     with published(out / "run") as found:
         for name, one in taken.items():
             compared = [
-                _compared(found, one, camera, ours[name][number], list(known[name].values()), facades)
+                _compared(found, one, camera, ours[name][number], known[name], taken, facades)
                 for number, camera in enumerate(views[name])
             ]
             factors = {made: _factor(compared, made) for made in MADE}
@@ -138,19 +156,20 @@ def measure(file: Path, out: Path, workers: int, pictures: Path | None) -> dict[
 
 def _run(file: Path, block: Block, names: Sequence[str], out: Path, workers: int) -> float:
     """Run the block with these of its panoramas; seconds."""
-    shutil.rmtree(out / "panoramas", ignore_errors=True)
-    (out / "panoramas").mkdir(parents=True)
+    folder = out / "panoramas-of-left-out"
+    shutil.rmtree(folder, ignore_errors=True)
+    folder.mkdir(parents=True)
     stated = yaml.safe_load(file.read_text(encoding="utf-8"))
     for panorama in block.panoramas:
         if panorama.path.name in names:
-            shutil.copy2(panorama.path, out / "panoramas")
+            shutil.copy2(panorama.path, folder)
     stated = _absolute(stated, file.parent.resolve())
     if names:
-        stated["imagery"]["panoramas"]["path"] = str((out / "panoramas").resolve())
+        stated["imagery"]["panoramas"]["path"] = str(folder.resolve())
     else:
         del stated["imagery"]["panoramas"]
-    (out / "block.yaml").write_text(yaml.safe_dump(stated), encoding="utf-8")
-    return round(run(out / "block.yaml", out / "run", workers).seconds, 1)
+    (folder / "block.yaml").write_text(yaml.safe_dump(stated), encoding="utf-8")
+    return round(run(folder / "block.yaml", out / "run", workers).seconds, 1)
 
 
 def _absolute(value: Any, folder: Path) -> Any:
@@ -201,10 +220,10 @@ def _seen(found: Published, camera: Camera) -> Seen:
     picture = aim(scene, camera, samples=SAMPLES)
     for chart in picture.seen[np.argsort(scene.placement.page[picture.seen], kind="stable")].tolist():
         picture.paint({chart: found.textured.raster(chart)})
-    rays = camera.rays()
-    depth, chart = scene.caster.cast(camera.position, rays)
-    at = camera.position + rays * np.where(chart == MISS, np.inf, depth)[..., None]
-    return Seen(averaged(picture.rgb, SAMPLES), chart, at)
+    chart = np.full(picture.rgb.shape[:2], MISS, np.int32)
+    depth = np.full(chart.shape, np.inf)
+    chart.reshape(-1)[picture.pixel], depth.reshape(-1)[picture.pixel] = picture.chart, picture.depth
+    return Seen(picture.rgb, chart, camera.position + picture.camera.rays() * depth[..., None])
 
 
 def _kinds(found: Published, chart: np.ndarray, facades: np.ndarray) -> dict[str, np.ndarray]:
@@ -234,29 +253,39 @@ def _picture(one: Taken, camera: Camera) -> tuple[np.ndarray, np.ndarray]:
 
 
 def _projected(found: Published, view: Seen, others: Sequence[Taken]) -> tuple[np.ndarray, np.ndarray]:
-    """Each pixel of a view from the nearest panorama that sees its place, with whatever stands before it; and where one
-    does that shows the place itself."""
-    rgb, shown = view.rgb.copy(), np.zeros(view.chart.shape, bool)
-    nearest = np.full(view.chart.shape, np.inf)
-    hit = view.chart != MISS
+    """Each sample of a view from the nearest panorama that shows its place clear, else from the nearest with whatever stands
+    before it: (h, w, 3) uint8; and which pixels (h, w) one shows clear."""
+    hit, points = view.dense_chart != MISS, view.dense_points
+    rgb = view.dense_rgb.copy()
+    best = np.full(hit.shape, np.inf)
+    shown = np.zeros(hit.shape, bool)
     for one in others:
-        to = np.where(hit[..., None], view.points - position(one.pose), 1.0)
+        to = np.where(hit[..., None], points - position(one.pose), 1.0)
         distance = np.linalg.norm(to, axis=-1)
         depth, _ = found.plan.scene.caster.cast(position(one.pose), to / distance[..., None])
         colours, clear = _sampled(one, to)
         sees = hit & (depth > distance - 2 * SKIN_M) & (distance < FARTHEST_M) & (colours.max(axis=-1) > 0)
         shown |= sees & clear
-        better = sees & (distance < nearest)
-        rgb[better], nearest[better] = colours[better], distance[better]
-    return rgb, shown
+        worth = np.where(clear, distance, distance + FARTHEST_M)
+        better = sees & (worth < best)
+        rgb[better], best[better] = colours[better], worth[better]
+    return averaged(rgb, SAMPLES), shown[SAMPLES // 2 :: SAMPLES, SAMPLES // 2 :: SAMPLES]
 
 
 def _compared(
-    found: Published, one: Taken, camera: Camera, ours: Seen, others: Sequence[Taken], facades: np.ndarray
+    found: Published,
+    one: Taken,
+    camera: Camera,
+    ours: Seen,
+    known: dict[str, Taken],
+    taken: dict[str, Taken],
+    facades: np.ndarray,
 ) -> Compared:
-    """A view of the block without any panorama, as `found` has it, beside those of the others and the picture."""
+    """A view of the block without any panorama, as `found` has it, beside those of the others (known, at the poses of the run
+    without the picture; taken, at those of the run with all) and the picture."""
     bare = _seen(found, camera)
-    plain, shown = _projected(found, bare, others)
+    plain, shown = _projected(found, bare, list(known.values()))
+    posed, _ = _projected(found, bare, [taken[name] for name in known])
     real, clear = _picture(one, camera)
     near = clear & (np.linalg.norm(bare.points - camera.position, axis=-1) < FARTHEST_M)
     regions = {
@@ -264,7 +293,7 @@ def _compared(
         for kind, there in _kinds(found, bare.chart, facades).items()
         for whether, where in (("shown", shown), ("not", ~shown))
     }
-    return Compared(real, clear, dict(zip(MADE, (ours.rgb, plain, bare.rgb), strict=True)), regions)
+    return Compared(real, clear, dict(zip(MADE, (ours.rgb, plain, posed, bare.rgb), strict=True)), regions)
 
 
 def _factor(views: Sequence[Compared], made: str) -> np.ndarray:

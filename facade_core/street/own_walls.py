@@ -36,7 +36,8 @@ def lit_colour(pixels: np.ndarray) -> np.ndarray:
     """The colour (3,) of wall's texels (n, 3) that lie neither in shadow nor shine."""
     light = pixels.mean(axis=1, dtype=np.float64)
     low, high = np.quantile(light, LIT)
-    return np.asarray(np.median(pixels[(light >= low) & (light <= high)].astype(np.float64), axis=0))
+    lit = (light >= low) & (light <= high)
+    return np.asarray(np.median(pixels[lit if lit.any() else slice(None)].astype(np.float64), axis=0))
 
 
 def _courses(image: np.ndarray, on: np.ndarray, density: float) -> bool:

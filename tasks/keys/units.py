@@ -217,8 +217,8 @@ def facade_keys(
 
 
 def with_house(key: str, pictured: Sequence[str]) -> str:
-    """The key of a facade without a picture, which takes its wall's colour from others of its building that have pictures, by
-    the keys of these."""
+    """The key of a facade without a picture, which takes its wall's colour from others of its house that have pictures, by the
+    keys of these."""
     return f"{key} house:{unit_key(list(pictured))[:16]}" if pictured else key
 
 

@@ -45,11 +45,13 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
     keys = [
         facade_keys(run, plan, index, pictures, exemplars, block.textures) for index, pictures in enumerate(imagery)
     ]
+    together = _first_building(plan)
     units = []
     for index, (pictures, beside) in enumerate(zip(imagery, _pictured_beside(plan, imagery), strict=True)):
         *first, last = keys[index]
         if pictures.exemplar is not None:
-            last = with_house(last, [keys[other][0] for other in beside])
+            # which of its pictures a wall beside is made from is told by all of them: the last but its exemplar's
+            last = with_house(last, [keys[other][-2] for other in beside])
         units.append(
             Unit(
                 index,
@@ -58,23 +60,29 @@ def facade_units(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[
                 (pictures, block.textures, beside),
                 facade_memory(int(texels[charts[index]]), pictures),
                 (charts[index],),
-                together=int(plan.facades.building[index]),
+                together=together[index],
             )
         )
     return units
 
 
+def _first_building(plan: Plan) -> list[int]:
+    """Of each facade the first building of its house: walls of all parts of a house may take the colour of one of them."""
+    first: dict[int, int] = {}
+    houses, buildings = plan.facades.house.tolist(), plan.facades.building.tolist()
+    for house, building in zip(houses, buildings, strict=True):
+        first[house] = min(building, first.get(house, building))
+    return [first[house] for house in houses]
+
+
 def _pictured_beside(plan: Plan, imagery: Sequence[Imagery]) -> list[tuple[int, ...]]:
-    """The other facades of each one's building that there are pictures, or textures of the model's own, of."""
+    """The other facades of each one's house that there are pictures, or textures of the model's own, of."""
     pictured: dict[int, list[int]] = {}
-    buildings = plan.facades.building.tolist()
-    for facade, (building, pictures) in enumerate(zip(buildings, imagery, strict=True)):
+    houses = plan.facades.house.tolist()
+    for facade, (house, pictures) in enumerate(zip(houses, imagery, strict=True)):
         if pictures.sources()[0] != "none":
-            pictured.setdefault(building, []).append(facade)
-    return [
-        tuple(other for other in pictured.get(building, ()) if other != facade)
-        for facade, building in enumerate(buildings)
-    ]
+            pictured.setdefault(house, []).append(facade)
+    return [tuple(other for other in pictured.get(house, ()) if other != facade) for facade, house in enumerate(houses)]
 
 
 def facade_imagery(run: Run, block: Block, plan: Plan, group: StoreGroup) -> list[Imagery]:

@@ -38,7 +38,6 @@ REASONS = {
     "panoramas": "panoramas or their poses changed",
     "pose": "pose changed",
     "exemplar": "exemplar changed",
-    "house": "pictures of its building changed",
     "models": "block's models changed",
     "own": "own texture changed",
     "aerial": "picture from above changed",
@@ -55,6 +54,7 @@ REASONS = {
     "walls": "block's texture.walls changed",
     "settings": "block's settings changed",
     "code": "code or a library changed",
+    "house": "pictures of its house changed",
 }
 NEW, AGAIN = "new", "not done before"
 
@@ -215,7 +215,12 @@ def _after(
             reason = REASONS["panoramas"]
         if reason is not None:
             found[facade] = reason
-    return found
+    of_house = plan.facades.house.tolist()
+    houses = {of_house[facade] for facade, reason in found.items() if reason == REASONS["panoramas"]}
+    for facade, record in enumerate(records):
+        if record is not None and of_house[facade] in houses and "house" in parts_of(record["key"]):
+            found.setdefault(facade, REASONS["house"])
+    return dict(sorted(found.items()))
 
 
 def _streets(run: Run, plan: Plan, group: StoreGroup, seeded: Sequence[int]) -> tuple[dict[int, str], int]:

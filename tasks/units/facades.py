@@ -66,11 +66,11 @@ class _Made(NamedTuple):
 
 
 def facade_unit(run: Run, fork: Any, units: Piece) -> tuple[Any, dict[int, Record]]:
-    """All facades of one building that are due, which may share chunks. Arguments: the pictures of the facade, the textures
-    that the block brings, and the other facades of the building that there are pictures of.
+    """All facades of one house that are due, which may share chunks. Arguments: the pictures of the facade, the textures that
+    the block brings, and the other facades of the house that there are pictures of.
 
     Where a picture is refused the next source is taken, and the record says why. A facade that cannot be made at all is set
-    aside with its reason; the others of the building are written.
+    aside with its reason; the others of the house are written.
     """
     start = time.time()
     plan = plan_of_run(run)
@@ -229,7 +229,7 @@ def _pictured(run: Run, plan: Plan, unit: Unit, refused: list[Exception]) -> _Ma
 
 
 def _unpictured(run: Run, plan: Plan, group: StoreGroup, unit: Unit, beside: Sequence[int], styles: Styles) -> _Made:
-    """The facade in the style of its exemplar, in the colour of the walls beside of its building that have pictures; or left to
+    """The facade in the style of its exemplar, in the colour of the walls beside of its house that have pictures; or left to
     the street stage. Exemplars that are taken apart are added to `styles`, with their metres per pixel."""
     facade, (imagery, *_) = unit.index, unit.arguments
     facades, placement = plan.facades, plan.scene.placement

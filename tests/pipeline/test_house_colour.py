@@ -15,6 +15,8 @@ from facade_core.street.own_walls import lit_colour
 from facade_core.synth import exemplars
 from tasks.units.context import plan_of_run
 from tests.pipeline import stages
+from tests.pipeline.test_changes import WALL as PAINTED_WALL
+from tests.pipeline.test_changes import captured
 
 # A house at a corner, a street before two of its walls; and one with a wall on a street besides.
 BUILDINGS = {"corner": (4, 5, 12, 10, 8.0), "a": (24, -8, 12, 2.8, 9.0)}
@@ -62,7 +64,7 @@ def test_a_corner_house_is_of_one_colour_as_its_photo_is(tmp_path: Path) -> None
     Image.fromarray((painted.image * RED).astype(np.uint8)).save(photo)
     started = stages.started(out)
     done = stages.texture(write(tmp_path / "in"), out)
-    assert "pictures of its building changed" in str(done.said)
+    assert "pictures of its house changed" in str(done.said)
     after = walls(done.run)
     assert after[pictured][1] > 0.3
     for name in others:
@@ -82,3 +84,33 @@ def test_a_corner_house_is_of_one_colour_as_its_photo_is(tmp_path: Path) -> None
     photo.parent.rmdir()
     stages.texture(write(tmp_path / "in"), out)
     assert stages.digests_of(out)[0] == digest
+
+
+def test_what_a_refused_photo_falls_back_to_counts(tmp_path: Path) -> None:
+    """A wall of which the photo is refused is made from a panorama: where that changes, so do the walls beside."""
+
+    def write_shown(tint: tuple[float, ...]) -> Path:
+        wall = np.clip(PAINTED_WALL * np.array(tint), 0, 255).astype(np.uint8)
+        captured(tmp_path / "in", {"one": (0.0, wall, 1.0, "2024-05-17")})
+        (tmp_path / "in" / "photos").mkdir(exist_ok=True)
+        (tmp_path / "in" / "photos" / "a-0.png").write_bytes(b"no picture")
+        return stages.write_block(
+            tmp_path / "in",
+            buildings={"a": stages.BUILDINGS["a"]},
+            streets={"1": stages.STREETS["1"]},
+            imagery={
+                "photos": {"path": "photos"},
+                "panoramas": {"path": "panoramas", "poses": "poses.json"},
+                "exemplars": {"path": "exemplars"},
+            },
+        )
+
+    out = tmp_path / "out"
+    before = walls(stages.texture(write_shown((1.0, 0.9, 0.8)), out).run)
+    assert before["a-0"][1] > 0.3, "from the panorama"
+    again = stages.texture(write_shown((0.5, 0.3, 0.9)), out)
+    after = walls(again.run)
+    for name in ("a-0", "a-1", "a-2", "a-3"):
+        assert hue(after[name][0]) < 0.8 * hue(before[name][0])
+    stages.texture(write_shown((0.5, 0.3, 0.9)), tmp_path / "fresh")
+    assert stages.digests_of(out) == stages.digests_of(tmp_path / "fresh")

@@ -197,7 +197,7 @@ def test_a_photo_changed(seeded: Path, tmp_path: Path) -> None:
     assert 1 <= len(see) < len(before)
     assert done == walls_of("a"), "what streets made of their own texels stands"
     assert made.said is not None
-    facades = r"4 of \d+ facades \(3: pictures of its building changed, 1: photo changed\)"
+    facades = r"4 of \d+ facades \(3: pictures of its house changed, 1: photo changed\)"
     viewpoints = rf"{len(see)} of {len(before)} viewpoints \(what they see is done"
     assert re.match(rf"due are {facades}, {viewpoints}", made.said)
     after = {unit: at for (stage, unit), at in started(folder / "out").items() if stage == "viewpoints"}

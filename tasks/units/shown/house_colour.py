@@ -1,4 +1,4 @@
-"""The colour of a building's walls, by its facades that pictures show."""
+"""The colour of a house's walls, by its facades that pictures show."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ LOOKED_AT = 1 << 17
 def colour_of_pictured(group: StoreGroup, plan: Plan, facades: Sequence[int]) -> np.ndarray | None:
     """The wall's colour (3,), 0..255, of that facade of which pictures show most of the wall; None where they show too little.
 
-    facades: those of a building that are written, which may turn out to have been made without their pictures.
+    facades: those of a house that are written, which may turn out to have been made without their pictures.
     """
     placement, largest, found = plan.scene.placement, LEAST_M2, None
     for facade in facades:

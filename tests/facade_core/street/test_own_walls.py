@@ -7,7 +7,7 @@ import pytest
 
 from facade_core.labels import WALL, WINDOW
 from facade_core.street.materials import brick, plaster
-from facade_core.street.own_walls import wall_material
+from facade_core.street.own_walls import lit_colour, wall_material
 
 DENSITY = 32.0
 COLOUR = np.array([168.0, 132.0, 96.0])
@@ -49,3 +49,10 @@ def test_bricks_are_told_by_their_courses_where_texels_show_them() -> None:
 def test_of_a_facade_that_is_all_windows_nothing_is_known() -> None:
     image, labels = facade(laid=False)
     assert wall_material(image, np.full_like(labels, WINDOW), DENSITY) is None
+
+
+@pytest.mark.parametrize("count", [1, 2, 3])
+def test_few_texels_have_a_colour_too(count: int) -> None:
+    pixels = np.array([(200, 180, 160), (40, 30, 20), (90, 80, 70)], np.uint8)[:count]
+    found = lit_colour(pixels)
+    assert ((found >= pixels.min(axis=0)) & (found <= pixels.max(axis=0))).all()
