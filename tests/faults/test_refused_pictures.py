@@ -57,7 +57,10 @@ def make(monkeypatch: pytest.MonkeyPatch) -> Callable[..., tuple[int, Any, str, 
         refused: list[Exception] = []
         run: Any = Value(seed=1, models=SHIPPED_MODELS, texture=TextureSettings(walls=walls, texels_per_metre=4.0))
         group: Any = None
-        made = facade._make(run, plan, group, 0, imagery, (), refused, {})
+        unit: Any = Value(index=0, arguments=(imagery, (), ()))
+        made = facade._pictured(run, plan, unit, refused)
+        if made is None:
+            made = facade._unpictured(run, plan, group, unit, (), {})
         return made.depth, made.facade, made.source, refused
 
     return maker
