@@ -129,13 +129,12 @@ def measure(file: Path, out: Path, workers: int, pictures: Path | None) -> dict[
         with published(out / "run") as found:
             ours[name] = [_seen(found, camera) for camera in views[name]]
             known[name] = _placed(found, others, taken)
-            facades = found.plan.facades.chart
     seconds["without any"] = _run(file, block, [], out, workers)
     told: dict[str, list[dict[str, float]]] = {}
     with published(out / "run") as found:
         for name, one in taken.items():
             compared = [
-                _compared(found, one, camera, ours[name][number], known[name], taken, facades)
+                _compared(found, one, camera, ours[name][number], known[name], taken)
                 for number, camera in enumerate(views[name])
             ]
             factors = {made: _factor(compared, made) for made in MADE}
@@ -226,10 +225,10 @@ def _seen(found: Published, camera: Camera) -> Seen:
     return Seen(picture.rgb, chart, camera.position + picture.camera.rays() * depth[..., None])
 
 
-def _kinds(found: Published, chart: np.ndarray, facades: np.ndarray) -> dict[str, np.ndarray]:
+def _kinds(found: Published, chart: np.ndarray) -> dict[str, np.ndarray]:
     """Which pixels show which kind of surface."""
     hit, kind = chart != MISS, found.plan.scene.charts.kind
-    facade, ground = np.isin(chart, facades), hit & (kind[chart] == GROUND)
+    facade, ground = np.isin(chart, found.plan.facades.chart), hit & (kind[chart] == GROUND)
     return {"facades": hit & facade, "other walls and roofs": hit & ~facade & ~ground, "ground": ground}
 
 
@@ -279,7 +278,6 @@ def _compared(
     ours: Seen,
     known: dict[str, Taken],
     taken: dict[str, Taken],
-    facades: np.ndarray,
 ) -> Compared:
     """A view of the block without any panorama, as `found` has it, beside those of the others (known, at the poses of the run
     without the picture; taken, at those of the run with all) and the picture."""
@@ -290,7 +288,7 @@ def _compared(
     near = clear & (np.linalg.norm(bare.points - camera.position, axis=-1) < FARTHEST_M)
     regions = {
         f"{kind}, {whether}": there & where & near
-        for kind, there in _kinds(found, bare.chart, facades).items()
+        for kind, there in _kinds(found, bare.chart).items()
         for whether, where in (("shown", shown), ("not", ~shown))
     }
     return Compared(real, clear, dict(zip(MADE, (ours.rgb, plain, posed, bare.rgb), strict=True)), regions)

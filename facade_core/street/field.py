@@ -94,9 +94,9 @@ class Materials:
     """What charts are made of: a function of the world point, the same wherever it is seen from.
 
     Ground is what `ground` says, or carriageways along the streets; walls take their building's plaster, tilted roofs
-    tiles along the slope; with a material for roofs, all of these take that but upright
-    ones. grains: of what has grain, that which is
-    shipped without. A footprint is the side of the square, in metres, over which a colour is meant; a texel's is one texel.
+    tiles along the slope; with a material for roofs, all of these take that but upright ones. grains: of what has grain, that
+    which is shipped without. A footprint is the side of the square, in metres, over which a colour is meant; a texel's is one
+    texel.
     """
 
     def __init__(
